@@ -10,9 +10,9 @@ from support.specs import values_of
 from wavesweep import plots
 from wavesweep.cli.entry import COMMANDS, module_of
 from wavesweep.loops.controllers import PAGES, keys_of_page
-from wavesweep.results.schema import TABLES
 from wavesweep.stability import stable_intervals
 from wavesweep.sweep.open_loops import wall_cut
+from wavesweep.tables import HOMES
 
 SPAN = (0.0, 20000.0)
 
@@ -93,7 +93,7 @@ def test_the_analysis_of_the_document_is_how_fast_the_loop_dies_away():
 
 def test_an_analysis_stands_where_the_document_says():
     """The one that the document tells to follow has a row in both tables and a place in each of the four stages."""
-    assert {"passivity"} <= COMMANDS.keys() & TABLES.keys()
+    assert {"passivity"} <= COMMANDS.keys() & HOMES.keys()
     assert module_of("passivity") == "wavesweep.cli.passivity"
     assert hasattr(plots, "passivity")
     for stage in ("sweep", "cli"):

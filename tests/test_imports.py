@@ -10,7 +10,6 @@ import pytest
 
 import wavesweep
 import wavesweep.plots
-import wavesweep.sweep
 
 PACKAGE = Path(wavesweep.__file__).parent
 
@@ -31,6 +30,7 @@ LAYERS = (
     "simulation",
     "prove",
     "sweep",
+    "tables",
     "export",
     "results",
     "search",
@@ -120,7 +120,7 @@ def test_help_loads_no_command():
 @pytest.mark.slow
 def test_writing_and_reading_a_table_loads_no_pandas(tmp_path):
     program = (
-        "import numpy as np\nfrom wavesweep import results\nfrom wavesweep.sweep import Table\n"
+        "import numpy as np\nfrom wavesweep import results\nfrom wavesweep.tables.table import Table\n"
         "kinds = {'number': 1.5, 'integer': 2, 'boolean': True, 'string': 'x'}\n"
         "fields = results.fields('zwidth', ['B_VE'])\n"
         "columns = {f.name: np.array([kinds[f.kind]], dtype=object if f.kind == 'string' else None) for f in fields}\n"
@@ -156,6 +156,6 @@ def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_pat
 
 def test_no_function_that_a_stage_offers_has_the_name_of_one_of_its_modules():
     """The import of the module would take the function's place."""
-    for stage in (wavesweep, wavesweep.plots, wavesweep.sweep):
+    for stage in (wavesweep, wavesweep.plots):
         modules = {path.stem for path in Path(stage.__file__).parent.glob("*.py")}
         assert modules & set(stage._HOMES) == set()

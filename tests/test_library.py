@@ -11,10 +11,10 @@ import pandas
 import pytest
 
 import wavesweep
-from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.spec import load
+from wavesweep.tables.responses import responses
 
 SPEC = {
     "controller": {"kind": "pmw"},
@@ -285,7 +285,7 @@ def _direct():
 
 
 def _publish(**options):
-    wavesweep.results.publish(sweep.responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
+    wavesweep.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
 
 
 def test_no_force_at_all_gives_no_ticks():

@@ -9,7 +9,7 @@ from support.drawn import ARM
 
 import wavesweep
 from wavesweep import plots
-from wavesweep.sweep import intervals
+from wavesweep.tables.intervals import intervals
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,9 @@ import subprocess
 
 import pytest
 
-from wavesweep import results, sweep
+from wavesweep import results
 from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals
 
 PAGE = (pathlib.Path(__file__).parents[1] / "wavesweep" / "TABLES.md").read_text(encoding="utf-8")
 # Two slices with an interval, whose ends have different numbers of digits, one without: that is what the traps are about.
@@ -29,7 +30,7 @@ def blocks(title, language):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A table, in the folder that the examples run in."""
-    results.publish(sweep.intervals(load(SPEC), "K_VE"), tmp_path)
+    results.publish(intervals(load(SPEC), "K_VE"), tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

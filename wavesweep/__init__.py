@@ -8,11 +8,12 @@ __version__ = "0.1.0"
 _HOMES = {
     "load": "wavesweep.spec",
     "Spec": "wavesweep.spec",
-    "compile": "wavesweep.loop",
-    "Loop": "wavesweep.loop",
     **dict.fromkeys(
-        ("zwidth", "stability_region", "bode", "design", "passivity", "filter_choices", "simulate", "verdict", "why"),
-        "wavesweep.library",
+        (
+            *("compile", "Loop", "zwidth", "stability_region", "bode", "design", "passivity", "filter_choices", "simulate"),
+            *("verdict", "why"),
+        ),
+        "wavesweep.api",
     ),
     **dict.fromkeys(("WavesweepError", "UsageError", "SpecError", "IllPosedLoopError", "CheckpointError"), "wavesweep.errors"),
 }

@@ -1,8 +1,11 @@
 """Values that are several arrays over the same rows, and the columns of complex numbers."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 
 import numpy as np
+
+Columns = Mapping[str, np.ndarray]  # of a table, by their names
 
 
 class Rows:
@@ -31,3 +34,9 @@ def complex_columns(name: str, values) -> dict[str, np.ndarray]:
         known = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
         parts = {"re": known.real, "im": known.imag, "abs": np.abs(known), "deg": np.degrees(np.angle(known))}
     return {f"{name}_{part}": column for part, column in parts.items()}
+
+
+def joined(blocks: Iterable[Columns]) -> Columns:
+    """Blocks of rows as one table."""
+    parts = list(blocks)
+    return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -22,7 +22,7 @@ from wavesweep.search.search import hypervolume
 from wavesweep.search.study import design, job_of
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Axis, load
-from wavesweep.sweep.interval_table import at_points
+from wavesweep.sweep.interval_job import at_points
 
 BETTER, PART = 1.02, 512
 REFERENCE = np.array([-np.log(100.0), 1.5])

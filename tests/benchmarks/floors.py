@@ -25,11 +25,11 @@ from panel_speed import CASES, seconds
 import wavesweep
 from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.problems import PROBLEMS, bundles
-from wavesweep.library import frame
 from wavesweep.monodromy import lift, open_ticks, periodic
 from wavesweep.stability import interpolated
 from wavesweep.sweep import drawn_task
 from wavesweep.sweep.tasks import keep_memory
+from wavesweep.tables.frame import frame
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from support.tables import rows_of
 
-import wavesweep.sweep
 from wavesweep.cli import main
-from wavesweep.sweep import Table
+from wavesweep.tables.table import Table
 
 SPEC = """
 [controller]
@@ -46,37 +46,28 @@ def facts_of(specs):
 
 
 def intervals_table():
-    return {
-        "B_VE": np.array([0.5, 1.0, 1.0]),
-        "along": np.array(["K_VE"] * 3, dtype=object),
-        "intervals": np.array([1, 2, 2]),
-        "interval": np.array([0, 0, 1]),
-        "low": np.array([0.0, 0.0, 2523.335]),
-        "high": np.array([700.0, 799.713, 4448.819]),
-        "low_omega": np.array([np.nan, np.nan, 90.0]),
-        "high_omega": np.array([40.0, 41.0, 157.0]),
-        "certified": np.array([True, True, True]),
-        "residual": np.full(3, 1e-15),
-        "doubt": np.full(3, "", dtype=object),
-        "felt_low": np.zeros(3),
-        "felt_high": np.array([90.0, 80.0, 70.0]),
-    }
+    return rows_of(
+        "zwidth",
+        3,
+        B_VE=[0.5, 1.0, 1.0],
+        along=["K_VE"] * 3,
+        intervals=[1, 2, 2],
+        interval=[0, 0, 1],
+        low=[0.0, 0.0, 2523.335],
+        high=[700.0, 799.713, 4448.819],
+        low_omega=[np.nan, np.nan, 90.0],
+        high_omega=[40.0, 41.0, 157.0],
+        residual=np.full(3, 1e-15),
+        felt_low=np.zeros(3),
+        felt_high=[90.0, 80.0, 70.0],
+    )
 
 
 def bode_table(specs):
-    parts = [f"{name}_{part}" for name in ("admittance", "impedance") for part in ("re", "im", "abs", "deg")]
     length = 2 * len(specs)
-    return {
-        "spec": np.array([spec.name for spec in specs for _ in range(2)], dtype=object),
-        "controller": np.full(length, "pmw", dtype=object),
-        "frequency_hz": np.tile([1.0, 10.0], len(specs)),
-        "omega_Ts": np.tile([0.1257, 1.257], len(specs)),
-        **{part: np.linspace(1, 2, length) for part in parts},
-        "worst_gain": np.ones(length),
-        "stable": np.ones(length, dtype=bool),
-        **{f"{name}_error": np.full(length, 1e-13) for name in ("admittance", "impedance", "worst_gain")},
-        "doubt": np.full(length, "", dtype=object),
-    }
+    errors = {f"{name}_error": np.full(length, 1e-13) for name in ("admittance", "impedance", "worst_gain")}
+    names = [spec.name for spec in specs for _ in range(2)]
+    return rows_of("bode", length, spec=names, frequency_hz=np.tile([1.0, 10.0], len(specs)), **errors)
 
 
 @pytest.fixture
@@ -99,9 +90,9 @@ def sweep(monkeypatch):
         calls.note("plan", **given)
         return [f"kind {spec.values['controller.kind']}", "2 slices"]
 
-    for name, function in (("intervals", intervals), ("responses", responses), ("plan", plan)):
-        # Into the namespace and not by setattr, which would look the name up and load the real one.
-        monkeypatch.setitem(vars(wavesweep.sweep), name, function)
+    monkeypatch.setattr("wavesweep.tables.intervals.intervals", intervals)
+    monkeypatch.setattr("wavesweep.tables.responses.responses", responses)
+    monkeypatch.setattr("wavesweep.sweep.planning.plan", plan)
     return calls
 
 

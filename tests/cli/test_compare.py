@@ -9,9 +9,11 @@ import pandas as pd
 import pytest
 
 import wavesweep as library
-from wavesweep import results, sweep
+from wavesweep import results
 from wavesweep.spec import load
 from wavesweep.sweep import workers
+from wavesweep.tables import comparison
+from wavesweep.tables.responses import responses
 
 WAVES = """
 [controller]
@@ -54,7 +56,7 @@ def compare(wavesweep, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("ports", ["", '[ports]\nwall = { stiffness = "k", damping = "d" }\n'])
 def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(ports, compare, monkeypatch):
-    monkeypatch.setattr("wavesweep.sweep.comparison.intervals", lambda *_, **__: pytest.fail("it was computed"))
+    monkeypatch.setattr("wavesweep.tables.comparison.intervals", lambda *_, **__: pytest.fail("it was computed"))
     mass = '[rates]\ntick_hz = 1000\n[numbers]\nk = 1.0\nd = 0.1\n[block.m]\ntype = "mass"\nmass = 1.0\n'
     Path("drawn.toml").write_text(f'{mass}[wire]\n"m.f" = "-k*m.x - d*m.v"\n{ports}')
     code, _, err = compare(specs=("waves.toml", "drawn.toml"))
@@ -305,11 +307,11 @@ def test_its_responses_take_the_same_workers_and_go_on_where_they_stopped(tmp_pa
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        sweep.compare(specs, jobs=1, progress=stop, checkpoint=kept)
-    walls, both = sweep.compare(specs, jobs=2, backend="threading", checkpoint=kept)
+        comparison.compare(specs, jobs=1, progress=stop, checkpoint=kept)
+    walls, both = comparison.compare(specs, jobs=2, backend="threading", checkpoint=kept)
     assert both.facts["timings"]["slices_from_checkpoint"] > 0
     assert both.facts["timings"]["workers"] == min(2, workers.processors())
     walls.forget()  # as after each table that is written
-    assert pd.DataFrame(both.columns).equals(pd.DataFrame(sweep.responses(specs).columns))
+    assert pd.DataFrame(both.columns).equals(pd.DataFrame(responses(specs).columns))
     both.forget()
     assert not kept.exists()

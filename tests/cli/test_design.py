@@ -10,7 +10,6 @@ import pytest
 
 import wavesweep
 from wavesweep.cli import main
-from wavesweep.cli.design_summary import design_lines
 from wavesweep.errors import WavesweepError
 from wavesweep.passive import HandBox
 from wavesweep.results import read
@@ -26,6 +25,7 @@ from wavesweep.sweep import running, workers
 from wavesweep.sweep.checkpoint import DamagedError, FolderCheckpoint
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.tasks import HAND_RECORD
+from wavesweep.tables.design import design_lines
 
 SPEC = """
 [environment]

@@ -8,10 +8,10 @@ import pytest
 from support.drawn import ARM, WALL
 
 from wavesweep.cli import check, main
-from wavesweep.cli.summaries import BodeTally
 from wavesweep.plots import figure_of
 from wavesweep.results import read
 from wavesweep.spec import load
+from wavesweep.tables.responses import BodeTally
 
 
 @pytest.fixture
@@ -224,7 +224,7 @@ def test_two_numbers_that_make_no_loop_together_are_found_before_the_work(run, t
 )
 def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, said):
     """If the ticks cancel to rounding, the loop's stability is not known, whatever the bounds are."""
-    tally = BodeTally({})
+    tally = BodeTally()
     columns = {name: np.full(2, value) for name, value in (("admittance_error", error), ("impedance_error", 1e-9))}
     words = {"spec": "one", "controller": "drawn", "doubt": doubt}
     columns |= {"frequency_hz": np.array([1.0, 2.0]), "stable": np.ones(2, bool)}

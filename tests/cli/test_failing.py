@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-import wavesweep.sweep as wavesweep_sweep
 from wavesweep import results
 from wavesweep.cli import main
 from wavesweep.errors import IllPosedLoopError, UsageError
@@ -52,7 +51,7 @@ def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
         signal.pause()
 
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setitem(vars(wavesweep_sweep), "intervals", terminated)
+    monkeypatch.setattr("wavesweep.tables.intervals.intervals", terminated)
     assert wavesweep("zwidth", spec) == (143, "", "Terminated.\n")
     assert signal.getsignal(signal.SIGTERM) is before
     assert sweep.seen == []
@@ -112,11 +111,12 @@ def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
     program = (
         "import sys, os, signal\n"
         "from wavesweep.cli import main\n"
-        "from wavesweep import results, sweep\n"
+        "from wavesweep import results\n"
+        "from wavesweep.tables import intervals, table\n"
         "def stream(table, out):\n"
         "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
         "results.stream = stream\n"
-        "sweep.intervals = lambda *_, **__: sweep.Table('zwidth', list, {}, {})\n"
+        "intervals.intervals = lambda *_, **__: table.Table('zwidth', list, {}, {})\n"
         f"sys.exit(main(['zwidth', {spec!r}, '--out', '-', '--quiet']))\n"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 import wavesweep as package
-from wavesweep import sweep as real_sweep
 from wavesweep.cli.init import starter
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.loops.controllers import PAGES, keys_of_page
 from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
 from wavesweep.spec.devices import DEVICES
+from wavesweep.sweep import planning
 
 KINDS = list(CONTROLLERS)
 KEY_LINE = re.compile(r"^(#?)(\w+) = (.+)$")
@@ -132,7 +132,7 @@ def test_other_commands_take_the_file(wavesweep, tmp_path, monkeypatch):
     code, out, _ = wavesweep("check", "pmw.toml")
     assert code == 0
     assert "pmw.toml: valid, controller pmw" in out
-    assert real_sweep.plan(load("pmw.toml"))
+    assert planning.plan(load("pmw.toml"))
 
 
 def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeypatch):

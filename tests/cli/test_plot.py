@@ -11,6 +11,7 @@ from PIL import Image
 
 from wavesweep.cli import main
 from wavesweep.results import read_table
+from wavesweep.tables.responses import responses
 
 pytestmark = pytest.mark.slow
 
@@ -219,11 +220,11 @@ def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_pat
 
 
 def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
-    from wavesweep import results, sweep
+    from wavesweep import results
     from wavesweep.paper.figures import _named
     from wavesweep.spec import load
 
-    results.publish(_named("fig2", sweep.responses([load(spec)]), None), tmp_path)
+    results.publish(_named("fig2", responses([load(spec)]), None), tmp_path)
     code, _, err = wavesweep("plot", tmp_path / "fig2.csv")
     assert code == 2
     assert "found one of wavesweep paper, which draws it" in err

@@ -9,7 +9,7 @@ import pytest
 
 import wavesweep as library
 from wavesweep import results
-from wavesweep.sweep import simulate as tables_of
+from wavesweep.tables.simulation import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from wavesweep import sweep
-from wavesweep.cli.interval_summary import Extreme, IntervalTally
-from wavesweep.cli.summaries import tally_of
 from wavesweep.plots.layout import best_of, best_row
 from wavesweep.spec import load
+from wavesweep.tables import kind_named
+from wavesweep.tables.interval_tally import Extreme, IntervalTally
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.passivity import passivity
+from wavesweep.tables.responses import responses
 
 AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
 
@@ -16,9 +18,9 @@ def tables():
     """Responses of a spec with axes, of one without, and of one frequency; and passivity."""
     bode = {"frequency_hz": [0.0, 1.0, 10.0]} | AXES
     one = {"controller": {"kind": "pmw"}, "bode": bode, "environment": {"K_VE": 1e5, "integration": "explicit"}}
-    yield sweep.responses([load(one), load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})])
-    yield sweep.responses([load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0], "K_VE": [1.0, 2.0, 3.0]}})])
-    yield sweep.passivity(load({"controller": {"kind": "pmw"}, "sweep": AXES}), jobs=1)
+    yield responses([load(one), load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})])
+    yield responses([load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0], "K_VE": [1.0, 2.0, 3.0]}})])
+    yield passivity(load({"controller": {"kind": "pmw"}, "sweep": AXES}), jobs=1)
 
 
 @pytest.mark.slow
@@ -27,7 +29,7 @@ def test_the_numbers_do_not_depend_on_the_blocks():
     for table in tables():
         columns, numbers = table.columns, []
         for size in (10**6, 4, 1):
-            tally, rows = tally_of(table), len(columns["stable"])
+            tally, rows = kind_named(table.kind).tally(table), len(columns["stable"])
             for start in range(0, rows, size):
                 tally.add({name: column[start : start + size] for name, column in columns.items()})
             numbers.append(tally.numbers(table.facts))
@@ -106,13 +108,13 @@ def test_values_that_differ_by_rounding_are_alike(size):
 def test_walls_that_feel_alike_are_one_place_in_summary_and_figure():
     """Of three walls the last feels stiffer by rounding alone."""
     spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "b": [10.0, 20.0, 30.0]}}
-    table = sweep.intervals(load(spec), "K_VE")
+    table = intervals(load(spec), "K_VE")
     columns = table.columns | {"felt_high": 2000 * (1 + np.array([0.0, -1e-14, 1e-14])), "certified": np.ones(3, bool)}
-    tally = tally_of(table)
+    tally = kind_named(table.kind).tally(table)
     tally.add(columns)
     felt = tally.numbers(table.facts)["stiffest_felt"]
     assert (felt["at"], felt["equal_rows"]) == ({"b": 10.0}, 3)
-    ends = tally_of(table)  # which feel alike at both ends
+    ends = kind_named(table.kind).tally(table)  # which feel alike at both ends
     ends.add(columns | {"felt_low": columns["felt_high"]})
     assert ends.numbers(table.facts)["stiffest_felt"]["equal_rows"] == 3
     blocks = [{name: column[row : row + 1] for name, column in columns.items()} for row in range(3)]
@@ -120,7 +122,7 @@ def test_walls_that_feel_alike_are_one_place_in_summary_and_figure():
 
 
 def lines_of(table):
-    tally = tally_of(table)
+    tally = kind_named(table.kind).tally(table)
     for block in table.blocks():
         tally.add(block)
     return [text for text, _ in tally.lines(table.facts)]
@@ -128,22 +130,22 @@ def lines_of(table):
 
 def test_the_intervals_of_a_few_slices_are_shown_one_by_one():
     spec = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}, "filters": {"lp1": {"cutoff_hz": 8.57}}}
-    one = lines_of(sweep.intervals(load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 6000}}}), "K_VE"))
+    one = lines_of(intervals(load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 6000}}}), "K_VE"))
     assert one[1].startswith("  K_VE 0 to ")
     assert one[1].count(" and ") == 1
     swept = {"K_VE": {"start": 0, "stop": 6000}, "b": [20.0, 30.0], "Kp": [10.0]}
-    two = lines_of(sweep.intervals(load(spec | {"sweep": swept}), "K_VE"))
+    two = lines_of(intervals(load(spec | {"sweep": swept}), "K_VE"))
     assert [line.split(": ")[0] for line in two[1:3]] == ["  b = 20 N*s/m", "  b = 30 N*s/m"]
-    nowhere = lines_of(sweep.intervals(load({"controller": {"kind": "dc-slow"}, "sweep": swept | {"B_VE": [0, 900]}}), "K_VE"))
+    nowhere = lines_of(intervals(load({"controller": {"kind": "dc-slow"}, "sweep": swept | {"B_VE": [0, 900]}}), "K_VE"))
     assert nowhere[1].endswith("N*s/m: K_VE none") or nowhere[2].endswith("N*s/m: K_VE none")
-    many = lines_of(sweep.intervals(load(spec | {"sweep": swept | {"b": list(range(20, 33))}}), "K_VE"))
+    many = lines_of(intervals(load(spec | {"sweep": swept | {"b": list(range(20, 33))}}), "K_VE"))
     assert not any(line.startswith("  ") for line in many)
 
 
 def test_a_spacing_of_a_range_that_is_searched_gets_a_notice():
     K = {"start": 1.0, "stop": 100.0, "scale": "log"}
     said = [
-        sweep.intervals(load({"controller": {"kind": "dc"}, "sweep": {"K_VE": each}})).facts["notices"]
+        intervals(load({"controller": {"kind": "dc"}, "sweep": {"K_VE": each}})).facts["notices"]
         for each in (K, K | {"num": 3})
     ]
     assert [any("scale" in notice for notice in notices) for notices in said] == [True, False]

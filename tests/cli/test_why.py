@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from support.drawn import ARM, CORNER
 
-from wavesweep import results, sweep
+from wavesweep import results
 from wavesweep.plots import figure_of
-from wavesweep.results.schema import TABLES
 from wavesweep.spec import load
-from wavesweep.sweep.why_table import COLUMNS
+from wavesweep.tables import kind_named
+from wavesweep.tables.why import why
 
 HOLE = """
 [controller]
@@ -31,10 +31,6 @@ def hole(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hole.toml").write_text(HOLE)
     return "hole.toml"
-
-
-def test_the_columns_are_those_of_the_schema():
-    assert tuple(field.name for field in TABLES["why"]) == COLUMNS
 
 
 @pytest.mark.slow
@@ -99,7 +95,7 @@ def test_no_limit_in_the_range_is_said(wavesweep, hole):
     assert code == 0
     assert "stability sets no end of it in the range searched, 1 to 100 N/m" in err
     _, out, _ = wavesweep("why", hole, *words, "-")
-    assert out == ",".join(COLUMNS) + "\n"
+    assert out == ",".join(kind_named("why").names) + "\n"
     words = ("--set", "sweep.K_VE={start=900, stop=1000}", "--no-plot", "--out", "unstable")
     assert "K_VE: no stable interval in 900 to 1000 N/m" in wavesweep("why", hole, *words)[2]
 
@@ -115,7 +111,7 @@ def test_the_figure_has_a_panel_per_end_sorted_and_with_no_more_than_a_dozen_num
         "controller": values, "environment": {"integration": "explicit", "delay": 3}, "local_model": {"B_LM": 0.5},
         "operator": {"mass": 0.1, "damping": 1.0, "stiffness": 50.0}, "filters": {"lp1": {"order": 2, "cutoff_hz": 10.0}},
     })  # fmt: skip
-    table = sweep.why(spec)
+    table = why(spec)
     canvas = figure_of("why")(table.columns, table.facts)
     (panel,) = panels(canvas)
     names = [label.get_text() for label in panel.get_yticklabels()]

@@ -13,7 +13,7 @@ import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.export import exported
 from wavesweep.export.source import _identifiers
-from wavesweep.sweep.simulation_table import simulation_of
+from wavesweep.sweep.experiment import simulation_of
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 NAMES = ("policy", "long-delay", "teleoperation", "wheel", "hybrid-test", "controllers/pmw-lm", "controllers/dc-lm")

@@ -9,7 +9,7 @@ from wavesweep.paper.felt_responses import respond
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
 from wavesweep.paper.specs import load_paper
-from wavesweep.sweep import intervals
+from wavesweep.tables.intervals import intervals
 
 PAPERS = {  # what the paper gives for the figures that the statements are on; its local model has a stiffness only
     *("rates.fast_hz", "rates.ratio", "device.mass", "device.damping", "controller.kind", "controller.b", "controller.Kp"),

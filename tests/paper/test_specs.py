@@ -7,7 +7,8 @@ import pytest
 
 from wavesweep.errors import UsageError
 from wavesweep.paper import specs
-from wavesweep.sweep import intervals, responses
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.responses import responses
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(path.stem for path in (ROOT / "sweeps" / "paper").glob("*.toml"))

@@ -16,6 +16,8 @@ from wavesweep import plots
 from wavesweep.plots import chosen, style
 from wavesweep.plots.layout import best_of, best_row, lay_out
 from wavesweep.plots.style import about_figure, figure, note_assumptions, save, symbol
+from wavesweep.tables.comparison import compare
+from wavesweep.tables.intervals import intervals
 
 pytestmark = pytest.mark.slow
 
@@ -133,7 +135,7 @@ def test_short_axes_are_bars_of_all_their_combinations():
 def test_the_bars_of_a_recipe_show_every_row():
     """Two panels of six bars each, and a stroke for each end that stability sets."""
     source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "recipes" / "policy.toml"
-    table = wavesweep.sweep.intervals(wavesweep.load(source))
+    table = intervals(wavesweep.load(source))
     figure = plots.stability_region(table.columns, table.facts)
     shown = [axes for axes in figure.axes if axes.patches]
     assert [len(axes.get_yticks()) for axes in shown] == [6, 6]
@@ -331,7 +333,7 @@ def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
         "wire": {"h.u": "-k*m.x - d*m.v", "m.f": "h.y"},
         "sweep": {"along": "k", "k": {"start": 0, "stop": 1500}, "d": [1.0, 2.0, 3.0]},
     }
-    table = wavesweep.sweep.intervals(wavesweep.load(tables))
+    table = intervals(wavesweep.load(tables))
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     crosses = [line for line in axes.lines if line.get_marker() == "x"]
     assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked
@@ -340,7 +342,7 @@ def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
 def test_space_that_is_not_swept_does_not_pass_for_unstable():
     """No interval reaches 5 N*s/m: the axis begins there, and a design of 50 N*s/m beyond its end has no cross."""
     source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "examples" / "impedance.toml"
-    table = wavesweep.sweep.intervals(wavesweep.load(source, ["sweep.b={start=5, stop=18}"]))
+    table = intervals(wavesweep.load(source, ["sweep.b={start=5, stop=18}"]))
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     assert axes.get_ylim()[0] == 5
     assert not [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
@@ -356,7 +358,7 @@ def test_a_limit_below_all_others_has_room_for_what_is_unstable_below_it():
     }
     for start in (-500.0, -1.0):
         spec = tables | {"sweep": {"along": "k", "k": {"start": start, "stop": 1e4}, "d": [1.0, 1.5, 2.0]}}
-        table = wavesweep.sweep.intervals(wavesweep.load(spec))
+        table = intervals(wavesweep.load(spec))
         assert table.columns["low"].tolist() == [0.0, 0.0, 0.0]
         largest = table.columns["high"].max()
         low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_xlim()
@@ -420,7 +422,7 @@ def test_a_range_above_0_fills_its_figure_and_has_what_is_felt_only_if_that_is_i
 
 def test_the_static_limit_of_a_comparison_is_at_the_left_edge():
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.0, 0.5, 5.0]}})
-    walls, responses = wavesweep.sweep.compare([spec])
+    walls, responses = compare([spec])
     figure = plots.compare(walls.columns, walls.facts, responses.columns)
     marks = [line for axes in figure.axes[2:] for line in axes.lines if line.get_marker() == "<"]
     assert [line.get_xdata()[0] for line in marks] == [0.5, 0.5]
@@ -433,7 +435,7 @@ def test_a_comparison_with_a_loop_that_turns_names_both_units():
     }
     turning = tables | {"ports": {**tables["ports"], "hand": {**tables["ports"]["hand"], "turns": True}}}
     specs = [replace(wavesweep.load(each), name=name) for name, each in (("slides", tables), ("turns", turning))]
-    walls, responses = wavesweep.sweep.compare(specs)
+    walls, responses = compare(specs)
     figure = plots.compare(walls.columns, walls.facts, responses.columns, responses.facts)
     lower = [axes.get_ylabel() for axes in figure.axes[2:]]
     assert lower == ["admittance\n(mm/N or mrad/(N·m))", "impedance\n(N/m or N·m/rad)"]

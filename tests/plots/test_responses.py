@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 
 def figure_of(*, bode, **more):
     """The figure of the responses of a loop with waves."""
-    from wavesweep.sweep import responses
+    from wavesweep.tables.responses import responses
 
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode} | more)
     table = responses([spec])
@@ -92,7 +92,8 @@ def test_the_slow_nyquist_frequency_is_marked():
 @pytest.mark.thorough
 def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
     from wavesweep.plots import chosen
-    from wavesweep.sweep import checkpoint, responses
+    from wavesweep.sweep import checkpoint
+    from wavesweep.tables.responses import responses
 
     axes = {"b": {"start": 5, "stop": 200, "num": 40}, "B_VE": {"start": 0, "stop": 5, "num": 10}}
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.1, 1.0, 30.0]} | axes})
@@ -156,7 +157,7 @@ def test_the_slow_nyquist_frequency_is_that_of_the_slow_rate_where_rates_do_not_
 
 
 def test_axes_at_the_hand_have_the_units_of_a_loop_that_turns():
-    from wavesweep.sweep import responses
+    from wavesweep.tables.responses import responses
 
     paths = [Path(__file__).parents[2] / "sweeps" / "recipes" / f"{name}.toml" for name in ("wheel", "engine")]
     bode = ["bode.frequency_hz=[1, 2]"]

@@ -6,7 +6,7 @@ import pytest
 import wavesweep
 from wavesweep import plots
 from wavesweep.plots.style import family_looks
-from wavesweep.sweep import intervals
+from wavesweep.tables.intervals import intervals
 
 pytestmark = pytest.mark.slow
 

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from wavesweep import sweep
 from wavesweep.cli import main
 from wavesweep.results.verify import verify
 from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals
 
 SPEC = """
 [rates]
@@ -63,7 +63,7 @@ def test_rows_are_proved_again_if_they_are_verified(written):
 
 
 def test_a_table_without_proofs_has_no_facts_about_them(tmp_path):
-    table = sweep.intervals(load(_file(tmp_path)), jobs=1)
+    table = intervals(load(_file(tmp_path)), jobs=1)
     assert "proved" not in table.facts
     assert not table.columns["certified"].any()
 
@@ -75,6 +75,6 @@ def _file(folder):
 
 def test_a_controller_is_proved_as_well():
     tables = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [1]}}
-    table = sweep.intervals(load(tables), "K_VE", prove=True, jobs=1)
+    table = intervals(load(tables), "K_VE", prove=True, jobs=1)
     assert table.columns["certified"].all()
     assert "proved" in table.facts

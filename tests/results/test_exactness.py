@@ -13,7 +13,7 @@ import pytest
 from wavesweep import results
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import files, publish
-from wavesweep.sweep import Table
+from wavesweep.tables.table import Table
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

@@ -10,7 +10,7 @@ import pytest
 from wavesweep import results
 from wavesweep.results import publish
 from wavesweep.results.folder import changes
-from wavesweep.sweep import Table
+from wavesweep.tables.table import Table
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from wavesweep.errors import UsageError
 from wavesweep.results import publish
 from wavesweep.results import writing as writing_module
 from wavesweep.results.verify import verify
-from wavesweep.sweep import Table
+from wavesweep.tables.table import Table
 
 SPEC = """
 [controller]

@@ -14,7 +14,7 @@ import pytest
 from wavesweep import disk
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import at_work, lock, placing, publish
-from wavesweep.sweep import Table
+from wavesweep.tables.table import Table
 
 RANDOM = "0123456789ab"
 

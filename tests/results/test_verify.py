@@ -7,14 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wavesweep import results, sweep
+from wavesweep import results
 from wavesweep.cli import main
 from wavesweep.errors import UsageError
 from wavesweep.results import publish
 from wavesweep.results.files import read_rows
 from wavesweep.results.verify import _compared, verify
 from wavesweep.spec import load
-from wavesweep.sweep import Table
+from wavesweep.sweep.hands import hands_of
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.passivity import filter_choices, passivity
+from wavesweep.tables.responses import responses
+from wavesweep.tables.simulation import simulate
+from wavesweep.tables.table import Table
+from wavesweep.tables.why import why
 
 TABLES = {
     "device": {"velocity": "difference", "damping": 3.0},
@@ -37,19 +43,17 @@ ALONG_B = {"along": "b", "b": {"start": 5, "stop": 50}, "B_VE": [0.5, 1, 2]}
 
 def files_of(spec, kind):
     """The tables of a kind, computed."""
-    hands = sweep.hands_of("passive", {}, True)
+    hands = hands_of("passive", {}, True)
     short = replace(spec, name="short")
     calls = {
-        "zwidth": lambda: [sweep.intervals(spec, "K_VE", jobs=1)],
-        "hands": lambda: [sweep.intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1)],
-        "stability-region": lambda: [
-            replace(sweep.intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")
-        ],
-        "bode": lambda: [sweep.responses([short])],
-        "two specs": lambda: [sweep.responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
-        "passivity": lambda: [sweep.passivity(spec, 0.01, jobs=1), sweep.filter_choices(spec, 0.01)],
-        "why": lambda: [sweep.why(load(TABLES | {"sweep": ALONG_B}))],
-        "simulate": lambda: sweep.simulate(short.as_simulated()),
+        "zwidth": lambda: [intervals(spec, "K_VE", jobs=1)],
+        "hands": lambda: [intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1)],
+        "stability-region": lambda: [replace(intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")],
+        "bode": lambda: [responses([short])],
+        "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
+        "passivity": lambda: [passivity(spec, 0.01, jobs=1), filter_choices(spec, 0.01)],
+        "why": lambda: [why(load(TABLES | {"sweep": ALONG_B}))],
+        "simulate": lambda: simulate(short.as_simulated()),
     }
     return calls[kind]()
 
@@ -69,7 +73,7 @@ def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("written")
-    publish(sweep.intervals(load(TABLES), "K_VE", jobs=1), folder)
+    publish(intervals(load(TABLES), "K_VE", jobs=1), folder)
     return folder
 
 

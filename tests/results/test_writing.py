@@ -12,7 +12,7 @@ from wavesweep import results
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import publish, stream
 from wavesweep.results.files import GROUP_ROWS
-from wavesweep.sweep import Table
+from wavesweep.tables.table import Table
 
 
 def contents(directory):

@@ -18,7 +18,7 @@ from wavesweep.search.verdicts import judged
 from wavesweep.search.wishes import Worst, evaluate
 from wavesweep.spec import SYMBOLS, Axis, load
 from wavesweep.sweep.grid import keys_of
-from wavesweep.sweep.interval_table import at_points
+from wavesweep.sweep.interval_job import at_points
 
 TABLES = {
     "controller": {"kind": "pmw-lm", "Kp": 2.0},

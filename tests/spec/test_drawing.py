@@ -9,11 +9,11 @@ from support.specs import nested
 
 import wavesweep
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.results.schema import TABLES
 from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
 from wavesweep.spec.block_types import TYPES as BLOCKS
 from wavesweep.spec.drawing import OF_PLANT
+from wavesweep.tables import kind_named
 
 
 def changed(text, *changes):
@@ -320,7 +320,7 @@ def test_shapes_and_ranges_of_keys_are_checked(keys, key, found, write):
 
 
 def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
-    assert {field.name for kind in ("zwidth", "bode", "passivity") for field in TABLES[kind]} <= COLUMNS
+    assert {field.name for kind in ("zwidth", "bode", "passivity") for field in kind_named(kind).fields} <= COLUMNS
     for name in ("low", "pi", "frequency_hz", "a-b"):
         tables = tomllib.loads(PD)
         tables["numbers"][name] = 1.0

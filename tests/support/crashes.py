@@ -188,10 +188,10 @@ def _be_a_run(home, arguments, shim, said, pipe):
         signal.signal(signal.SIGINT, signal.default_int_handler)
         from wavesweep import plots
         from wavesweep.cli import main
-        from wavesweep.sweep import job, passivity_table, response_table
+        from wavesweep.sweep import job, passivity_job, response_job
 
         job.FEWEST = job.MOST = 4  # several chunks from a small sweep
-        response_table.TICKS, passivity_table.CHUNK = 0, 2
+        response_job.TICKS, passivity_job.CHUNK = 0, 2
         plots.drawn = lambda table, _: replace(table, figure=lambda path: path.write_bytes(b"a figure"))
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
         write = os.write
@@ -301,21 +301,6 @@ def _import_all():
     import numpy.fft  # noqa: F401
     import pyarrow.csv
     import pyarrow.parquet  # noqa: F401
-
-    import wavesweep.cli.bode
-    import wavesweep.cli.output
-    import wavesweep.cli.passivity
-    import wavesweep.cli.simulate
-    import wavesweep.cli.summaries
-    import wavesweep.cli.zwidth
-    import wavesweep.passive
-    import wavesweep.plots
-    import wavesweep.results
-    import wavesweep.sweep.hands
-    import wavesweep.sweep.interval_table
-    import wavesweep.sweep.passivity_table
-    import wavesweep.sweep.response_table
-    import wavesweep.sweep.simulation_table  # noqa: F401
 
 
 if __name__ == "__main__":

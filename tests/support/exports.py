@@ -8,7 +8,7 @@ import numpy as np
 import wavesweep
 from support.specs import nested, random_values
 from wavesweep.export import exported
-from wavesweep.sweep.simulation_table import radius_of
+from wavesweep.sweep.experiment import radius_of
 
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
 COMPILERS = ("gcc", "clang")

@@ -3,8 +3,8 @@
 import pytest
 from support.tables import same
 
-from wavesweep import sweep
 from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals
 
 TABLES = {
     "environment": {"integration": "explicit"},
@@ -42,7 +42,7 @@ def long():
 @pytest.fixture(scope="session")
 def long_table(long):
     """The table of the long sweep, computed in this process."""
-    return sweep.intervals(long, jobs=1).columns
+    return intervals(long, jobs=1).columns
 
 
 @pytest.fixture(name="same")

@@ -4,8 +4,11 @@ import pytest
 from support.specs import KINDS
 
 from wavesweep import load
-from wavesweep.sweep import intervals, passivity, responses, why
 from wavesweep.sweep.assumptions import assumed_by, assumes
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.passivity import passivity
+from wavesweep.tables.responses import responses
+from wavesweep.tables.why import why
 
 GIVEN = {"environment": {"integration": "trapezoidal", "delay": 7}, "device": {"velocity": "difference"}}
 

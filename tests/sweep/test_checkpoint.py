@@ -7,10 +7,10 @@ import shutil
 
 import pytest
 
-from wavesweep import sweep
 from wavesweep.errors import CheckpointError
 from wavesweep.sweep import checkpoint
 from wavesweep.sweep.interval_job import job_of
+from wavesweep.tables.intervals import intervals
 
 
 class Stopped(BaseException):
@@ -29,7 +29,7 @@ def kept(long, tmp_path_factory):
             raise Stopped
 
     with pytest.raises(Stopped) as caught:
-        sweep.intervals(long, jobs=1, checkpoint=folder, progress=stop)
+        intervals(long, jobs=1, checkpoint=folder, progress=stop)
     assert f"are kept in {folder}; the same command goes on from there" in caught.value.__notes__[0]
     return folder
 
@@ -48,7 +48,7 @@ def parts_in(folder):
 def test_a_run_goes_on_where_it_was_stopped(stopped, long, long_table, same):
     assert len(parts_in(stopped)) == 2
     told = []
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped, progress=lambda *counts: told.append(counts))
+    run = intervals(long, jobs=1, checkpoint=stopped, progress=lambda *counts: told.append(counts))
     assert len(told) == 2
     assert run.facts["timings"]["slices_from_checkpoint"] == 8192
     same(run.columns, long_table)
@@ -58,14 +58,14 @@ def test_a_run_goes_on_where_it_was_stopped(stopped, long, long_table, same):
 
 def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stopped, mixed):
     with pytest.raises(CheckpointError, match=rf"{stopped}.* of another run, which differs in spec_sha256.*--force"):
-        sweep.intervals(mixed, checkpoint=stopped)
+        intervals(mixed, checkpoint=stopped)
     assert len(parts_in(stopped)) == 2
-    run = sweep.intervals(mixed, checkpoint=stopped, force=True)
+    run = intervals(mixed, checkpoint=stopped, force=True)
     assert run.facts["timings"]["slices_from_checkpoint"] == 0
 
 
 def test_force_keeps_a_checkpoint_of_the_same_run(stopped, long):
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped, force=True)
+    run = intervals(long, jobs=1, checkpoint=stopped, force=True)
     assert run.facts["timings"]["slices_from_checkpoint"] == 8192
 
 
@@ -123,7 +123,7 @@ PART_DAMAGES = {
 @pytest.mark.parametrize("damage", PART_DAMAGES)
 def test_a_damaged_part_costs_that_part_alone(stopped, long, long_table, same, damage):
     damage(stopped)
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped)
+    run = intervals(long, jobs=1, checkpoint=stopped)
     assert run.facts["timings"]["slices_from_checkpoint"] == 4096
     (warning,) = run.facts["warnings"]
     assert PART_DAMAGES[damage] in warning
@@ -136,7 +136,7 @@ def test_a_damaged_part_costs_that_part_alone(stopped, long, long_table, same, d
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [truncate, flip_a_bit, copy_over_another_number, make_it_a_pipe])
 def test_a_part_that_is_damaged_during_the_run_is_computed_again(stopped, long, long_table, same, damage):
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped)
+    run = intervals(long, jobs=1, checkpoint=stopped)
     for part in parts_in(stopped)[2:]:
         part.rename(part.with_suffix(".away"))
     damage(stopped)  # both of its parts were read, and found whole, before
@@ -187,8 +187,8 @@ def hide_behind_a_folder(folder):
 def test_a_damaged_manifest_costs_nothing_but_that_of_another_run_is_seen(stopped, long, mixed, damage):
     damage(stopped)
     with pytest.raises(CheckpointError, match=r"of another run, as manifest\.json is"):
-        sweep.intervals(mixed, jobs=1, checkpoint=stopped)
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped)
+        intervals(mixed, jobs=1, checkpoint=stopped)
+    run = intervals(long, jobs=1, checkpoint=stopped)
     assert run.facts["timings"]["slices_from_checkpoint"] == 8192
     assert [warning.endswith("it is written again") for warning in run.facts["warnings"]] == [True]
 
@@ -202,7 +202,7 @@ def test_a_checkpoint_of_another_version_is_refused_and_stays_as_it_is(stopped, 
     with pytest.raises(
         CheckpointError, match=rf"{stopped}.* differs in {key} \(0.0.1, not .*remove the folder, or give --force"
     ):
-        sweep.intervals(long, jobs=1, checkpoint=stopped)
+        intervals(long, jobs=1, checkpoint=stopped)
     assert {path.name: path.read_bytes() for path in stopped.iterdir()} == before
 
 
@@ -213,14 +213,14 @@ def test_a_link_or_a_file_in_place_of_the_folder_is_refused(stopped, long, tmp_p
     file.write_text("")
     for place in (link, file):
         with pytest.raises(CheckpointError, match="expected a folder for finished chunks, found a file or a link"):
-            sweep.intervals(long, checkpoint=place, force=force)
+            intervals(long, checkpoint=place, force=force)
     assert len(parts_in(stopped)) == 2
 
 
 def test_what_is_not_ours_stays(stopped, long):
     (stopped / "notes.txt").write_text("mine")
     (stopped / "0000009-1234.records.txt").write_text("mine")
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped)
+    run = intervals(long, jobs=1, checkpoint=stopped)
     run.forget()
     assert sorted(path.name for path in stopped.iterdir()) == ["0000009-1234.records.txt", "notes.txt"]
     assert run.facts["warnings"] == [f"{stopped}: it stays, since it holds files that are not of this program"]
@@ -230,28 +230,28 @@ def test_an_interrupted_removal_is_finished_by_any_run(stopped, long, mixed, tmp
     stopped.rename(tmp_path / ".zwidth.parts.old-0123456789ab")
     (tmp_path / ".zwidth.parts.old-notes").mkdir()
     (tmp_path / ".zwidth.parts.old-ba9876543210").symlink_to(tmp_path)
-    sweep.intervals(mixed, jobs=1, checkpoint=stopped)
+    intervals(mixed, jobs=1, checkpoint=stopped)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".zwidth.parts.old-ba9876543210", ".zwidth.parts.old-notes"]
     assert long
 
 
 def test_a_checkpoint_in_memory_moves_to_a_file_if_it_is_large(long, long_table, same, monkeypatch):
     monkeypatch.setattr(checkpoint, "IN_MEMORY", 1000)
-    run = sweep.intervals(long, jobs=1)
+    run = intervals(long, jobs=1)
     same(run.columns, long_table)
     run.forget()
 
 
 def test_what_a_killed_run_was_writing_is_no_part(stopped, long):
     (stopped / "0000003-12345678.records.0123456789ab.tmp").write_bytes(b"half")
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped)
+    run = intervals(long, jobs=1, checkpoint=stopped)
     assert run.facts["slices"]["computed"] == 16200
     run.forget()
     assert not stopped.exists()
 
 
 def test_a_single_chunk_needs_no_folder(mixed, tmp_path):
-    sweep.intervals(mixed, checkpoint=tmp_path / "parts")
+    intervals(mixed, checkpoint=tmp_path / "parts")
     assert not (tmp_path / "parts").exists()
 
 
@@ -259,11 +259,11 @@ def test_a_removal_that_fails_is_a_warning_and_is_finished_by_the_next_run(stopp
     def fail(*_):
         raise OSError(errno.EIO, "Input/output error")
 
-    run = sweep.intervals(long, jobs=1, checkpoint=stopped)
+    run = intervals(long, jobs=1, checkpoint=stopped)
     with monkeypatch.context() as patched:
         patched.setattr(checkpoint, "remove_folder", fail)
         run.forget()
     assert run.facts["warnings"] == [f"{stopped}: Input/output error; the next run removes this checkpoint"]
     assert [path.name.startswith(".zwidth.parts.old-") for path in tmp_path.iterdir()] == [True]
-    sweep.intervals(long, jobs=1, checkpoint=stopped).forget()
+    intervals(long, jobs=1, checkpoint=stopped).forget()
     assert list(tmp_path.iterdir()) == []

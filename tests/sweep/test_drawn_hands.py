@@ -6,7 +6,9 @@ from support.search import quick_search
 
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import hands_of, intervals, passivity
+from wavesweep.sweep.hands import hands_of
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.passivity import passivity
 
 quick = pytest.fixture(quick_search)
 BOX = {"mass": (0.05, 0.1), "damping": (3.0, 4.0), "stiffness": (300.0, 400.0)}

@@ -8,8 +8,8 @@ from support.responses import loop_of
 from support.specs import nested, random_values, values_of
 
 import wavesweep
-from wavesweep import sweep
 from wavesweep.response.steady import static_response
+from wavesweep.tables.intervals import intervals
 
 KEYS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "b": "controller.b"}
 
@@ -47,7 +47,7 @@ def test_a_wave_line_is_ranked_otherwise_than_its_walls():
         "device": {"mass": 0.045, "damping": 0.5}, "environment": {"integration": "explicit"},
         "sweep": {"K_VE": {"start": 0, "stop": 20000}, "b": [2.3, 25.0, 60.0]},
     })  # fmt: skip
-    columns = sweep.intervals(spec, along="K_VE").columns
+    columns = intervals(spec, along="K_VE").columns
     first = columns["interval"] == 0
     assert np.argsort(columns["high"][first]).tolist() == [2, 1, 0]
     assert np.argsort(columns["felt_high"][first]).tolist() == [0, 1, 2]

@@ -6,11 +6,14 @@ from support.held import box_intervals, damping_needed, worst_modes
 from support.published import colgate_schenkel
 from support.search import quick_search
 
-from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError
 from wavesweep.passive import HandBox, hand_box
 from wavesweep.spec import load
-from wavesweep.sweep import hands_of, interval_table, intervals, workers
+from wavesweep.sweep import workers
+from wavesweep.sweep.hands import hands_of
+from wavesweep.tables import intervals as interval_table
+from wavesweep.tables.interval_tally import HandTally
+from wavesweep.tables.intervals import intervals
 
 quick = pytest.fixture(quick_search)
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}

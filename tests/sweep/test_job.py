@@ -5,13 +5,15 @@ from dataclasses import replace
 import pytest
 
 import wavesweep
-from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.sweep import estimates, running, workers
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
 from wavesweep.sweep.interval_job import job_of
+from wavesweep.sweep.planning import plan
 from wavesweep.sweep.workers import WORTH, choose
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.responses import responses
 
 
 def spec_of(kind="pmw", **axes):
@@ -30,7 +32,7 @@ def spec_of(kind="pmw", **axes):
 def test_intervals_along_what_decides_the_drawing_are_refused(name, span):
     spec = spec_of(along=name, **{name: {"start": span[0], "stop": span[1]}})
     with pytest.raises(UsageError, match=f"intervals along {name}: .*sweep it as values"):
-        sweep.intervals(spec)
+        intervals(spec)
     with pytest.raises(UsageError, match=f"intervals along {name}"):
         wavesweep.compile(spec).stable_intervals(name, span=span)
 
@@ -38,7 +40,7 @@ def test_intervals_along_what_decides_the_drawing_are_refused(name, span):
 def test_a_combination_that_makes_no_loop_is_named():
     spec = spec_of(**{"rates.ratio": [20, 10], "environment.delay": [0, 15]})
     with pytest.raises(UsageError, match=r"rates.ratio = 10, environment.delay = 15 makes no loop: .*<= 10"):
-        sweep.intervals(spec)
+        intervals(spec)
 
 
 IN_A_RING = {
@@ -62,7 +64,7 @@ def test_values_whose_loop_has_no_solution_are_named(table, backend):
 
 def test_whole_numbers_and_derived_keys_are_swept_as_values():
     axes = {"rates.slow_hz": [50.0, 100.0], "environment.delay": [0, 10], "filters.lp1.order": [1, 3]}
-    run = sweep.intervals(spec_of(**axes))
+    run = intervals(spec_of(**axes))
     assert run.facts["slices"] == {"computed": 8, "skipped": 0, "certified": 8}
     assert run.columns["environment.delay"].dtype.kind == "i"
 
@@ -90,12 +92,12 @@ def test_the_expectation_is_of_the_whole(long):
 
 
 def test_check_says_slices_chunks_workers_and_why(mixed, long):
-    lines = "\n".join(sweep.plan(mixed))
+    lines = "\n".join(plan(mixed))
     assert "84 slices, 84 more are repeats" in lines
     assert "1 chunk, about" in lines
     assert "no workers (a single chunk of work)" in lines
-    assert "4 chunks, about" in "\n".join(sweep.plan(long))
-    refused = "\n".join(sweep.plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
+    assert "4 chunks, about" in "\n".join(plan(long))
+    refused = "\n".join(plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
     assert "stability-region: not possible with this spec: intervals along rates.ratio" in refused
 
 
@@ -135,4 +137,4 @@ def test_more_combinations_than_can_be_computed_are_refused():
         job_of(spec_of(**{"rates.fast_hz": {"start": 1000, "stop": 2000, "num": 20000}}))
     bode = {"frequency_hz": {"start": 1, "stop": 50, "num": 10**6}, "b": {"start": 5, "stop": 50, "num": 2000}}
     with pytest.raises(UsageError, match="bode: expected at most 1000000000 rows, found 2e\\+09"):
-        sweep.responses([load({"controller": {"kind": "pmw"}, "bode": bode})])
+        responses([load({"controller": {"kind": "pmw"}, "bode": bode})])

@@ -10,7 +10,8 @@ import wavesweep
 from wavesweep import passive as analysis
 from wavesweep import simulation
 from wavesweep.spec import find_key, load
-from wavesweep.sweep import passivity, passivity_table, workers
+from wavesweep.sweep import passivity_job, workers
+from wavesweep.tables.passivity import passivity
 
 OWN = ["channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"]
 OWN += ["stable", "damping_needed"]
@@ -48,7 +49,7 @@ def test_a_channel_is_computed_once_for_all_loops_around_it(monkeypatch):
         seen.append(np.size(values["filters.lp1.cutoff_hz"]))
         return analysis.channel_norm(drawing, values)
 
-    monkeypatch.setattr(passivity_table, "channel_norm", watched)
+    monkeypatch.setattr(passivity_job, "channel_norm", watched)
     passivity(spec_of("pmw-lm", b=[10.0, 25.0, 40.0], **{"filters.lp1.cutoff_hz": [5.0, 10.0]}, B_VE=[0.0, 1.0]))
     assert seen == [2]
 
@@ -84,7 +85,7 @@ def test_a_loop_that_keeps_no_digit_has_no_margin():
 def test_workers_leave_no_trace(monkeypatch, same):
     spec = spec_of(b={"start": 5, "stop": 60, "num": 12}, B_VE=[0.5, 1.0])
     alone = passivity(spec, jobs=1)
-    monkeypatch.setattr(passivity_table, "CHUNK", 5)
+    monkeypatch.setattr(passivity_job, "CHUNK", 5)
     monkeypatch.setattr(workers, "WORTH", -10.0)
     shared = passivity(spec, jobs=2)
     assert shared.facts["timings"]["workers"] == 2

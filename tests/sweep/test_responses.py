@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep import sweep
 from wavesweep.errors import UsageError
-from wavesweep.sweep import response_table
+from wavesweep.sweep import response_job
+from wavesweep.tables.responses import responses
+from wavesweep.tables.simulation import simulate
 
 
 def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
@@ -15,7 +16,7 @@ def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
         wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [0.0, 1.0]}}),
         wavesweep.load({"controller": {"kind": "pmw", "b": 30.0}, "bode": {"frequency_hz": [0.0, 1.0]}}),
     ]
-    columns = sweep.responses(specs).columns
+    columns = responses(specs).columns
     assert columns["b"].tolist()[:4] == [20, 20, 40, 40]
     assert np.isnan(columns["b"][columns["controller"] == "dc"]).all()
     assert columns["b"].tolist()[-2:] == [30, 30]
@@ -42,9 +43,9 @@ def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
 def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path, same, monkeypatch):
     bode = {"frequency_hz": [0.0, 1.0, 10.0], "K_VE": [0.0, 100.0], "K_LM": [1.0, 2.0], "b": [10.0, 20.0, 40.0]}
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode})
-    monkeypatch.setattr(response_table, "TICKS", 20 * 6)  # two curves of three frequencies
+    monkeypatch.setattr(response_job, "TICKS", 20 * 6)  # two curves of three frequencies
     told = []
-    whole = sweep.responses([spec, spec], progress=lambda *counts: told.append(counts)).columns
+    whole = responses([spec, spec], progress=lambda *counts: told.append(counts)).columns
     assert told[-1] == (36, 36, None)
     assert len(told) == 6
 
@@ -54,9 +55,9 @@ def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path,
 
     folder = tmp_path / ".bode.parts"
     with pytest.raises(KeyboardInterrupt) as caught:
-        sweep.responses([spec, spec], progress=stop, checkpoint=folder)
+        responses([spec, spec], progress=stop, checkpoint=folder)
     assert f"6 of 18 responses are kept in {folder / 'spec-1'}; the same" in caught.value.__notes__[0]
-    again = sweep.responses([spec, spec], checkpoint=folder)
+    again = responses([spec, spec], checkpoint=folder)
     assert again.facts["timings"]["slices_from_checkpoint"] == 24
     same(again.columns, whole)
     again.forget()
@@ -64,7 +65,7 @@ def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path,
     with pytest.raises(
         UsageError, match=r"\[bode\]: every combination is computed, and rates.ratio = 10, environment.delay = 15 makes no loop"
     ):
-        sweep.responses(
+        responses(
             [wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"rates.ratio": [20, 10], "environment.delay": [0, 15]}})]
         )
 
@@ -72,9 +73,9 @@ def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path,
 def test_many_frequencies_are_cut_into_chunks_of_one_curve(same, monkeypatch):
     bode = {"frequency_hz": {"start": 0, "stop": 20, "num": 21}, "K_VE": [0.0, 100.0]}
     spec = wavesweep.load({"controller": {"kind": "dc"}, "bode": bode})
-    whole = sweep.responses([spec]).columns
-    monkeypatch.setattr(response_table, "WIDE", 8)
-    cut = sweep.responses([spec]).columns
+    whole = responses([spec]).columns
+    monkeypatch.setattr(response_job, "WIDE", 8)
+    cut = responses([spec]).columns
     same(
         {name: cut[name] for name in ("K_VE", "frequency_hz", "spec")},
         {name: whole[name] for name in ("K_VE", "frequency_hz", "spec")},
@@ -93,7 +94,7 @@ def test_a_response_that_is_not_known_has_no_part(slow_hz):
 
 def test_a_simulation_in_which_nothing_pushes_has_no_response_in_any_column():
     still = {"controller": {"kind": "dc"}, "simulate": {"input": "sine", "amplitude": 0.0, "frequency_hz": 5.0}}
-    response = sweep.simulate(wavesweep.load(still))[1].columns
+    response = simulate(wavesweep.load(still))[1].columns
     assert all(np.isnan(response[f"{name}_{part}"]).all() for name in ("admittance", "impedance") for part in ("re", "im"))
 
 
@@ -109,7 +110,7 @@ def test_the_worst_gain_along_the_walls_numbers_is_that_of_each_alone():
 
 def test_a_whole_number_that_only_the_first_spec_has_is_missing_in_the_others():
     counted = LOOP | {"numbers": {"n": 2, "k": 5.0}, "bode": {"n": [1, 2], "frequency_hz": [1.0, 2.0]}}
-    table = sweep.responses(
+    table = responses(
         [wavesweep.load(counted), wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})]
     )
     blocks = list(table.blocks())

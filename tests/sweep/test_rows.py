@@ -5,15 +5,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wavesweep import sweep
+from wavesweep.rows import joined
 from wavesweep.spec import load
 from wavesweep.sweep import checkpoint
 from wavesweep.sweep.checkpoint import MemoryCheckpoint
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
 from wavesweep.sweep.running import compute, in_memory
-from wavesweep.sweep.table import joined
 from wavesweep.sweep.workers import Workers
+from wavesweep.tables.intervals import intervals
 
 HERE = Workers(1, None, None, "a test")
 SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
@@ -83,7 +83,7 @@ def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
 
 
 def test_what_is_not_read_is_computed_once(mixed):
-    run = sweep.intervals(mixed)
+    run = intervals(mixed)
     assert run.facts["slices"] == {"computed": 84, "skipped": 84, "certified": 84}
     assert run.facts["notices"] == ["K_LM is not read by pmw: evaluated once, its rows repeated"]
 
@@ -107,7 +107,7 @@ def _columns(chunks: Chunks, number):
 
 def test_progress_counts_slices_up_to_all_of_them(long):
     told = []
-    sweep.intervals(long, jobs=1, progress=lambda *counts: told.append(counts))
+    intervals(long, jobs=1, progress=lambda *counts: told.append(counts))
     assert len(told) > 2
     assert told[-1] == (16200, 16200, 16200)
     assert told == sorted(told)

@@ -11,11 +11,11 @@ import warnings
 
 import pytest
 
-from wavesweep import sweep
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.sweep import workers
 from wavesweep.sweep.tasks import timed
 from wavesweep.sweep.workers import Workers, results
+from wavesweep.tables.intervals import intervals
 
 
 @pytest.mark.sample(2)
@@ -23,7 +23,7 @@ from wavesweep.sweep.workers import Workers, results
 @pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading")])
 def test_workers_give_the_bits_that_none_give(long, long_table, same, jobs, backend, tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "processors", lambda: 4)
-    run = sweep.intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
+    run = intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
     same(run.columns, long_table)
     assert run.facts["timings"]["workers"] == jobs
 
@@ -43,7 +43,7 @@ def cluster():
 
 @pytest.mark.slow
 def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, same, cluster):
-    run = sweep.intervals(long, backend="dask", scheduler=cluster)
+    run = intervals(long, backend="dask", scheduler=cluster)
     same(run.columns, long_table)
 
 
@@ -51,24 +51,24 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, s
 def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, long, monkeypatch, tmp_path):
     monkeypatch.setattr(workers, "PATIENCE", 1.0)
     with pytest.raises(UsageError, match=r"^scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
-        sweep.intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
+        intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address") as refused:
-        sweep.intervals(long, backend="dask", checkpoint=tmp_path / "parts")
+        intervals(long, backend="dask", checkpoint=tmp_path / "parts")
     assert getattr(refused.value, "__notes__", []) == list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("address", ["foo", "tcp://", "inproc://x", "", "tcp://host:port", "tcp://127.0.0.1:99999999"])
 def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd):
     with pytest.raises(UsageError, match=r"^scheduler .*: (expected an address such as tcp://host:8786|no dask scheduler)"):
-        sweep.intervals(mixed, backend="dask", scheduler=address)
+        intervals(mixed, backend="dask", scheduler=address)
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
     with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, loky, ray, threading"):
-        sweep.intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
+        intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
     with pytest.raises(UsageError, match=r"^backend multiprocessing: its pool never notices that a worker has died"):
-        sweep.intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
+        intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
     assert not list(tmp_path.iterdir())
 
 
@@ -105,7 +105,7 @@ def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeyp
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(UsageError, match=rf"the package {package} is missing; .*'wavesweep\[{backend}\]'"):
-        sweep.intervals(mixed, backend=backend)
+        intervals(mixed, backend=backend)
 
 
 def die_once(mark):
@@ -125,10 +125,10 @@ def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_
     # The worker gets the function by value: nothing in its own modules is changed.
     monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
     with pytest.raises(WavesweepError, match="a worker process died") as caught:
-        sweep.intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
+        intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
     assert "the same command goes on from there" in caught.value.__notes__[0]
     monkeypatch.undo()
-    same(sweep.intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, long_table)
+    same(intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, long_table)
 
 
 @pytest.mark.slow
@@ -170,7 +170,7 @@ def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tm
         warnings.simplefilter("ignore")
         running = LocalCluster(n_workers=0, **here)
     with running, pytest.raises(WavesweepError, match="has had no workers for 1 s"):
-        sweep.intervals(long, backend="dask", scheduler=running.scheduler_address, checkpoint=tmp_path / "parts")
+        intervals(long, backend="dask", scheduler=running.scheduler_address, checkpoint=tmp_path / "parts")
 
 
 FAULTS = """

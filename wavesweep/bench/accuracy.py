@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.api import compile as compile_loop
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import references, score
 from wavesweep.bench.this_tool import answer_of
-from wavesweep.loop import compile as compile_loop
 from wavesweep.response.steady import respond
 from wavesweep.spec import Spec, load
 from wavesweep.sweep.drawn_loops import loop_at_hand

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep import sweep
 from wavesweep.bench.measuring import Patience, Row, interleaved
 from wavesweep.bench.this_tool import run
 from wavesweep.paper.specs import folder, load_paper
 from wavesweep.sweep.open_loops import wall_cut
+from wavesweep.tables.intervals import intervals
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 FILTERS = ("lp1", "hp", "lp2")
@@ -82,7 +82,7 @@ def start_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
 def _swept(slices: int, jobs: int) -> Any:
     axis = f"sweep.b={{ start = 5, stop = 80, num = {slices} }}"
     spec = load_paper("fig5-explicit", ("sweep.K_LM=[500]", "sweep.Kp=[20]", axis))
-    return sweep.intervals(spec, along="K_VE", jobs=jobs, backend=None if jobs == 1 else "loky")
+    return intervals(spec, along="K_VE", jobs=jobs, backend=None if jobs == 1 else "loky")
 
 
 def _series(part: str, name: str, calls: dict[int, Callable[[], Any]], patience: Patience) -> Iterator[Row]:

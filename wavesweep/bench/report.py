@@ -17,8 +17,8 @@ from wavesweep.bench.measuring import FIELDS, FULL, QUICK, Row, columns_of
 from wavesweep.bench.problems import FILE, PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from wavesweep.bench.this_tool import LAPACK, profile_rows
-from wavesweep.sweep import Table
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
+from wavesweep.tables.table import Table
 
 METHODS = {
     "run_time": "wall time, medians; ratios from pairs that were run in turn, in one process with one thread",

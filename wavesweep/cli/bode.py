@@ -21,8 +21,8 @@ def command(specs: tuple[str, ...], options: Options) -> None:
       wavesweep bode sweeps/paper/fig6.toml
       wavesweep bode mine.toml other.toml --set 'bode.b=[20, 40]'
     """
-    from wavesweep import sweep
     from wavesweep.cli.output import produce
+    from wavesweep.tables.responses import responses
 
     refuse_equal_names(specs)
-    produce(["bode"], specs, options, lambda specs, **work: [sweep.responses(specs, **work)])
+    produce(["bode"], specs, options, lambda specs, **work: [responses(specs, **work)])

@@ -57,15 +57,15 @@ def command(
     """
     _refuse_at_odds(plot, out)
     from wavesweep import spec as specs
-    from wavesweep import sweep
     from wavesweep.cli.messages import patience
     from wavesweep.sweep.assumptions import over_preset
+    from wavesweep.sweep.planning import plan
     from wavesweep.sweep.verdict import verdict
 
     loaded = specs.load(spec, overrides)
     words = f"{loaded.name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
     with nullcontext() if switches["quiet"] else patience(words):
-        found, lines = verdict(loaded), sweep.plan(loaded)
+        found, lines = verdict(loaded), plan(loaded)
         if loaded.design:
             from wavesweep.search import study
 

@@ -11,7 +11,7 @@ from wavesweep.cli.options import Options, common, refuse_equal_names
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.sweep import Table
+    from wavesweep.tables.table import Table
 
 
 @click.command("compare")
@@ -29,13 +29,13 @@ def command(specs: tuple[str, ...], options: Options) -> None:
     Example:
       wavesweep compare mine.toml other.toml
     """
-    from wavesweep import sweep
     from wavesweep.cli.output import produce
+    from wavesweep.tables.comparison import compare
 
     refuse_equal_names(specs)
 
     def compute(loaded: list[Spec], **work: Any) -> list[Table]:
-        walls, responses = sweep.compare(loaded, **work)
+        walls, responses = compare(loaded, **work)
         if options.to_stdout or not options.plot:
             return [walls, responses]
         from wavesweep import plots

@@ -10,7 +10,7 @@ from wavesweep.cli.options import Options, common
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.sweep import Table
+    from wavesweep.tables.table import Table
 
 
 @click.command("design")

@@ -39,11 +39,11 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     from wavesweep import spec as specs
     from wavesweep.cli.messages import say, show_json
     from wavesweep.cli.output import refuse_other_things, write_whole
-    from wavesweep.cli.summaries import unstable
     from wavesweep.export import exported
     from wavesweep.simulation import hand_force
     from wavesweep.sweep.assumptions import assumes, over_preset
-    from wavesweep.sweep.simulation_table import linear_loop
+    from wavesweep.sweep.experiment import linear_loop
+    from wavesweep.tables.simulation import unstable
 
     started = time.perf_counter()
     loaded = specs.load(spec, overrides)

@@ -12,8 +12,6 @@ from typing import Any
 
 import click
 
-Line = tuple[str, bool]  # a message, and whether it is a warning
-Numbers = Mapping[str, Any]  # of a summary, JSON-able
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on

@@ -232,7 +232,7 @@ def _hands(hand: str, hand_box: str | None, passive: bool) -> Hands | None:
     ranges = _ranges(hand_box) if hand_box is not None else {}
     if hand == "free" and not passive:
         return None
-    from wavesweep.sweep import hands_of
+    from wavesweep.sweep.hands import hands_of
 
     return hands_of(hand, ranges, passive)
 

@@ -15,15 +15,16 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from wavesweep.cli.messages import Line, progress, say, show_json, where
+from wavesweep.cli.messages import progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.disk import write_files
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.sweep import Table
     from wavesweep.sweep.hands import Hands
+    from wavesweep.tables.kind import Line
+    from wavesweep.tables.table import Table
 
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
 MOST_CHANGES = 5  # of a spec that are listed
@@ -45,7 +46,7 @@ def produce(
     main table's; there is none if the table goes to stdout.
     """
     from wavesweep import results, spec
-    from wavesweep.sweep.table import digest_of
+    from wavesweep.tables.table import digest_of
 
     started = time.perf_counter()
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
@@ -162,12 +163,13 @@ def produce_intervals(
     along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
     itself. prove: compute columns in doubt again in ball arithmetic.
     """
-    from wavesweep import results, sweep
+    from wavesweep import results
+    from wavesweep.tables.intervals import intervals
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if not options.to_stdout and not options.force:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts() if hands else {})
-        return [replace(sweep.intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
+        return [replace(intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
 
     produce([kind], [source], options, compute, name=f"{kind}{'-hands' if hands else ''}{'-proved' if prove else ''}")
 
@@ -178,7 +180,7 @@ def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
     Its name has the digest of the specs: if a spec is edited after a run of it was interrupted, the new run begins anew, and
     the old one goes on if the edit is undone.
     """
-    from wavesweep.sweep.table import digest_of
+    from wavesweep.tables.table import digest_of
 
     return folder_of(specs, options) / f".{name}-{digest_of(specs)[:12]}.parts"
 
@@ -222,9 +224,9 @@ class Finished(NamedTuple):
 def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
     """Write a table to files, or to stdout if it is the main one, and summarise it."""
     from wavesweep import results
-    from wavesweep.cli.summaries import tally_of
+    from wavesweep.tables import kind_named
 
-    tally, paths, notices = tally_of(table), [], [str(notice) for notice in table.facts.get("notices", ())]
+    tally, paths, notices = kind_named(table.kind).tally(table), [], [str(notice) for notice in table.facts.get("notices", ())]
     if not options.to_stdout:
         if options.plot:
             from wavesweep.plots import drawn

@@ -10,7 +10,7 @@ from wavesweep.cli.options import Options, common, partition
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.sweep import Table
+    from wavesweep.tables.table import Table
 
 
 @click.command("passivity")
@@ -45,12 +45,12 @@ def command(spec: str, options: Options, filters: bool, tolerance: float) -> Non
     Example:
       wavesweep passivity sweeps/paper/fig4.toml --filters
     """
-    from wavesweep import sweep
     from wavesweep.cli.output import produce
+    from wavesweep.tables.passivity import filter_choices, passivity
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         (asked,) = specs
-        choices = [sweep.filter_choices(asked, tolerance)] if filters else []  # first, since a spec may have none
-        return [sweep.passivity(asked, tolerance, **work), *choices]
+        choices = [filter_choices(asked, tolerance)] if filters else []  # first, since a spec may have none
+        return [passivity(asked, tolerance, **work), *choices]
 
     produce(["passivity", *(["passivity-filters"] if filters else [])], [spec], options, compute)

@@ -25,9 +25,9 @@ def command(spec: str, options: Options) -> None:
       wavesweep simulate sweeps/examples/rig.toml
       wavesweep simulate mine.toml --set simulate.input=step --set device.preset=omni
     """
-    from wavesweep import sweep
     from wavesweep.cli.output import produce
     from wavesweep.spec import Spec
+    from wavesweep.tables.simulation import simulate
 
     kinds = ["simulate", "simulate-response"]
-    produce(kinds, [spec], options, lambda specs, **_: sweep.simulate(*specs), asked=Spec.as_simulated)
+    produce(kinds, [spec], options, lambda specs, **_: simulate(*specs), asked=Spec.as_simulated)

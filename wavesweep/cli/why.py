@@ -10,7 +10,7 @@ from wavesweep.cli.options import Options, common
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.sweep import Table
+    from wavesweep.tables.table import Table
 
 
 @click.command("why")
@@ -38,11 +38,11 @@ def command(spec: str, options: Options, along: str | None) -> None:
       wavesweep why sweeps/paper/fig4.toml
       wavesweep why mine.toml --along b --set 'sweep.b={start=5, stop=80}'
     """
-    from wavesweep import sweep
     from wavesweep.cli.output import produce
+    from wavesweep.tables.why import why
 
     def compute(specs: list[Spec], **_work: Any) -> list[Table]:
         (asked,) = specs
-        return [sweep.why(asked, along)]
+        return [why(asked, along)]
 
     produce(["why"], [spec], options, compute)

@@ -22,7 +22,7 @@ from wavesweep.sweep.drawn_loops import loop_at_hand
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import cost_of, job_over
 from wavesweep.sweep.open_loops import wall_cut
-from wavesweep.sweep.response_table import doubt_of
+from wavesweep.sweep.response_job import doubt_of
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.tasks import radius_over
 from wavesweep.sweep.verdict import own_design

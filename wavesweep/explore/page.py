@@ -210,15 +210,15 @@ def _design(page, values):
 
 
 def _intervals(spec):
-    from wavesweep import sweep
+    from wavesweep.tables.intervals import intervals
 
-    return sweep.intervals(spec, spec.along or None)
+    return intervals(spec, spec.along or None)
 
 
 def _responses(spec):
-    from wavesweep import sweep
+    from wavesweep.tables.responses import responses
 
-    return sweep.responses([spec])
+    return responses([spec])
 
 
 TABLES = {"Stable intervals": _intervals, "Responses": _responses}

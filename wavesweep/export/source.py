@@ -23,7 +23,7 @@ from wavesweep.simulation.march import March, Results, refuse, results_of
 from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
-from wavesweep.sweep.simulation_table import refuse_what_has_no_hand
+from wavesweep.sweep.experiment import refuse_what_has_no_hand
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 255

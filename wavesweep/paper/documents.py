@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.paper.readings import CHOICES
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.verdicts import VERDICTS
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
 
 _PREFACE = """# The paper's statements
 

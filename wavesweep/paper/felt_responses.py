@@ -13,13 +13,13 @@ import numpy as np
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond as respond_at
+from wavesweep.rows import Columns
 from wavesweep.simulation import hand_force, simulated
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.drawn_loops import ports_of_batch, radii_of
+from wavesweep.sweep.experiment import seen_response
 from wavesweep.sweep.grid import read_by, selected
-from wavesweep.sweep.simulation_table import seen_response
-from wavesweep.sweep.table import Columns
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)

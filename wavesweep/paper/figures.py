@@ -21,8 +21,9 @@ from wavesweep.plots.planes import Plane, draw_planes
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.plots.style import symbol, valued
 from wavesweep.results import fields_of
-from wavesweep.sweep import Table, intervals, responses
-from wavesweep.sweep.table import facts_of
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.responses import responses
+from wavesweep.tables.table import Table, facts_of
 
 
 def _named(name: str, table: Table, draw: Callable[[], Any] | None) -> Table:

@@ -10,9 +10,9 @@ import numpy as np
 from wavesweep.paper.specs import load_paper
 from wavesweep.results import Field
 from wavesweep.spec import KEYS, Spec
-from wavesweep.sweep import Table, intervals
-from wavesweep.sweep.table import facts_of
 from wavesweep.sweep.tasks import radius_over
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.table import Table, facts_of
 
 AXES = {  # column: axis of the spec
     "delay": "environment.delay",

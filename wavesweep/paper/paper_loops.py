@@ -15,8 +15,8 @@ from wavesweep.passive import ChannelNorm, channel_norm
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.stability import stable_intervals
-from wavesweep.sweep import intervals
 from wavesweep.sweep.open_loops import wall_cut
+from wavesweep.tables.intervals import intervals
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]

@@ -42,8 +42,7 @@ from wavesweep.paper.felt_responses import HIGH, LOW, FeltResponse, deviation, r
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.results import Field
-from wavesweep.sweep import Table
-from wavesweep.sweep.table import facts_of
+from wavesweep.tables.table import Table, facts_of
 
 ORDERS, CUTOFFS_HZ = (1, 2), (5.0, 10.0, 20.0, 40.0, 80.0)
 ANGLES = np.concatenate([np.geomspace(1e-6, 0.1, 60), np.linspace(0.1, np.pi, 300)])

@@ -14,8 +14,7 @@ from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import OWN, Reading
 from wavesweep.paper.specs import folder, load_paper
 from wavesweep.results import Field
-from wavesweep.sweep import Table
-from wavesweep.sweep.table import facts_of
+from wavesweep.tables.table import Table, facts_of
 
 REPRODUCED = "reproduced"
 INFERRED = "reproduced only under an inferred value"

@@ -5,7 +5,7 @@ A function is imported at its first use, so a run without a figure imports none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
@@ -14,31 +14,27 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.errors import UsageError
+from wavesweep.tables import HOMES, kind_named
 
 if TYPE_CHECKING:
-    from wavesweep.sweep import Table
+    from wavesweep.tables.table import Table
 
-_HOMES = MappingProxyType(
-    {
-        "Picture": "intervals", "bench": "errors_and_times", "bode": "responses", "compare": "comparison",
-        "compare_bode": "comparison", "design": "designs", "diagram": "wiring", "passivity": "margins",
-        "passivity_filters": "margins",
-        "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities",
-        "zwidth": "intervals",
-    }
-)  # fmt: skip
+_HOMES = MappingProxyType({"Picture": "intervals", "bench": "errors_and_times", "diagram": "wiring", "drawn_into": "style"})
 
 
 def __getattr__(name):
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    kind = name.replace("_", "-")
+    if name in _HOMES:
+        return import_module(f"{__name__}.{_HOMES[name]}").__dict__[name]
+    if kind in HOMES:
+        return figure_of(kind)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def figure_of(kind: str) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Any] | None:
-    """The function that draws the tables of a kind from columns and facts; None if they have no figure."""
-    name = kind.replace("-", "_")
-    return import_module(f"{__name__}.{_HOMES[name]}").__dict__[name] if name in _HOMES else None
+def figure_of(kind: str) -> Callable[..., Any]:
+    """The function that draws the tables of a kind from columns and facts."""
+    home, _, name = (f"{_HOMES[kind]}.{kind}" if kind in _HOMES else kind_named(kind).figure).partition(".")
+    return import_module(f"{__name__}.{home}").__dict__[name]
 
 
 def refuse_settings() -> None:

@@ -24,9 +24,9 @@ from wavesweep.plots.style import (
     symbol,
     with_unit,
 )
-from wavesweep.results.schema import felt_unit, unlike_units
+from wavesweep.rows import Columns
 from wavesweep.spec.keys import KEYS
-from wavesweep.sweep.table import Columns
+from wavesweep.tables.columns import felt_unit, unlike_units
 
 _WALLS = (("high", "low"), ("felt_high", "felt_low"))
 _RESPONSES = (("admittance_abs", "admittance", "mm/N"), ("impedance_abs", "impedance", "N/m"))

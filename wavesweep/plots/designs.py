@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, by_factors, figure, label, note_assumptions, printed, with_unit
-from wavesweep.results.schema import fields
 from wavesweep.spec.design import WISHES
+from wavesweep.tables.columns import fields
 
 NAMES = {
     "z_width": "stiffest wall",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import TWO_COLUMNS, assumed, distinct_colour, figure, printed, symbol
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8

@@ -39,8 +39,8 @@ from wavesweep.plots.style import (
     unit,
     valued,
 )
-from wavesweep.results.schema import swept_range
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
+from wavesweep.tables.columns import swept_range
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16

@@ -23,7 +23,7 @@ from wavesweep.plots.style import (
     label,
     valued,
 )
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import incomplete
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
 
 BUDGET = 1.5  # s that the further columns of a figure may take; by an estimate, so that equal tables give equal figures
 FEWEST = 64  # cells along a figure that are examined, however few values the table has; fewer if columns are dear
@@ -213,7 +213,7 @@ class _Question:
 
     def ask(self, wanted: list[tuple[int, float]]) -> list[tuple[tuple[Interval, ...], bool]]:
         """The intervals at (number of a design, x)."""
-        from wavesweep.sweep.interval_table import at_points
+        from wavesweep.sweep.interval_job import at_points
 
         places = [(number, x if self.x else 0.0) for number, x in wanted]
         number = {place: at for at, place in enumerate(dict.fromkeys(places))}

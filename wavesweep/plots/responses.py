@@ -26,8 +26,8 @@ from wavesweep.plots.style import (
     shortened,
     valued,
 )
+from wavesweep.rows import Columns
 from wavesweep.stability.certificate import SPARED
-from wavesweep.sweep.table import Columns
 
 _PANELS = (
     ("admittance_abs", "admittance", "mm/N"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, at_hand, distinct_colour, figure, note_assumptions
-from wavesweep.sweep.table import Columns
+from wavesweep.rows import Columns
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -14,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.disk import random_part
+from wavesweep.errors import UsageError
 from wavesweep.results import fields
-from wavesweep.results.schema import at_port, unlike_units
+from wavesweep.tables.columns import at_port, unlike_units
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
@@ -76,15 +78,48 @@ def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 
+_INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes in whose place the next figure is drawn
+
+
+def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
+    """The figure that `draw` makes or, with `ax`, that of these axes, in whose place it is drawn as a `SubFigure`.
+
+    Errors: UsageError for axes that are no part of a grid of panels.
+    """
+    if ax is None:
+        return draw()
+    if not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None:
+        raise UsageError(f"ax: expected axes of a grid, as matplotlib.pyplot.subplots gives them, found {ax!r:.60}")
+    before = _INTO.set(ax)
+    try:
+        draw()
+    finally:
+        _INTO.reset(before)
+    return ax.figure
+
+
+def _in_place_of(ax: Any) -> Any:
+    """A `SubFigure` in place of axes, with the few methods of a `Figure` that a part of one lacks."""
+    part = ax.figure.add_subfigure(ax.get_subplotspec())
+    ax.set_axis_off()
+    part.get_figwidth, part.get_figheight = (lambda: part.bbox.width / part.dpi), (lambda: part.bbox.height / part.dpi)
+    part.set_figheight = part.set_layout_engine = lambda *_: None  # its size and layout are those of the whole
+    return part
+
+
 @contextmanager
 def figure(width: float, height: float) -> Iterator[Any]:
     """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
 
-    It belongs to no window, and leaves no settings behind. A notebook shows it.
+    It belongs to no window, and leaves no settings behind. A notebook shows it. Within `drawn_into` it is a part of another.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if (ax := _INTO.get()) is not None:
+        with _style():
+            yield _in_place_of(ax)
+        return
     with _style():
         canvas = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
         FigureCanvasAgg(canvas)

@@ -12,9 +12,10 @@ from wavesweep.results.folder import (
 )
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import add_figures
-from wavesweep.results.schema import Field, fields, fields_of
 from wavesweep.results.verify import Verification, verify
 from wavesweep.results.writing import publish, stream
+from wavesweep.tables.columns import fields, fields_of
+from wavesweep.tables.kind import Field
 
 __all__ = [
     "Field",

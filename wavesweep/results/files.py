@@ -13,7 +13,8 @@ import numpy as np
 
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
-from wavesweep.results.schema import Field, in_order, kind_of, kinds_by_name
+from wavesweep.tables.columns import in_order, kind_of, kinds_by_name
+from wavesweep.tables.kind import Field
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072

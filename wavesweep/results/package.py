@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.disk import write_file
-from wavesweep.results.schema import Field, FieldKind
+from wavesweep.tables.kind import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
 _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf"}

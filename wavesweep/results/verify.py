@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,9 @@ from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.files import in_short, read, read_rows, unreadable
 from wavesweep.results.folder import SUFFIXES
 from wavesweep.results.package import file_facts, packaged_facts
-from wavesweep.results.schema import TABLES
-from wavesweep.sweep.table import Columns
-
-if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.sweep import Table
+from wavesweep.rows import Columns
+from wavesweep.tables import HOMES, kind_named
+from wavesweep.tables.kind import Again
 
 ROWS = 20
 SEED = 0
@@ -49,7 +47,7 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
         raise UsageError(f"{directory}: expected results with their data package, found none")
     stems = {package.name.removesuffix(SUFFIXES[-1]) for package in packages}
     alone = (path for suffix in SUFFIXES[:2] for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
-    checked, differences = [], [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in TABLES]
+    checked, differences = [], [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
     for package in packages:
         for text, different in _of_package(package, rows, seed):
             (differences if different else checked).append(text)
@@ -124,57 +122,10 @@ def _between(csv: Path, parquet: Path, known: Mapping[str, Any]) -> Iterator[str
         yield f"{csv} and {parquet.name}: {difference}"
 
 
-@dataclass(frozen=True)
-class _Again:
-    """Digest of the spec in a package, and how to compute rows again: all in blocks, or those of some combinations."""
-
-    sha256: str
-    whole: Callable[[], Iterable[Columns]] | None = None
-    combinations: int = 0
-    some: Callable[[np.ndarray], Iterator[Columns]] | None = None
-
-
-def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
+def _again(package: Path, facts: Mapping[str, Any]) -> Again | None:
     """The way to compute the rows of this table again; None for a table that does not come from one spec."""
-    from wavesweep import sweep
-    from wavesweep.spec import load
-
     kind = package.name.removesuffix(SUFFIXES[-1])
-    if kind in ("zwidth", "stability-region"):
-        return _intervals(load(facts["spec"]), kind, facts)
-    if kind == "bode":
-        specs = [_named(load(tables), name) for name, tables in facts.get("specs", {_stem(package): facts["spec"]}).items()]
-        table = sweep.responses(specs, jobs=1)
-        return _Again(table.facts["spec_sha256"], table.blocks)
-    tolerance = {"tolerance": facts["tolerance"]} if "tolerance" in facts else {}
-    calls: dict[str, Callable[[Spec], Table]] = {
-        "passivity": lambda spec: sweep.passivity(spec, **tolerance, jobs=1),
-        "passivity-filters": lambda spec: sweep.filter_choices(spec, **tolerance),
-        "why": lambda spec: sweep.why(spec, facts["along"]["name"]),
-        "simulate": lambda spec: sweep.simulate(spec)[0],
-        "simulate-response": lambda spec: sweep.simulate(spec)[1],
-    }
-    if kind not in calls or facts["spec"].get("simulate", {}).get("input") == "record":
-        return None  # of the paper, of the benchmark, or of a recorded force, whose path the package does not have
-    spec = load(facts["spec"])
-    spec = _named(spec.as_simulated(), _stem(package)) if kind.startswith("simulate") else spec
-    return _Again(spec.sha256, calls[kind](spec).blocks)
-
-
-def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
-    from wavesweep.sweep import hands_of
-    from wavesweep.sweep.interval_table import combinations, rows_again
-
-    known, hands = facts.get("hands"), None
-    if known:
-        box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
-        hands = hands_of(known["hand"], box, known["port"])
-    run = (spec, "K_VE" if kind == "zwidth" else None, hands)
-    return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
-
-
-def _named(spec: Spec, name: str) -> Spec:
-    return replace(spec, name=name)
+    return kind_named(kind).again(facts, partial(_stem, package)) if kind in HOMES else None
 
 
 def _stem(package: Path) -> str:
@@ -186,7 +137,7 @@ def _stem(package: Path) -> str:
     return str(column[0]) if len(column) else "spec"
 
 
-def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
+def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
     parquet, exact = package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), _same_versions(facts)
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
@@ -224,7 +175,7 @@ def _same_versions(facts: Mapping[str, Any]) -> bool:
     return all(facts.get(name) == version for name, version in versions().items())
 
 
-def _sampled(parquet: Path, again: _Again, rows: int, seed: int, exact: bool) -> str:
+def _sampled(parquet: Path, again: Again, rows: int, seed: int, exact: bool) -> str:
     """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
     numbers = read_rows(parquet, columns=["interval"]).get("interval")
     if numbers is None:

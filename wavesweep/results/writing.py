@@ -18,8 +18,10 @@ from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import package_text
 from wavesweep.results.placing import abandon, new_folder, put_in_place
-from wavesweep.results.schema import Field, checked, fields_of
-from wavesweep.sweep.table import Columns, Table, joined
+from wavesweep.rows import Columns, joined
+from wavesweep.tables.columns import checked, fields_of
+from wavesweep.tables.kind import Field
+from wavesweep.tables.table import Table
 
 AHEAD = 2  # groups that threads turn into text and Parquet while the rows of the next one are gathered
 OWN_FACTS = ("timings", "warnings", "spec_place")  # facts of one run, which differ between runs that give the same rows

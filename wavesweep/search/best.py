@@ -11,7 +11,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.writing import as_toml
-from wavesweep.sweep.table import Table
+from wavesweep.tables.table import Table
 
 MOST = 10
 HEADER = "# A design that wavesweep found: "

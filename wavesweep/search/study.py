@@ -29,12 +29,12 @@ from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
 from wavesweep.sweep.running import Tally, Work, compute, resumable
-from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.workers import choose
+from wavesweep.tables.design import BOX, SETTLED, fields_of_design, wish_units
+from wavesweep.tables.table import Table, facts_of
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
-BOX, SETTLED = "z_width_box", "box_settled"
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
 BETWEEN, FINEST = (7, 3), 256  # values between two of a range that the last check looks at, if the combinations are so few
@@ -205,13 +205,7 @@ def design(
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {"own": own_design(spec, job), "stop": job.stop}
     facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}
-    return Table("design", lambda: (columns,), facts, fields=_fields(spec, columns), forget=run.forget)
-
-
-def wish_units(spec: Spec) -> dict[str, str]:
-    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
-    own = {"z_width": spec.units_felt[0], "felt": spec.units_felt[0], "port": spec.at_port("m/N")}
-    return {wish.name: own.get(wish.name, wish.kind.unit) for wish in spec.design.wishes}
+    return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
 
 
 def plan(spec: Spec) -> list[str]:
@@ -388,24 +382,6 @@ def _columns(spec, job, genes, records):
         columns |= {name: records[name] for name in (BOX, SETTLED)}
     order = np.lexsort(objectives.T[::-1])
     return {name: column[order] for name, column in columns.items()}, columns
-
-
-def _fields(spec, columns):
-    from wavesweep.results.schema import Field, fields
-
-    named = [axis.name for axis in spec.design.vary]
-    axes = {field.name: field for field in fields("zwidth", named, facts={"spec": spec.tables()})}
-    found, units = [axes[axis.name] for axis in spec.design.vary], wish_units(spec)
-    for wish in spec.design.wishes:
-        found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
-        found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
-    found.append(Field("certified", "boolean", "", "all values of the row are certified"))
-    found.append(
-        Field("holds", "boolean", "", "every bound holds with the values looked at between the ends of every range as well")
-    )
-    found.append(Field(BOX, "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"))
-    found.append(Field(SETTLED, "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"))
-    return tuple(field for field in found if field.name in columns)
 
 
 def _checked(job):

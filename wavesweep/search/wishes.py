@@ -18,7 +18,7 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.sweep.drawn_loops import held_loop, radii_of, responses_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
-from wavesweep.sweep.interval_table import at_points
+from wavesweep.sweep.interval_job import at_points
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn

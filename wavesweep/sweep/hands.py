@@ -179,7 +179,7 @@ class Hands:
             yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
 
 
-def hands_of(hand: str, box: dict[str, tuple[float, float]] | None, port: bool) -> Hands:
+def hands_of(hand: str, box: Mapping[str, tuple[float, float]] | None, port: bool) -> Hands:
     """Hands from the options of a command.
 
     hand: "free", "passive" or "box". box: ranges in place of those of the literature. port: also the intervals in which the

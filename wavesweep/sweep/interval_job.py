@@ -1,5 +1,6 @@
 """The job of stable intervals along an axis."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
@@ -9,6 +10,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.domain import domain
 from wavesweep.loops.from_drawing import unsuitable
+from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.stability.certificate import words
@@ -173,3 +175,27 @@ def _like_own(values, spec, drawing):
         if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
             found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
     return found
+
+
+def at_points(
+    spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = (), felt: bool = True
+) -> Columns:
+    """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
+
+    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
+    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise.
+    """
+    count = len(next(iter(points.values())))
+    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True).records()
+    return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+
+
+EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
+
+
+def method(job: IntervalJob) -> str:
+    """How the intervals of a job are found, in a line."""
+    if job.exact is None:
+        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
+    return EXACT if job.exact else PANELS

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -124,6 +124,9 @@ class Job(ABC):
         return certified_slices(records)
 
 
+AnyJob = TypeVar("AnyJob", bound=Job)
+
+
 def cut_up(loops: int, walls: int, cost: float) -> Chunks:
     """The slices in chunks of about `SECONDS`; cost: expected s per slice."""
     slices = int(np.clip(SECONDS / cost, FEWEST, np.clip(loops * walls // ENOUGH, MANY, MOST)))
@@ -132,7 +135,7 @@ def cut_up(loops: int, walls: int, cost: float) -> Chunks:
     return Chunks(loops, walls, slices // walls, walls)
 
 
-def cut_otherwise(job: Job, **sizes) -> Job:
+def cut_otherwise(job: AnyJob, **sizes: int) -> AnyJob:
     """The same job in chunks of other sizes (deep, wide)."""
     return replace(job, chunks=replace(job.chunks, **sizes))
 

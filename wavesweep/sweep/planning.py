@@ -10,11 +10,10 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import make_grid, own_loop
-from wavesweep.sweep.interval_job import job_of
-from wavesweep.sweep.interval_table import method
+from wavesweep.sweep.interval_job import job_of, method
 from wavesweep.sweep.open_loops import exact_cut
-from wavesweep.sweep.passivity_table import jobs_of, not_computed
-from wavesweep.sweep.response_table import response_job
+from wavesweep.sweep.passivity_job import jobs_of, not_computed
+from wavesweep.sweep.response_job import response_job
 from wavesweep.sweep.workers import choose
 
 PATIENCE = 5.0  # s for samples of work whose parts take unlike times, as at several rates

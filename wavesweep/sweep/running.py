@@ -9,17 +9,29 @@ from numbers import Integral
 from os import PathLike
 from pathlib import Path
 from types import NoneType
+from typing import TypedDict
 
 from wavesweep.errors import UsageError
 from wavesweep.given import boolean
+from wavesweep.rows import Columns, joined
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.sweep.job import Job, naming_values
-from wavesweep.sweep.table import Columns, joined
 from wavesweep.sweep.workers import WORTH, Workers, choose, results
 
 LEAST = 1e-6  # s of a slice: none takes less
 Progress = Callable[[int, int, int | None], None]
+
+
+class Options(TypedDict, total=False):
+    """The arguments of a call that say how its run is done, see `Work`."""
+
+    jobs: int | None
+    backend: str | None
+    scheduler: str | None
+    progress: Progress | None
+    checkpoint: Path | str | None
+    force: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,20 +3,23 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
 from wavesweep.errors import SpecError
+from wavesweep.rows import Columns, joined
 from wavesweep.spec import Spec, sweep_axes
-from wavesweep.sweep.grid import keys_of
-from wavesweep.sweep.interval_table import intervals
-from wavesweep.sweep.response_table import METHODS, own_value, responses, units_in
-from wavesweep.sweep.running import Work
-from wavesweep.sweep.table import Columns, Table, facts_of, joined, with_unlike_units
+from wavesweep.sweep.running import Options
+from wavesweep.tables.interval_tally import SpecTally
+from wavesweep.tables.intervals import ALONG, FELT, FOUND, intervals
+from wavesweep.tables.kind import Kind
+from wavesweep.tables.responses import BODE, METHODS, BodeTally, responses
+from wavesweep.tables.table import Table, facts_of, with_unlike_units
 
 
-def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
+def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     """The tables `compare` and `compare-bode` of several specs, each with its own sweep and its own frequencies.
 
     specs: their names differ. The first table has a row per spec and stable interval along K_VE: the column `spec`, the axes
@@ -24,22 +27,24 @@ def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
     one if its controller does not read it. The second is that of `responses`. work: as for `intervals`;
     its progress is called with the counts of one spec after the other, and with those of all responses.
     """
+    from wavesweep.sweep.response_job import units_in
+    from wavesweep.sweep.running import Work
+
     for spec in specs:  # before the work for any of them
         sweep_axes(spec, "K_VE")
         if missing := spec.without_hand():
             raise SpecError(missing)
-    folder = Work.of(work).checkpoint
+    folder = Path(kept) if (kept := Work.of(work).checkpoint) else None
     walls, rest = (folder and folder / name for name in ("walls", "responses"))
-    work.pop("checkpoint", None)
-    found = [
-        intervals(spec, "K_VE", checkpoint=walls and walls / spec.name, **work) for spec in specs
-    ]  # in turn: each uses all workers
+    found = [  # in turn: each uses all workers
+        intervals(spec, "K_VE", **(work | {"checkpoint": walls and walls / spec.name})) for spec in specs
+    ]
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units | _units_of_walls(specs))
-    both = responses(specs, checkpoint=rest, **work)
+    both = responses(specs, **(work | {"checkpoint": rest}))
     forget = _forgetting(found, (walls, folder))
     return [
         Table.of("compare", columns, facts, forget=forget),
@@ -48,6 +53,9 @@ def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
+    from wavesweep.sweep.grid import keys_of
+    from wavesweep.sweep.response_job import own_value
+
     rows, read = len(columns["along"]), keys_of(spec)
     axes = {name: columns.get(name, np.full(rows, own_value(spec, name, read))) for name in names}
     rest = {name: column for name, column in columns.items() if name not in axes}
@@ -83,3 +91,15 @@ def _forgetting(tables, folders):
                 folder.rmdir()
 
     return forget
+
+
+KINDS = (
+    Kind(
+        "compare",
+        (BODE[0], ALONG, *FOUND, *FELT),
+        lambda table: SpecTally(table.facts),
+        figure="comparison.compare",
+        before=1,
+    ),
+    Kind("compare-bode", BODE, lambda _: BodeTally(), figure="comparison.compare_bode", study="bode"),
+)

@@ -1,34 +1,69 @@
-"""Stable intervals over a sweep, as a table: those of the spec's loop and, as an option, those for hands."""
+"""Stable intervals over a sweep: those of the spec's loop and, as an option, those for hands; `zwidth`, `stability-region`."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.spec import Axis, Spec
-from wavesweep.stability.certificate import words
-from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
-from wavesweep.sweep.job import cut_otherwise
-from wavesweep.sweep.proving import facts_of_proofs, notice_of
-from wavesweep.sweep.running import Work, run
-from wavesweep.sweep.table import Columns, Table, facts_of, spans_held
-from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
+from wavesweep.rows import Columns
+from wavesweep.stability.certificate import OF_INTERVALS
+from wavesweep.tables.interval_tally import HandTally
+from wavesweep.tables.kind import OF_ALONG, OF_WALL, Again, Field, Kind
+from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
+    from wavesweep.spec import Spec
     from wavesweep.sweep.hands import Guarantee, Hands
+    from wavesweep.sweep.interval_job import IntervalJob
+    from wavesweep.sweep.running import Options
+
+ALONG = Field("along", "string", "", "name of the axis that the intervals lie on")
+FOUND = (
+    Field("intervals", "integer", "1", "number of stable intervals of this combination"),
+    Field("interval", "integer", "1", "number of this interval, from 0"),
+    Field("low", "number", OF_ALONG, "lower end of the stable interval, clipped to the swept range"),
+    Field("high", "number", OF_ALONG, "upper end of the stable interval, clipped to the swept range"),
+    Field("low_omega", "number", "rad/s", "oscillation that starts at low; missing where the range ends it"),
+    Field("high_omega", "number", "rad/s", "oscillation that starts at high; missing where the range ends it"),
+    Field("certified", "boolean", "", "ends and label are verified, no crossing inside can have been missed"),
+    Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
+    Field("doubt", "string", "", f"why the row is not certified: {', '.join(OF_INTERVALS)}; empty where it is"),
+)
+FELT = tuple(
+    Field(f"felt_{end}", "number", OF_WALL, f"static stiffness that the hand feels at {end}; missing without an interval")
+    for end in ("low", "high")
+)
+HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port", optional=True)
+ABOUT_ENDS = (
+    *(
+        Field(f"{end}_hand_{part}", "number", unit, f"{part} of the hand that sets {end}; missing where none does", True)
+        for end in ("low", "high")
+        for part, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"))
+    ),
+    Field(
+        "settled",
+        "boolean",
+        "",
+        "the interval holds for every hand that the row is for: for a box proved but for a thousandth of the interval at "
+        "either end, where a search found no hand that it does not hold for; else as certified",
+        optional=True,
+    ),
+)
+
 
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
-ABOUT_ENDS = (*END_HANDS["low"], *END_HANDS["high"], "settled")
 
 
 def intervals(
     spec: Spec,
     along: str | None = None,
-    hands: "Hands | None" = None,
+    hands: Hands | None = None,
     prove: bool = False,
-    **work: Any,
+    **work: Unpack[Options],
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
@@ -39,9 +74,10 @@ def intervals(
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
+    from wavesweep.sweep.running import Work, run
+
     stages = stages_of(spec, along, hands, prove=prove)
-    work = Work.of(work)
-    found = run({stage.hand: stage.job for stage in stages}, work)
+    found = run({stage.hand: stage.job for stage in stages}, Work.of(work))
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
     facts = _with_proofs(facts, stages[0], found) if prove else facts
@@ -61,8 +97,10 @@ class Stage:
     method: str
 
 
-def stages_of(spec: Spec, along: str | None, hands: "Hands | None", *, prove: bool = False) -> list[Stage]:
+def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool = False) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
+    from wavesweep.sweep.interval_job import job_of, method
+
     own = job_of(spec, along, prove=prove)
     how = method(own)
     if hands is None:
@@ -75,37 +113,28 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None", *, prove: bo
     return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees()]
 
 
-def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
+def _guaranteed(own: IntervalJob, guarantee: Guarantee) -> IntervalJob:
+    from wavesweep.sweep.job import cut_otherwise
+
     return replace(cut_otherwise(own, deep=FEW), guarantee=guarantee)
-
-
-def at_points(
-    spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = (), felt: bool = True
-) -> Columns:
-    """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
-
-    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
-    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise.
-    """
-    count = len(next(iter(points.values())))
-    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True).records()
-    return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
 
 
 def _rows(stages, found, hands) -> Iterator[Columns]:
     """Yield the rows of one stage after the other."""
     for stage in stages:
         for block in found.blocks(stage.hand):
-            yield block if hands is None else _with_hand(block, stage.hand, hands.box)
+            yield _finished(block, stage.hand, hands)
 
 
 def rows_again(
-    spec: Spec, along: str | None, hands: "Hands | None", picked: Iterable[int], *, prove: bool = False
+    spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int], *, prove: bool = False
 ) -> Iterator[Columns]:
     """Compute some combinations of a table again, each by itself, and yield the rows of each.
 
     spec, along, hands, prove: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
     """
+    from wavesweep.sweep.job import cut_otherwise
+
     stages = stages_of(spec, along, hands, prove=prove)
     ends = np.cumsum([stage.job.grid.size for stage in stages])
     for number in picked:
@@ -114,22 +143,23 @@ def rows_again(
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])]).records()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield block if hands is None else _with_hand(block, stage.hand, hands.box)
+        yield _finished(block, stage.hand, hands)
 
 
-def combinations(spec: Spec, along: str | None, hands: "Hands | None") -> int:
+def combinations(spec: Spec, along: str | None, hands: Hands | None) -> int:
     """Number of combinations of a table of intervals, over all kinds of rows. spec, along, hands: as for `intervals`."""
     return sum(stage.job.grid.size for stage in stages_of(spec, along, hands))
 
 
-def _with_hand(block, hand, box):
-    """The block with the column `hand` behind the axes; if there is a box, with the columns ABOUT_ENDS before what is felt."""
-    rows = len(block["along"])
-    names = [name for name in block if name not in (*ABOUT_ENDS, *FELT)]
-    names.insert(names.index("along") + 1, "hand")
-    missing = {name: np.full(rows, np.nan) for name in ABOUT_ENDS} | {"settled": block["certified"]}
-    found = missing | block | {"hand": np.full(rows, hand, dtype=object)}
-    return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()), *FELT)}
+def _finished(block, hand, hands) -> Columns:
+    """The block with the column `hand` if there are hands, and those about the ends if these are of a box, in order."""
+    if hands is not None:
+        rows = len(block["along"])
+        about = [each.name for each in ABOUT_ENDS]
+        missing = {name: np.full(rows, np.nan) for name in about} | {"settled": block["certified"]}
+        block = missing | block | {"hand": np.full(rows, hand, dtype=object)}
+        block = {name: column for name, column in block.items() if hands.box or name not in about}
+    return KINDS[0].completed(block)
 
 
 def _linear(axis) -> Iterator[str]:
@@ -153,17 +183,33 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
 
 def _with_proofs(facts, stage, found) -> dict:
     """The facts with those about proofs."""
+    from wavesweep.sweep.proving import facts_of_proofs, notice_of
+
     store = found.stores[stage.hand]
     proved = facts_of_proofs(store.load(number) for number in store.finished())
     return facts | {"proved": proved, "notices": [*facts["notices"], notice_of(proved)]}
 
 
-EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
-PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
+def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+    """A way to compute rows of a table with these facts again."""
+    from wavesweep.spec import load
+    from wavesweep.sweep.hands import hands_of
+
+    spec, known, hands = load(facts["spec"]), facts.get("hands"), None
+    if known:
+        box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
+        hands = hands_of(known["hand"], box, known["port"])
+    run = spec, along, hands
+    return Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
 
 
-def method(job: IntervalJob) -> str:
-    """How the intervals of a job are found, in a line."""
-    if job.exact is None:
-        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
-    return EXACT if job.exact else PANELS
+KINDS = tuple(
+    Kind(
+        name,
+        (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT),
+        tally=lambda table: HandTally(table.axes, table.facts),
+        figure=f"intervals.{name.replace('-', '_')}",
+        again=partial(_again, along),
+    )
+    for name, along in (("zwidth", "K_VE"), ("stability-region", None))
+)

@@ -8,11 +8,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from wavesweep.arithmetic import versions
-
-Columns = Mapping[str, np.ndarray]
+from wavesweep.rows import Columns, joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,14 +19,14 @@ class Table:
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
     leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
-    `results` does not know the kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
+    they are not those of its kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
     Markdown. beside: writes further files into the folder of the results, before the table appears there. forget: removes the
     checkpoint that the rows are read from, once they are safe elsewhere.
     """
 
     kind: str
     blocks: Callable[[], Iterable[Columns]]
-    facts: Mapping[str, object]
+    facts: Mapping[str, Any]
     axes: Mapping[str, tuple[float, ...]] | None = None
     fields: tuple | None = None
     figure: Callable[[Path], None] | None = None
@@ -38,7 +35,7 @@ class Table:
     forget: Callable[[], None] = lambda: None
 
     @classmethod
-    def of(cls, kind: str, columns: Columns, facts: Mapping[str, object], **more: Any) -> Table:
+    def of(cls, kind: str, columns: Columns, facts: Mapping[str, Any], **more: Any) -> Table:
         """A table of rows that are known already."""
         return cls(kind, lambda: (columns,), facts, **more)
 
@@ -57,12 +54,6 @@ class Table:
                 yield block
 
         return replace(self, blocks=blocks)
-
-
-def joined(blocks: Iterable[Columns]) -> Columns:
-    """Blocks of rows as one table."""
-    parts = list(blocks)
-    return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
@@ -94,7 +85,8 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
 
     units: (spec, unit) pairs of each column. The fact `unlike_units` has the specs of each unit of such a column.
     """
-    unlike, columns = {}, {}
+    unlike: dict[str, dict[str, list[str]]] = {}
+    columns: dict[str, list[str]] = {}
     for name, pairs in units.items():
         found: dict[str, list[str]] = {}
         for spec, unit in pairs:
@@ -103,8 +95,8 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
             unlike[name] = found
             said = ", ".join(f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in found.items())
             columns.setdefault(said, []).append(name)
-    said = [f"{', '.join(names)}: {units}; each row has the unit of its spec" for units, names in columns.items()]
-    return facts | ({"notices": facts["notices"] + said, "unlike_units": unlike} if unlike else {})
+    notices = [f"{', '.join(names)}: {said}; each row has the unit of its spec" for said, names in columns.items()]
+    return facts | ({"notices": facts["notices"] + notices, "unlike_units": unlike} if unlike else {})
 
 
 def spans_held(spec, along: str = "") -> Iterator[str]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.cli.messages import Line
-from wavesweep.results.schema import felt_unit, numbers_of, swept_range
+from wavesweep.rows import Columns
 from wavesweep.spec import find_key
 from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE
-from wavesweep.sweep.table import Columns
+from wavesweep.tables.columns import felt_unit, numbers_of, swept_range
+from wavesweep.tables.kind import Line, count
 
 Axes = Mapping[str, Sequence[float]]
 # hand -> the title of its line, the adjective of its intervals, and the sentence if it has none
@@ -38,7 +38,8 @@ class Extreme:
     """
 
     def __init__(self, rounding: float = 0.0) -> None:
-        self.value, self.row, self.ties, self._rounding = -np.inf, {}, 0, rounding
+        self.value, self.ties, self._rounding = -np.inf, 0, rounding
+        self.row: dict[str, Any] = {}
 
     def add(self, values: np.ndarray, columns: Columns) -> None:
         """Take the values of a block of rows; missing ones are passed over."""
@@ -216,7 +217,7 @@ class IntervalTally:
 
     def feels_the_wall(self) -> bool:
         """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""
-        return bool(self._largest.row) and np.isclose(self._felt.value, self._largest.value, rtol=1e-9)
+        return bool(self._largest.row and np.isclose(self._felt.value, self._largest.value, rtol=1e-9))
 
     def _doubtful(self, found: Mapping[str, Any]) -> str:
         return "" if found["certified"] or self._hand in SEARCHED else ", not certified"
@@ -254,11 +255,6 @@ def _ended_by(row: Mapping[str, Any]) -> str:
     """Text: the hand that ends the interval, if one is known."""
     hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
     return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
-
-
-def count(number: int, noun: str) -> str:
-    """A number and its noun."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 class HandTally:

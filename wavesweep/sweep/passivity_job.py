@@ -1,12 +1,9 @@
-"""Passivity of the wave channel and of the hand's port over the axes of a sweep, as a table."""
+"""The jobs of passivity of the wave channel and of the hand's port over axes."""
 
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
-from numbers import Real
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,13 +11,11 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import assembled, refuse_unsuitable
 from wavesweep.passive import (
     channel_norm,
-    filter_table,
     has_waves,
     more_damping,
     port_margin,
-    sufficient_order,
 )
-from wavesweep.passive.channel import CUTOFFS_HZ, numbers_of_channel
+from wavesweep.passive.channel import numbers_of_channel
 from wavesweep.passive.held_loop import device_of
 from wavesweep.passive.margin import LONGEST
 from wavesweep.spec import Spec
@@ -29,47 +24,13 @@ from wavesweep.sweep.checkpoint import gather, stretches
 from wavesweep.sweep.drawn_loops import held_loop, named_loops, ports_of
 from wavesweep.sweep.grid import Grid, drawing_for, drawn_groups, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
-from wavesweep.sweep.running import Run, Work, run
-from wavesweep.sweep.table import Columns, Table, facts_of, joined, spans_held
+from wavesweep.sweep.running import Run
 
-TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
-PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
 CHUNK = 32  # loops in a chunk: up to a second or two
 CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 MOST_TRIED = 200  # combinations of the values that decide how a loop is built, whose frames are seen before the work
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
-METHODS = {
-    "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
-    "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
-}
-
-
-def passivity(
-    spec: Spec,
-    tolerance: float = TOLERANCE,
-    **work: Any,
-) -> Table:
-    """Channel norm and port margin for every combination of the axes of [sweep] that have values.
-
-    An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
-    margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
-    summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
-    of `run`.
-    """
-    _refuse_tolerance(tolerance)
-    axes = tuple(axis for axis in spec.sweep if axis.values)
-    found = run(jobs_of(spec, axes), Work.of(work))
-    grid = found.jobs["port"].grid
-    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": _certified(found)}
-    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
-    facts |= {"warnings": found.warnings, "tolerance": tolerance}
-    return Table("passivity", partial(_blocks, found), facts, forget=found.forget)
-
-
-def in_memory(spec: Spec, axes) -> Columns:
-    """The table over `axes`, computed in this process."""
-    return joined(_blocks(run(jobs_of(spec, axes), Work(jobs=1))))
 
 
 def jobs_of(spec: Spec, axes) -> dict[str, Job]:
@@ -81,7 +42,7 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     if spec.drawing:
         ports_of(spec, spec.drawing)
     _refuse_long(grid, resolved)
-    if not _waves_of(spec):
+    if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)
     return {"channel": ChannelJob(inside, Chunks(inside.loops, 1, CHANNELS, 1), resolve_all(inside)), "port": port}
@@ -200,23 +161,16 @@ class ChannelTask:
         return records
 
 
-ORDER = (
-    *("channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"),
-    *("stable", "damping_needed"),
-)
-
-
-def _blocks(found: Run) -> Iterator[Columns]:
-    """Yield the rows in blocks."""
+def blocks(found: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:
+    """Yield the axes and the fields of the records of a run, in blocks of rows."""
     grid = found.jobs["port"].grid
     for combination in stretches(grid.size):
         slices = grid.slice_of(combination)
         _, port = gather(found.jobs["port"], found.stores["port"], slices)
-        columns = {name: port[name] for name in PORT.names} | _channel_columns(found, slices)
-        yield grid.axis_columns(combination) | {name: np.ascontiguousarray(columns[name]) for name in ORDER}
+        yield grid.axis_columns(combination), {name: port[name] for name in PORT.names} | channel_columns(found, slices)
 
 
-def _channel_columns(found: Run, slices) -> dict[str, np.ndarray]:
+def channel_columns(found: Run, slices) -> dict[str, np.ndarray]:
     """The columns of the channel of each slice, and `certified`."""
     if "channel" not in found.jobs:
         missing, true = np.full(slices.size, np.nan), np.ones(slices.size, bool)  # what is not there adds no energy
@@ -226,17 +180,17 @@ def _channel_columns(found: Run, slices) -> dict[str, np.ndarray]:
     return {name: records[name] for name in CHANNEL.names if name != "slice"}
 
 
-def _waves_of(spec):
+def sends_waves(spec):
     """Whether the loop of a spec has waves."""
     return has_waves(drawing_for(spec, spec.values))
 
 
-def _certified(found: Run) -> int:
+def certified_slices(found: Run) -> int:
     """Number of slices whose port and whose channel are both certified."""
     count = 0
     for slices in stretches(found.jobs["port"].slices):
         _, port = gather(found.jobs["port"], found.stores["port"], slices)
-        count += int((port["certified"] & _channel_columns(found, slices)["certified"]).sum())
+        count += int((port["certified"] & channel_columns(found, slices)["certified"]).sum())
     return count
 
 
@@ -262,47 +216,3 @@ def not_computed(grid: Grid) -> list[str]:
     if device_of(drawing_for(grid.spec, grid.spec.values)):
         return []
     return ["not computed for a hand that holds no single mass: damping_needed unless it is 0"]
-
-
-def _notices(grid) -> Iterator[str]:
-    """Yield notices about axes that are not swept, and about a missing channel."""
-    yield from grid.notices
-    yield from spans_held(grid.spec)
-    yield from not_computed(grid)
-    if not grid.spec.drawing and not _waves_of(grid.spec):
-        missing = "its norm is missing, and what is not there adds no energy (channel_passive 1)"
-        yield f"{grid.spec.kind} has no wave channel: {missing}"
-
-
-def _refuse_tolerance(tolerance):
-    if not (isinstance(tolerance, Real) and not isinstance(tolerance, bool) and 0 <= tolerance < np.inf):
-        raise UsageError(f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}")
-
-
-def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
-    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's slow rate.
-
-    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
-    that aliasing may add for an order to be enough.
-    """
-    if spec.drawing or spec.uneven:
-        found = "a drawn loop" if spec.drawing else "rates that do not divide"
-        raise UsageError(f"filters: expected a [controller] whose rates divide, found {found}")
-    _refuse_tolerance(tolerance)
-    started = time.perf_counter()
-    fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]
-    # Rounded, so that tables of rates such as 1000/30 Hz can be read.
-    cutoffs = [cutoff for each in CUTOFFS_HZ if (cutoff := float(f"{each * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
-    columns = filter_table(spec.values, cutoffs_hz=cutoffs)
-    enough = sufficient_order(columns, tolerance)
-    orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
-    columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
-    rows = columns["certified"].size
-    counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
-    methods = {
-        "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
-        "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
-    }
-    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
-    facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
-    return Table.of("passivity-filters", columns, facts)

@@ -1,4 +1,4 @@
-"""The summary of a design study."""
+"""A design study: the table `design`, whose columns are those that its spec varies and wishes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,39 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.cli.interval_summary import count
-from wavesweep.cli.messages import Line, Numbers
+from wavesweep.rows import Columns
+from wavesweep.spec import Spec
 from wavesweep.spec.design import WISHES
-from wavesweep.sweep.table import Columns
+from wavesweep.tables.columns import fields
+from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, count
+
+BOX, SETTLED = "z_width_box", "box_settled"
 
 
-def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
+    """The columns of a study: numbers that are varied, wishes, and certificates."""
+    varied, wishes = (spec.design.vary, spec.design.wishes) if spec.design else ((), ())
+    axes = {field.name: field for field in fields("zwidth", [axis.name for axis in varied], facts={"spec": spec.tables()})}
+    found, units = [axes[axis.name] for axis in varied], wish_units(spec)
+    for wish in wishes:
+        found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
+        found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
+    found.append(Field("certified", "boolean", "", "all values of the row are certified"))
+    found.append(
+        Field("holds", "boolean", "", "every bound holds with the values looked at between the ends of every range as well")
+    )
+    found.append(Field(BOX, "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"))
+    found.append(Field(SETTLED, "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"))
+    return tuple(field for field in found if field.name in columns)
+
+
+def wish_units(spec: Spec) -> dict[str, str]:
+    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
+    own = {"z_width": spec.units_felt[0], "felt": spec.units_felt[0], "port": spec.at_port("m/N")}
+    return {wish.name: own.get(wish.name, wish.kind.unit) for wish in (spec.design.wishes if spec.design else ())}
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The best of each wish, the spec's own design, and what was searched."""
     wishes, varied = facts["spec"]["design"]["wish"], facts["spec"]["design"]["vary"]
     sizes = {
@@ -41,12 +67,12 @@ def _known(value):
 
 def _box(columns):
     """How many designs keep all their walls with every hand of a box, how many of these are proved, and the least share."""
-    if "z_width_box" not in columns:
+    if BOX not in columns:
         return {}
-    wall, left = columns["z_width"], columns["z_width_box"]
+    wall, left = columns["z_width"], columns[BOX]
     kept = left >= wall
     share = np.divide(left, wall, out=np.ones(len(wall)), where=wall > 0)
-    settled = kept & columns["box_settled"]
+    settled = kept & columns[SETTLED]
     return {"box": {"kept": int(kept.sum()), "settled": int(settled.sum()), "least": float(share.min())}}
 
 
@@ -80,3 +106,6 @@ def design_lines(found: Numbers) -> Iterator[Line]:
 def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str:
     said = {name: "not known, unstable" if value is None else f"{value:.5g} {units[name]}" for name, value in values.items()}
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
+
+
+KINDS = (Kind("design", (), lambda _: Whole(_numbers, design_lines), figure="designs.design"),)

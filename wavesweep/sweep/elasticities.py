@@ -1,111 +1,27 @@
-"""The derivatives of the ends of stable intervals, and of the stiffness felt there, by every number of the loop, as a table."""
+"""The derivatives of the ends of stable intervals, and of the stiffness felt there, by every number of the loop."""
 
-import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.loops.from_drawing import assembled
-from wavesweep.spec import Axis, Spec, sweep_axes
+from wavesweep.rows import Columns
+from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
-from wavesweep.spec.loading import naming
 from wavesweep.stability.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues
-from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, frames
 from wavesweep.sweep.drawn_task import TINY
-from wavesweep.sweep.grid import Grid, drawn_groups, keys_of, make_grid, own_loop, selected
-from wavesweep.sweep.interval_job import job_over
-from wavesweep.sweep.interval_table import method
-from wavesweep.sweep.running import in_memory
-from wavesweep.sweep.table import Table, facts_of, held
-from wavesweep.sweep.verdict import line_hz
+from wavesweep.sweep.grid import Grid, drawn_groups, keys_of, own_loop, selected
 
-METHOD = (
-    "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
-    "rates.fast_hz or rates.tick_hz all rates change"
-)
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
 STEPS = 96  # in which a mode is tracked_eigenvalue into the interval
 INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
 TEXTS = ("along", "end", "quantity", "unit", "states", "number", "number_unit", "doubt")
-COLUMNS = (
-    *("along", "interval", "end", "crossing", "corner", "quantity", "limit", "unit", "omega", "damping_ratio", "states"),
-    *("number", "value", "number_unit", "elasticity", "slope", "certified", "doubt"),
-)
-
-
-def why(spec: Spec, along: str | None = None) -> Table:
-    """The elasticities of each limit of the spec's own design: per cent by which it moves for one per cent of each number.
-
-    along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
-    held at the spec's values. Errors: as for `intervals`.
-    """
-    started = time.perf_counter()
-    spec = naming(spec, [along])
-    axis, others = sweep_axes(spec, along, swept=False)
-    job = job_over(make_grid(spec, (), axis.path), axis)
-    found = in_memory(job)
-    columns = _table(job.grid, axis, found)
-    certified = int(found["certified"].all())
-    notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
-    if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in spec.wall[:1]:
-        listed = any(each.path == axis.path and each.start < each.stop for each in spec.sweep)
-        said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
-        notices.append(f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}")
-    if left_out := _left_out(spec):
-        notices.append(
-            f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
-        )
-    notices += over_preset(spec)
-    counts = {"computed": 1, "skipped": 0, "certified": certified}
-    timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, {"intervals": method(job), "why": METHOD}, counts, timings, notices, [axis.path])
-    spans = [{"low": low, "high": high} for low, high in _spans(found)]
-    doubts = [word for word in dict.fromkeys(found["doubt"].tolist()) if word]
-    searched = {"name": axis.name, "unit": _unit(spec, axis.path), "from": axis.start, "to": axis.stop}
-    facts |= {"along": searched, "intervals": spans, "doubts": doubts, "lines_hz": _lines(spec, axis, columns)}
-    return Table.of("why", columns, facts)
-
-
-def _lines(spec, axis, columns):
-    """The frequency in Hz of the strongest line of each crossing in the hand's position, in the order of the table.
-
-    In the frame a mode has lines at every multiple of the frame's rate beside its frequency from frame to frame; see
-    `strongest_turns`. The table's frequency if there is no hand.
-    """
-    found = {}
-    keys = zip(*(columns[name].tolist() for name in ("interval", "end", "crossing")), strict=True)
-    for key, limit, omega in zip(keys, columns["limit"].tolist(), columns["omega"].tolist(), strict=True):
-        if key in found or np.isnan(omega):
-            found.setdefault(key, None)
-            continue
-        found[key] = omega / (2 * np.pi)
-        with suppress(WavesweepError):  # a limit may be no value of a spec
-            found[key] = line_hz(spec.with_values({axis.path: limit}), omega)
-    return list(found.values())
-
-
-def _spans(found):
-    """The ends of the stable intervals."""
-    some = found["intervals"] > 0
-    return zip(found["low"][some].tolist(), found["high"][some].tolist(), strict=True)
-
-
-def sensitivities(grid: Grid, axis: Axis) -> dict:
-    """The same columns for every combination of a grid, in memory."""
-    taken = sorted({other.name for other in grid.axes} & set(COLUMNS))
-    if taken:
-        raise UsageError(
-            f"{', '.join(taken)}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}"
-        )
-    return _table(grid, axis, in_memory(job_over(grid, axis)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +41,11 @@ class _Ends:
         return cls(some // 2, some % 2 == 1, value[some], omega[some])
 
 
-def _table(grid, axis, found) -> dict:
-    """The columns, from those of the table of intervals."""
+def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """How each end of intervals, and the stiffness felt there, moves with each number, for every combination of a grid.
+
+    found: the table of the intervals along `axis`. names: of the columns behind those of the axes, in order.
+    """
     ends, parts = _Ends.of(found, axis), []
     changes = {other.path: np.asarray(found[other.name])[ends.row] for other in grid.axes}
     for members, drawing, values in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
@@ -136,7 +55,7 @@ def _table(grid, axis, found) -> dict:
             part = slice(start, start + most)
             some = replace(loops, values=selected(values, part))
             parts.append(_rows(some, found, ends, members[part]))
-    names = ("at", *COLUMNS)
+    names = ("at", *names)
     kinds = dict.fromkeys(TEXTS, object) | {"interval": int, "crossing": int, "corner": bool, "certified": bool, "at": int}
     whole = {n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(part[n] for part in parts)]) for n in names}
     order = np.argsort(whole.pop("at"), kind="stable")
@@ -224,7 +143,7 @@ def _smooth(spec) -> list[str]:
     return [path for path, value in values.items() if isinstance(value, float) and path not in deciding]
 
 
-def _left_out(spec) -> list[str]:
+def without_derivatives(spec) -> list[str]:
     """Names of the numbers that the loop reads without being smooth in them."""
     smooth, read = _smooth(spec), keys_of(spec)
     paths = [path for path, value in spec.values.items() if path in read and not isinstance(value, str) and path not in smooth]

@@ -1,19 +1,19 @@
-"""Frequency responses over specs and axes, as a table."""
+"""The job of frequency responses of a spec over axes."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Any, ClassVar
+from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import SpecError
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import RATIO, steps_of
 from wavesweep.response.gain import gain_of
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
-from wavesweep.rows import complex_columns
+from wavesweep.rows import Columns, complex_columns
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.studies import beyond_half
@@ -21,8 +21,7 @@ from wavesweep.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UN
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_batch, radii_of
 from wavesweep.sweep.grid import drawing_for, groups, items_of, keys_of, make_grid, refuse_rows, selected
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
-from wavesweep.sweep.running import Run, Work, in_memory, run
-from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
+from wavesweep.sweep.running import in_memory
 
 
 def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
@@ -57,57 +56,8 @@ RESPONSE = np.dtype(
         ("doubt", "i1"),
     ]
 )
-UNITS = {
-    **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
-    **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),
-}
 TICKS = 100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
 WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that are computed together, so few tables are cut there
-
-
-def responses(
-    specs,
-    **work: Any,
-) -> Table:
-    """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
-
-    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
-    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
-    half the fast rate, and the errors of `run`.
-    """
-    if not specs:
-        raise UsageError("responses: expected at least one spec, found none")
-    names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
-    several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
-    asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
-    found = run(asked, Work.of(work))
-    grids = [job.grid for job in asked.values()]
-    computed = sum(grid.loops for grid in grids)
-    counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
-    notices = [notice for grid in grids for notice in grid.notices]
-    swept = [axis.path for spec in specs for axis in spec.bode]
-    facts = facts_of(list(specs), METHODS, counts, found.timings, notices, swept) | {"warnings": found.warnings}
-    units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
-    units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
-    facts = with_unlike_units(facts, units)
-    return Table("bode", partial(_blocks, found), facts, forget=found.forget)
-
-
-def _blocks(found: Run) -> Iterator[Columns]:
-    """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
-    rough = {
-        name for job in found.jobs.values() for name in job.names if not _has(job.grid.spec, job.grid.axes, name, job.read)
-    }
-    for name in found.jobs:
-        for columns in found.blocks(name):
-            yield {**columns, **{each: columns[each].astype(float) for each in rough}}
-
-
-METHODS = {
-    "admittance": "closed loop of the frame, displacement in the tick, component at the force's own frequency",
-    "worst_gain": "singular values of the lifted map from forces to positions",
-    "errors": "residual, rounding of all entries and size of the inverse, entry by entry",
-}
 
 
 def one_spec(spec, axes, frequency, read) -> Columns:
@@ -291,10 +241,10 @@ def own_value(spec, name, read):
 
 def units_in(several, name: str) -> list[tuple[str, str]]:
     """The unit of a column of an axis in each spec that has values there; several: specs, each with its axes."""
-    return [(spec.name, spec.names.find(name).unit) for spec, axes in several if _has(spec, axes, name, keys_of(spec))]
+    return [(spec.name, spec.names.find(name).unit) for spec, axes in several if has_values(spec, axes, name, keys_of(spec))]
 
 
-def _has(spec, axes, name, read):
+def has_values(spec, axes, name, read):
     return name in {axis.name for axis in axes} or not np.isnan(own_value(spec, name, read))
 
 

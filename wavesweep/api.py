@@ -1,0 +1,380 @@
+"""The library: a compiled loop with vectorised methods, and the commands as calls; both return DataFrames and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Unpack
+
+import numpy as np
+
+from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
+from wavesweep.errors import UsageError
+from wavesweep.loops.from_drawing import assembled, first_of
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.drift import drift_of_drawn
+from wavesweep.rows import Columns
+from wavesweep.spec import Axis, Spec, load
+from wavesweep.spec.loading import naming
+from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
+from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
+from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
+from wavesweep.sweep.running import Options
+from wavesweep.tables import intervals, kind_named, responses, simulation
+from wavesweep.tables import passivity as of_passivity
+from wavesweep.tables import why as of_why
+from wavesweep.tables.columns import fields_of
+from wavesweep.tables.frame import frame, framed
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+Source = Spec | str | Path | Mapping[str, Any]
+Span = tuple[float, float]
+
+
+def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:  # noqa: A001 - the name that the interface gives it
+    """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `MultirateLoop`) once, for any number of calls."""
+    if isinstance(source, MultirateLoop):
+        source.refuse_wrong_names()
+        refuse_infinite(source)
+        return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
+    return _compiled(_spec(source))
+
+
+def _compiled(spec: Spec) -> Loop:
+    refuse_singular(spec, own_loop(spec)[0])
+    return Loop(spec, keys_of(spec))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A compiled loop.
+
+    The methods take `axes` by name, each a number or a list, and compute the product of the lists. An axis is named by its
+    symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
+    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop these are also the keys of blocks that
+    are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the spec. If only the
+    wall (K_VE, B_VE) changes, nothing is compiled again.
+    """
+
+    spec: Spec
+    read: frozenset[str]
+
+    def __repr__(self) -> str:
+        """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
+        symbols = {name: path for name, path in self.spec.names.symbols.items() if path in self.read}
+        numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
+        drawing, values = own_loop(self.spec)
+        drawn, drift = assembled(drawing, values), drift_of(drawing, values)
+        what = f"{len(drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        frame = f"frame of {drawn.ticks} ticks, {1e3 * drawn.ticks * float(np.asarray(drawn.period)):.6g} ms"
+        return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
+
+    def with_(self, **values: float | str) -> Loop:
+        """The loop with other numbers: `loop.with_(b=30, **{"device.mass": 0.2})`. Errors: as for a spec's own numbers."""
+        spec = self.spec.with_values({key_named(self.spec, name).path: value for name, value in values.items()})
+        return _compiled(spec)
+
+    @property
+    def _usual(self) -> str:
+        """The axis of intervals if none is given."""
+        return self.spec.along if self.spec.drawing else "K_VE"
+
+    def stable_intervals(
+        self, along: str | None = None, span: Span | None = None, *, prove: bool = False, **axes: Numbers
+    ) -> DataFrame:
+        """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
+
+        along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
+        (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
+        `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
+        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
+        would not accept a name, SpecError if it would not accept a value or a combination.
+        prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
+        Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
+        """
+        return self._intervals(along, span, axes, prove=prove)
+
+    def _intervals(
+        self, along: str | None, span: Span | None, axes: Mapping[str, Numbers], *, prove: bool = False
+    ) -> DataFrame:
+        from wavesweep.sweep.interval_job import job_over
+        from wavesweep.sweep.running import in_memory
+
+        grid, axis = self._asked(along, span, axes)
+        return self._frame("zwidth", in_memory(job_over(grid, axis, prove=prove)))
+
+    def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
+        """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
+
+        along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
+        and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
+        implicit function theorem, see `analysis.sensitivity`. Errors: UsageError if a spec would not accept a name or a value.
+        Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
+        """
+        from wavesweep.tables.why import sensitivities
+
+        grid, axis = self._asked(along, span, axes)
+        return self._frame("why", sensitivities(grid, axis))
+
+    def spectral_radius(self, **axes: Numbers) -> np.ndarray:
+        """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
+
+        axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
+        the loop is stable. It is infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+        """
+        from wavesweep.sweep.tasks import radius_over
+
+        spec = naming(self.spec, axes)
+        asked = axes_asked(spec, axes)
+        shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
+        return radius_over(spec, asked).reshape(shape)
+
+    def response(self, frequency_hz: Numbers | None = None, **axes: Numbers) -> DataFrame:
+        """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
+
+        frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
+        axes: see `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt; see `analysis.doubt`.
+        """
+        from wavesweep.sweep.response_job import one_spec
+
+        spec, frequency = naming(self.spec, axes), frequencies_asked(self.spec, frequency_hz)
+        return self._frame("bode", one_spec(spec, axes_asked(spec, axes), frequency, self._read(spec)))
+
+    def passivity(self, **axes: Numbers) -> DataFrame:
+        """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
+
+        axes: see `Loop`. Accuracy: see `analysis.passivity.channel_norm` and `port_margin`.
+        """
+        from wavesweep.tables.passivity import in_memory
+
+        spec = naming(self.spec, axes)
+        return self._frame("passivity", in_memory(spec, axes_asked(spec, axes)))
+
+    def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
+        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+
+        force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: effects
+        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated`.
+        """
+        from wavesweep.simulation import table
+        from wavesweep.sweep.experiment import simulation_of
+
+        return self._frame("simulate", table(simulation_of(self.spec, force, **options)))
+
+    def plot_zwidth(
+        self, along: str | None = None, span: Span | None = None, *, ax: Axes | None = None, **axes: Numbers
+    ) -> Figure:
+        """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
+
+        along, span, axes: as for `stable_intervals`. Intervals between the values given are computed for the figure. ax: axes
+        of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
+        """
+        along = self._usual if along is None else along
+        columns = self._intervals(along, span, axes)
+        axis = axis_along(naming(self.spec, [along]), along, span)
+        swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
+        return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
+
+    def plot_bode(self, frequency_hz: Numbers | None = None, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+        """The figure of responses, as `wavesweep bode` draws it: a matplotlib `Figure`.
+
+        frequency_hz, axes: as for `response`.
+        """
+        return _figure(ax, "bode", self.response(frequency_hz, **axes), self.spec)
+
+    def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+        """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
+
+        axes: as for `passivity`.
+        """
+        return _figure(ax, "passivity", self.passivity(**axes), self.spec)
+
+    def plot_simulate(self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None) -> Figure:
+        """The figure of a simulation, as `wavesweep simulate` draws it: a matplotlib `Figure`.
+
+        force, options: as for `simulate`.
+        """
+        tables = self.spec.as_simulated().tables()
+        off = [name for name, value in options.items() if value is None]
+        keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
+        used = load(tables | {"simulate": keys}).as_simulated()
+        return _figure(ax, "simulate", self.simulate(force, **options), used)
+
+    def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
+        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
+        from wavesweep.plots import diagram, drawn_into
+
+        return drawn_into(ax, lambda: diagram(self.spec))
+
+    def to_control(self, output: Literal["position", "displacement"] = "position") -> StateSpace:
+        """The lifted closed loop as a `control.StateSpace`: the hand's forces (N) in the ticks of a frame in, as many outputs,
+        dt of the frame.
+
+        output: "position" (m), or "displacement" (m), the change of the position in each tick. Position is a state. If the loop
+        drifts, it therefore has a pole at exactly 1, which is no sign of instability. Displacements do not show the drift, and
+        the system from forces to them has no such pole. Errors: UsageError for any other output; SpecError
+        for a loop without a hand.
+        """
+        import control
+
+        from wavesweep.response.lifted import displacements, positions
+        from wavesweep.sweep.drawn_loops import loop_at_hand
+
+        if output not in ("position", "displacement"):
+            raise UsageError(f'output: expected "position" or "displacement", found {output!r}')
+        port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
+        ticks = ratio if isinstance(ratio, int) else port.kind.size
+        E, B, C, D = (positions if output == "position" else displacements)(port, ticks)
+        inputs, outputs = ([f"{name}[{i}]" for i in range(ticks)] for name in ("f_h", "x" if output == "position" else "dx"))
+        return control.ss(np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs)
+
+    def _frame(self, kind: str, columns: Columns) -> DataFrame:
+        columns = kind_named(kind).completed(columns)
+        along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
+        return frame(columns, _units(self.spec, kind, tuple(columns), along))
+
+    def _read(self, spec: Spec) -> frozenset[str]:
+        return self.read if spec is self.spec else keys_of(spec)
+
+    def _asked(self, along: str | None, span: Span | None, axes: Mapping[str, Numbers]) -> tuple[Grid, Axis]:
+        """The grid of the axes, and the axis of the intervals."""
+        along = self._usual if along is None else along
+        spec = naming(self.spec, [*axes, along])
+        axis = axis_along(spec, along, span)
+        return make_grid(spec, axes_asked(spec, axes, axis), axis.path, self._read(spec)), axis
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked for the same table again and again
+def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[str, str]:
+    """The units of the columns of a table of that kind. A controller's numbers have theirs from the schema."""
+    columns: dict[str, tuple[str, ...]] = dict.fromkeys(names, ()) | ({"along": (along,)} if along else {})
+    return {each.name: each.unit for each in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
+
+
+def _figure(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
+    """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+    from wavesweep.plots import drawn_into, figure_of
+    from wavesweep.sweep.assumptions import assumes
+
+    tables = spec.tables() | ({"sweep": swept} if swept else {})
+    varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
+    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied)}
+    columns = {str(name): table[name].to_numpy() for name in table}
+    return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
+
+
+def zwidth(
+    source: Source,
+    along: str | None = "K_VE",
+    hand: str = "free",
+    hand_box: Mapping[str, tuple[float, float]] | None = None,
+    passive: bool = False,
+    **work: Unpack[Options],
+) -> DataFrame:
+    """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. hand: "free", "passive"
+    or "box", see `wavesweep zwidth --help`. hand_box: ranges of mass (kg), damping (N*s/m) and stiffness (N/m) of a box.
+    passive: adds the intervals in which the hand's port is passive. work: jobs, backend, scheduler, progress, checkpoint and
+    force, see `intervals`. Errors: UsageError, SpecError, WavesweepError.
+    """
+    from wavesweep.given import boolean
+    from wavesweep.sweep.hands import hands_of
+
+    passive = boolean("passive", passive)
+    if hand_box is not None and not (isinstance(hand, str) and hand == "box"):
+        raise UsageError(f'hand_box: expected hand="box" beside it, found hand={hand!r}')
+    hands = None if hand == "free" and not passive else hands_of(hand, hand_box or {}, passive)
+    return framed(intervals.intervals(_spec(source), along, hands, **work))
+
+
+def stability_region(
+    source: Source,
+    along: str | None = None,
+    hand: str = "free",
+    hand_box: Mapping[str, tuple[float, float]] | None = None,
+    passive: bool = False,
+    **work: Unpack[Options],
+) -> DataFrame:
+    """The same along the spec's own axis, as `wavesweep stability-region` computes them.
+
+    source: a spec, a path, or nested tables. along: another axis than the spec's own. The rest is as for `zwidth`.
+    """
+    return zwidth(source, along, hand, hand_box, passive, **work)
+
+
+def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
+    """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
+
+    sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
+    column `spec`. work: as for `zwidth`.
+    """
+    return framed(responses.responses(_numbered([_spec(source) for source in sources]), **work))
+
+
+def _numbered(specs: list[Spec]) -> list[Spec]:
+    """The specs under different names, which label their rows."""
+    names: list[str] = []
+    for spec in specs:
+        tries = (f"{spec.name} {number}" if number > 1 else spec.name for number in count(1))
+        names.append(next(name for name in tries if name not in names))
+    return [replace(spec, name=name) for spec, name in zip(specs, names, strict=True)]
+
+
+def design(source: Source, **work: Unpack[Options]) -> DataFrame:
+    """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
+
+    source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
+    """
+    from wavesweep.search.study import design as search
+
+    return framed(search(_spec(source).as_designed(), **work))
+
+
+def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
+    """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
+
+    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
+    """
+    return framed(of_passivity.passivity(_spec(source), tolerance, **work))
+
+
+def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
+    """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
+
+    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
+    """
+    return framed(of_passivity.filter_choices(_spec(source), tolerance))
+
+
+def simulate(source: Source) -> list[DataFrame]:
+    """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
+
+    return [framed(table) for table in simulation.simulate(_spec(source).as_simulated())]
+
+
+def verdict(source: Source) -> dict[str, Any]:
+    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.sweep.verdict`."""
+    from wavesweep.sweep.verdict import verdict as found
+
+    return found(_spec(source))
+
+
+def why(source: Source, along: str | None = None) -> DataFrame:
+    """Elasticities and slopes of each limit of the own design of `source`, as `wavesweep why` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
+    """
+    return framed(of_why.why(_spec(source), along))
+
+
+def _spec(source: Source) -> Spec:
+    return source if isinstance(source, Spec) else load(source)

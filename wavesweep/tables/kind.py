@@ -1,0 +1,128 @@
+"""Kinds of tables: the columns of each, its summary, its figure, and how its rows are computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.rows import Columns
+
+if TYPE_CHECKING:
+    from wavesweep.tables.table import Table
+
+FieldKind = Literal["number", "integer", "boolean", "string"]
+Line = tuple[str, bool]  # a line of a summary, and whether it is a warning
+Numbers = Mapping[str, Any]  # of a summary, JSON-able
+OF_ALONG, OF_WALL = "that of along", "that of the wall"  # units that the run decides
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column.
+
+    unit: "1" if dimensionless, "" if none applies, `OF_ALONG` or `OF_WALL`. optional: only some tables of the kind have it.
+    derived: computes the column from the others, `(rows,)`, if it does not come with them.
+    """
+
+    name: str
+    kind: FieldKind
+    unit: str
+    description: str
+    optional: bool = False
+    derived: Callable[[Columns], np.ndarray] | None = None
+
+
+class Tally(Protocol):
+    """The summary of a table, counted while its rows are written."""
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows."""
+
+    def numbers(self, facts: Mapping[str, Any]) -> Numbers:
+        """The summary as numbers and words that JSON can hold."""
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the summary as lines."""
+
+
+@dataclass(frozen=True)
+class Again:
+    """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations."""
+
+    sha256: str
+    whole: Callable[[], Iterable[Columns]] | None = None
+    combinations: int = 0
+    some: Callable[[Sequence[int]], Iterator[Columns]] | None = None
+
+
+def _never(facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
+    del facts, name
+    return None
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of table.
+
+    name: of the table and its files. fields: its columns behind those of the axes, in order. tally: makes the summary of a
+    table. figure: the function of `wavesweep.plots` that draws it, as "module.function". again: a function of the facts of a
+    table, and of one that gives the name of its spec, that says how to compute its rows again; None if that is impossible.
+    study: the table of the spec that has its axes. before: number of its own columns that stand before those of the axes.
+    """
+
+    name: str
+    fields: tuple[Field, ...]
+    tally: Callable[[Table], Tally]
+    figure: str
+    again: Callable[[Mapping[str, Any], Callable[[], str]], Again | None] = field(default=_never, repr=False)
+    study: Literal["sweep", "bode"] = "sweep"
+    before: int = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the columns that every table of the kind has."""
+        return tuple(each.name for each in self.fields if not each.optional)
+
+    def completed(self, columns: Columns) -> Columns:
+        """The columns and those that are derived from them, in the order of the table.
+
+        Errors: UsageError if an axis has the name of a derived column.
+        """
+        if taken := [each.name for each in self.fields if each.derived and each.name in columns]:
+            raise UsageError(f"{taken[0]}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}")
+        return self.ordered({**columns, **{each.name: each.derived(columns) for each in self.fields if each.derived}})
+
+    def ordered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """The columns in the order of the table; what is none of its own is an axis."""
+        own = [each.name for each in self.fields if each.name in columns]
+        axes = [name for name in columns if name not in own]
+        return {name: columns[name] for name in (*own[: self.before], *axes, *own[self.before :])}
+
+
+class Whole:
+    """The summary of a table whose rows come in one block. measure: gives its numbers; write: their lines."""
+
+    def __init__(self, measure: Callable[[Columns, Numbers], Numbers], write: Callable[[Numbers], Iterator[Line]]) -> None:
+        self._measure, self._write = measure, write
+        self._columns: Columns = {}
+
+    def add(self, columns: Columns) -> None:
+        """Take the only block."""
+        self._columns = columns
+
+    def numbers(self, facts: Mapping[str, Any]) -> Numbers:
+        """The summary as numbers and words that JSON can hold."""
+        return self._measure(self._columns, facts)
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the summary as lines."""
+        yield from self._write(self.numbers(facts))
+
+
+def count(number: int, noun: str) -> str:
+    """A number and its noun."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"

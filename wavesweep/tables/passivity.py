@@ -1,0 +1,269 @@
+"""Passivity of the wave channel and of the hand's port over a sweep, and of filters: `passivity`, `passivity-filters`."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.rows import Columns, joined
+from wavesweep.tables.columns import at_port
+from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole, count
+from wavesweep.tables.table import Table, facts_of, spans_held
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep.running import Options, Run
+
+TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
+PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
+METHODS = {
+    "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
+    "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
+}
+
+PASSIVITY = (
+    Field("channel_norm", "number", "1", "H-infinity norm of the wave channel; passive where it is at most 1"),
+    Field("channel_omega", "number", "rad/s", "frequency of that norm"),
+    Field("port_margin", "number", "m/N", "smallest eigenvalue of the Hermitian part, force to displacement"),
+    Field("port_omega", "number", "rad/s", "frequency of that margin"),
+    Field("channel_passive", "boolean", "", "the wave channel gives out no more energy than it takes in"),
+    Field("port_passive", "boolean", "", "the whole loop gives the hand no more energy than it takes in"),
+    Field("stable", "boolean", "", "the loop is stable with the spec's own operator"),
+    Field("damping_needed", "number", "N*s/m", "further device damping that makes the port passive; missing if none is enough"),
+)
+
+PASSIVITY_FILTERS = (
+    Field("lp1_order", "integer", "1", "Butterworth order of LP1, and of the high-pass to the local model"),
+    Field("lp1_cutoff_hz", "number", "Hz", "-3 dB frequency of both"),
+    *PASSIVITY[:2],
+    Field("excess", "number", "1", "channel_norm less 1: how far pmw is from passive"),
+    Field("energy_gain", "number", "1", "channel_norm^2 - 1: energy that aliasing can add to a wave, J per J, at most"),
+    Field("bank_norm", "number", "1", "norm of the way out of pmw-lm, with a high-pass of the same order and cutoff"),
+    Field("certified", "boolean", "", "no frequency exceeds either norm by more than 1e-10, relative"),
+    Field("sufficient_order", "number", "1", "least order at this cutoff within the run's tolerance; missing where none is"),
+)
+
+
+def passivity(
+    spec: Spec,
+    tolerance: float = TOLERANCE,
+    **work: Unpack[Options],
+) -> Table:
+    """Channel norm and port margin for every combination of the axes of [sweep] that have values.
+
+    An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
+    margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
+    summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
+    of `run`.
+    """
+    from wavesweep.sweep.passivity_job import certified_slices, jobs_of
+    from wavesweep.sweep.running import Work, run
+
+    _refuse_tolerance(tolerance)
+    axes = tuple(axis for axis in spec.sweep if axis.values)
+    found = run(jobs_of(spec, axes), Work.of(work))
+    grid = found.jobs["port"].grid
+    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(found)}
+    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
+    facts |= {"warnings": found.warnings, "tolerance": tolerance}
+    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget)
+
+
+def in_memory(spec: Spec, axes) -> Columns:
+    """The table over `axes`, computed in this process."""
+    from wavesweep.sweep.passivity_job import jobs_of
+    from wavesweep.sweep.running import Work, run
+
+    return joined(_blocks(run(jobs_of(spec, axes), Work(jobs=1))))
+
+
+def _blocks(found: Run) -> Iterator[Columns]:
+    """Yield the rows in blocks."""
+    from wavesweep.sweep.passivity_job import blocks
+
+    for axes, columns in blocks(found):
+        known = {name: np.ascontiguousarray(columns[name]) for name in KINDS[0].names if name in columns}
+        yield axes | known
+
+
+def _notices(grid) -> Iterator[str]:
+    """Yield notices about axes that are not swept, and about a missing channel."""
+    from wavesweep.sweep.passivity_job import not_computed, sends_waves
+
+    yield from grid.notices
+    yield from spans_held(grid.spec)
+    yield from not_computed(grid)
+    if not grid.spec.drawing and not sends_waves(grid.spec):
+        missing = "its norm is missing, and what is not there adds no energy (channel_passive 1)"
+        yield f"{grid.spec.kind} has no wave channel: {missing}"
+
+
+def _refuse_tolerance(tolerance):
+    if not (isinstance(tolerance, Real) and not isinstance(tolerance, bool) and 0 <= tolerance < np.inf):
+        raise UsageError(f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}")
+
+
+def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
+    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's slow rate.
+
+    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
+    that aliasing may add for an order to be enough.
+    """
+    from wavesweep.passive import filter_table, sufficient_order
+    from wavesweep.passive.channel import CUTOFFS_HZ
+
+    if spec.drawing or spec.uneven:
+        found = "a drawn loop" if spec.drawing else "rates that do not divide"
+        raise UsageError(f"filters: expected a [controller] whose rates divide, found {found}")
+    _refuse_tolerance(tolerance)
+    started = time.perf_counter()
+    fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
+    # Rounded, so that tables of rates such as 1000/30 Hz can be read.
+    cutoffs = [cutoff for each in CUTOFFS_HZ if (cutoff := float(f"{each * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
+    columns = filter_table(spec.values, cutoffs_hz=cutoffs)
+    enough = sufficient_order(columns, tolerance)
+    orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
+    columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
+    rows = columns["certified"].size
+    counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
+    methods = {
+        "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
+        "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
+    }
+    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
+    facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
+    return Table.of("passivity-filters", columns, facts)
+
+
+class PassivityTally:
+    """Counts the passive rows, and keeps the ranges of norm, margin and further damping; facts: those of the run."""
+
+    def __init__(self, facts: Mapping[str, Any]) -> None:
+        self._tolerance, self._slices = facts["tolerance"], facts["slices"]
+        self._damped = "damping_needed" not in facts["methods"]  # otherwise it is not known
+        self._counts: Counter[str] = Counter()
+        self._ranges: dict[str, list[float] | None] = dict.fromkeys(("channel_norm", "port_margin", "damping_needed"))
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows."""
+        needed, passive = columns["damping_needed"], columns["channel_passive"]
+        flags = {
+            "rows": np.ones(needed.size, bool),
+            "channel_passive_within_tolerance": (columns["channel_norm"] ** 2 - 1 <= self._tolerance) | passive,
+            "channel_passive": passive,
+            "port_passive": columns["port_passive"],
+            "no_damping_is_enough": np.isnan(needed) & self._damped,
+            "margin_unknown": np.isnan(columns["port_margin"]),
+            "unstable": ~columns["stable"],
+        }
+        self._counts.update({name: int(each.sum()) for name, each in flags.items()})
+        values = {name: columns[name] for name in self._ranges} | {"damping_needed": needed[needed > 0]}
+        for name, column in values.items():
+            self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
+
+    def numbers(self, _: Mapping[str, Any]) -> Numbers:
+        """The summary as numbers and words that JSON can hold."""
+        order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
+                 "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
+        found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
+        return {name: found[name] for name in order}
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the lines, each with a flag that is true for a warning."""
+        yield from passivity_lines(self.numbers(facts), facts)
+
+
+def passivity_lines(found: Numbers, facts: Mapping[str, Any]) -> Iterator[Line]:
+    """Yield the lines, each with a flag that is true for a warning."""
+    rows = count(found["rows"], "row")
+    if found["channel_norm"]:
+        within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
+        norm = _span(found["channel_norm"])
+        yield f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}", False
+    reach = f"; margin {_span(found['port_margin'])} {at_port('m/N', facts)}" if found["port_margin"] else ""
+    yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
+    if found["margin_unknown"]:
+        yield f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}", True
+    if found["damping_needed"]:
+        needed, unit = _span(found["damping_needed"], 3), at_port("N*s/m", facts)
+        yield f"further damping of the device that makes it passive: {needed} {unit}", False
+    if found["no_damping_is_enough"]:
+        yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
+    if found["unstable"]:
+        yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
+    slices = found["slices"]
+    if slices["certified"] < slices["computed"]:
+        yield f"{slices['computed'] - slices['certified']} of {slices['computed']} loops not certified", True
+
+
+def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """The least sufficient order of LP1 at each cutoff, missing if none is."""
+    order = dict(zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True))
+    return {
+        "controller": facts["spec"]["controller"]["kind"],
+        "tolerance": facts["tolerance"],
+        "highest_order": int(columns["lp1_order"].max()),
+        "sufficient_orders": [
+            {"cutoff_hz": cutoff, "order": None if np.isnan(each) else int(each)} for cutoff, each in order.items()
+        ],
+    }
+
+
+def _filter_lines(found: Numbers) -> Iterator[Line]:
+    """Yield the lines, each with a flag that is true for a warning."""
+    orders = found["sufficient_orders"]
+    known = [f"{each['order']} at {each['cutoff_hz']:g} Hz" for each in orders if each["order"] is not None]
+    least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
+    yield f"{least}: {', '.join(known) or 'none'}", False
+    beyond = [f"{each['cutoff_hz']:g} Hz" for each in orders if each["order"] is None]
+    if beyond and known:
+        yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
+    if found["controller"] == "pmw-lm":
+        yield "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough", False
+    elif found["controller"] != "pmw":
+        yield f"{found['controller']} sends no waves, and needs no LP1", False
+
+
+def _range(values: np.ndarray) -> list[float] | None:
+    """The least and the largest value; None if none is known."""
+    known = values[~np.isnan(values)]
+    return [float(known.min()), float(known.max())] if known.size else None
+
+
+def _span(ends: list[float], digits: int = 7) -> str:
+    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
+
+
+def _again(make: Callable[..., Table]) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:
+    def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+        from wavesweep.spec import load
+
+        spec = load(facts["spec"])
+        return Again(spec.sha256, make(spec, facts["tolerance"]).blocks)
+
+    return again
+
+
+KINDS = (
+    Kind(
+        "passivity",
+        PASSIVITY,
+        lambda table: PassivityTally(table.facts),
+        figure="margins.passivity",
+        again=_again(partial(passivity, jobs=1)),
+    ),
+    Kind(
+        "passivity-filters",
+        PASSIVITY_FILTERS,
+        lambda _: Whole(_filter_numbers, _filter_lines),
+        figure="margins.passivity_filters",
+        again=_again(filter_choices),
+    ),
+)

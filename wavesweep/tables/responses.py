@@ -1,0 +1,183 @@
+"""Frequency responses over specs and axes: the table `bode`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.rows import Columns
+from wavesweep.stability.certificate import OF_RESPONSES, SPARED
+from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count
+from wavesweep.tables.table import Table, facts_of, with_unlike_units
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep.response_job import ResponseJob
+    from wavesweep.sweep.running import Options, Run
+
+DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
+BODE = (
+    Field("spec", "string", "", "file stem of the spec"),
+    Field("controller", "string", "", "controller kind"),
+    Field("frequency_hz", "number", "Hz", "frequency of the hand force"),
+    Field("omega_Ts", "number", "rad", "normalised frequency, radians per sample of the slow rate, or of the slowest block"),
+    Field("admittance_re", "number", "m/N", "transmitted admittance, real part"),
+    Field("admittance_im", "number", "m/N", "transmitted admittance, imaginary part"),
+    Field("admittance_abs", "number", "m/N", "transmitted admittance, magnitude"),
+    Field("admittance_deg", "number", "deg", "transmitted admittance, phase"),
+    Field("impedance_re", "number", "N/m", "transmitted impedance, real part"),
+    Field("impedance_im", "number", "N/m", "transmitted impedance, imaginary part"),
+    Field("impedance_abs", "number", "N/m", "transmitted impedance, magnitude"),
+    Field("impedance_deg", "number", "deg", "transmitted impedance, phase"),
+    Field("worst_gain", "number", "m/N", "largest singular value of the lifted response"),
+    Field("stable", "boolean", "", "every eigenvalue but drift is inside the unit circle"),
+    Field("admittance_error", "number", "1", "bound on the relative error of the admittance; missing with it"),
+    Field("impedance_error", "number", "1", "bound on the relative error of the impedance; missing with it"),
+    Field("worst_gain_error", "number", "1", "bound on the relative error of worst_gain; missing with it"),
+    DOUBT,
+)
+UNITS = {
+    **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
+    **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),
+}
+
+
+def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
+    """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
+
+    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
+    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
+    half the fast rate, and the errors of `run`.
+    """
+    from wavesweep.sweep.response_job import response_job, units_in
+    from wavesweep.sweep.running import Work, run
+
+    if not specs:
+        raise UsageError("responses: expected at least one spec, found none")
+    names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
+    several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
+    asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
+    found = run(asked, Work.of(work))
+    grids = [job.grid for job in asked.values()]
+    computed = sum(grid.loops for grid in grids)
+    counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
+    notices = [notice for grid in grids for notice in grid.notices]
+    swept = [axis.path for spec in specs for axis in spec.bode]
+    facts = facts_of(list(specs), METHODS, counts, found.timings, notices, swept) | {"warnings": found.warnings}
+    units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
+    units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
+    facts = with_unlike_units(facts, units)
+    return Table("bode", partial(_blocks, asked, found), facts, forget=found.forget)
+
+
+def _blocks(asked: Mapping[str, ResponseJob], found: Run) -> Iterator[Columns]:
+    """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
+    from wavesweep.sweep.response_job import has_values
+
+    several = [(job.grid.spec, job.grid.axes, name, job.read) for job in asked.values() for name in job.names]
+    rough = {each[2] for each in several if not has_values(*each)}
+    for name in asked:
+        for columns in found.blocks(name):
+            yield KINDS[0].completed({**columns, **{each: columns[each].astype(float) for each in rough}})
+
+
+METHODS = {
+    "admittance": "closed loop of the frame, displacement in the tick, component at the force's own frequency",
+    "worst_gain": "singular values of the lifted map from forces to positions",
+    "errors": "residual, rounding of all entries and size of the inverse, entry by entry",
+}
+
+
+class BodeTally:
+    """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
+
+    def __init__(self) -> None:
+        self._rows = self._curves = self._diverging = self._undecided = self._doubted = self._gains = 0
+        self._frequencies = np.empty(0)
+        self._last: list[np.ndarray] = []
+        self._unstable: set[str] = set()
+        self._doubts: set[str] = set()
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows; a curve is rows with the same values, one after the other."""
+        leading = [columns[name] for name in list(columns)[: list(columns).index("controller")]]
+        new = np.zeros(len(columns["controller"]), bool)
+        for column in leading:
+            new[1:] |= _differ(column[1:], column[:-1])
+        first = [column[:1] for column in leading]
+        new[:1] = not self._last or any(_differ(*pair).any() for pair in zip(first, self._last, strict=True))
+        self._last = [column[-1:] for column in leading]
+        doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
+        self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
+        unstable = columns["doubt"] == "unstable"
+        self._diverging, self._undecided = (
+            total + int((new & these).sum())
+            for total, these in ((self._diverging, unstable), (self._undecided, ~columns["stable"] & ~unstable))
+        )
+        bounded = (columns["admittance_error"] <= SPARED) & (columns["impedance_error"] <= SPARED)
+        gains = bounded & (columns["doubt"] == "rounding")
+        self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int(gains.sum())
+        self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
+        self._unstable.update(columns["spec"][unstable].tolist())
+        self._doubts.update(columns["doubt"][doubted].tolist())
+
+    def numbers(self, _: Mapping[str, Any]) -> Numbers:
+        """The summary as numbers and words that JSON can hold."""
+        return {
+            "rows": self._rows,
+            "frequencies": self._frequencies.size,
+            "curves": self._curves,
+            "unstable_curves": self._diverging,
+            "unstable_specs": sorted(self._unstable),
+            "undecided_curves": self._undecided,
+            "doubted_rows": self._doubted,
+            "doubted_worst_gains": self._gains,
+            "doubts": sorted(self._doubts),
+        }
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the lines, each with a flag that is true for a warning."""
+        yield from bode_lines(self.numbers(facts))
+
+
+def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Where two columns differ; a missing number equals another."""
+    return (one != other) & ((one == one) | (other == other))  # noqa: PLR0124 - a missing number is unequal to itself
+
+
+def bode_lines(found: Numbers) -> Iterator[Line]:
+    """Yield the lines, each with a flag that is true for a warning."""
+    each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
+    frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
+    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
+    if found["unstable_specs"]:
+        share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
+        yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
+    if found["undecided_curves"]:
+        yield (
+            f"{found['undecided_curves']} of {count(found['curves'], 'loop')} not known to be stable, see the column doubt",
+            True,
+        )
+    if found["doubted_rows"]:
+        words = ", ".join(found["doubts"])
+        rest = found["doubted_rows"] - found["doubted_worst_gains"]
+        if found["doubted_worst_gains"]:
+            yield f"{count(found['doubted_worst_gains'], 'row')} without a reliable worst gain, the rest of them reliable", True
+        if rest:
+            yield f"{count(rest, 'row')} without a reliable value ({words}), see the column doubt", True
+
+
+def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
+    from wavesweep.spec import load
+
+    specs = [replace(load(tables), name=each) for each, tables in (facts.get("specs") or {name(): facts["spec"]}).items()]
+    table = responses(specs, jobs=1)
+    return Again(table.facts["spec_sha256"], table.blocks)
+
+
+KINDS = (Kind("bode", BODE, lambda _: BodeTally(), figure="responses.bode", again=_again, study="bode"),)

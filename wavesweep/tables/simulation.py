@@ -1,0 +1,311 @@
+"""A simulation: every tick, and the response that it shows beside that of the linear loop; `simulate`, `simulate-response`."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from math import log
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.rows import Columns
+from wavesweep.spec.devices import DEVICES
+from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.responses import BODE, DOUBT
+from wavesweep.tables.table import Table, facts_of
+
+if TYPE_CHECKING:
+    from wavesweep.simulation import Simulation
+    from wavesweep.spec import Spec
+
+SHOWN = 5  # frequencies that a notice names
+SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a sine is measured
+METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
+RESPONSE_METHODS = {
+    "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
+    "linear_admittance": "resolvent of the frame, component at the force's own frequency",
+}
+
+SIMULATE = (
+    Field("tick", "integer", "tick", "number of the fast tick, from 0"),
+    Field("frame", "integer", "1", "number of the slow frame, from 0; for dc, whose frame is one tick, the tick"),
+    Field("phase", "integer", "tick", "tick in the frame; the slow event happens at 0"),
+    Field("time_s", "number", "s", "when the tick starts"),
+    Field("f_h", "number", "N", "force of the hand, held over the tick"),
+    Field("x", "number", "m", "position of the device at the start of the tick"),
+    Field("v", "number", "m/s", "velocity of the device at the start of the tick"),
+    Field("x_hat", "number", "m", "position as the encoder gives it"),
+    Field("v_hat", "number", "m/s", "velocity as it is measured"),
+    Field("f_m", "number", "N", "force that the controller asks for"),
+    Field("f_device", "number", "N", "force that the motors exert, held over the tick"),
+    Field("touching", "boolean", "", "the slow result that the fast loop holds is of a contact with the wall"),
+    Field("late", "integer", "tick", "by how much the slow result of this frame comes late; -1 where it never comes"),
+    Field("u_m", "number", "W^(1/2)", "wave that leaves the user's side; NaN without waves"),
+    Field("v_m", "number", "W^(1/2)", "wave that reaches the user's side; NaN without waves"),
+    Field("u_s", "number", "W^(1/2)", "wave at the slow environment, held from its event on; NaN without waves"),
+    Field("v_s", "number", "W^(1/2)", "wave that the slow environment returns, held likewise; NaN without waves"),
+    Field("x_s", "number", "m", "position of the avatar, held likewise; NaN without waves"),
+    Field("x_dot_s", "number", "m/s", "velocity of the avatar, held likewise; NaN without waves"),
+    Field("F_s", "number", "N", "force of the virtual environment, held from its event on"),
+    Field("u_h", "number", "W^(1/2)", "wave at the local model; NaN but for pmw-lm"),
+    Field("v_l", "number", "W^(1/2)", "wave that the local model returns; NaN but for pmw-lm"),
+    Field("v_2", "number", "W^(1/2)", "the local model's part of v_m; NaN but for pmw-lm"),
+    Field("energy_hand", "number", "J", "work of the hand on the device up to the end of the tick"),
+    Field("energy_device", "number", "J", "work that the motors took up, up to the end of the tick"),
+    Field("energy_user", "number", "J", "energy that went into the wave channel at the user's side; NaN without waves"),
+    Field("energy_slow", "number", "J", "energy that came out at the slow environment; NaN without waves"),
+    Field("energy_local", "number", "J", "energy that came out at the local model; NaN without waves"),
+    Field("energy_channel", "number", "J", "energy_user - energy_slow - energy_local; NaN without waves"),
+)
+
+_RESPONSE = tuple(field for field in BODE if not field.name.endswith(("worst_gain", "stable", "error", "doubt")))
+_BOUNDS = tuple(field for field in BODE if field.name in ("admittance_error", "impedance_error"))
+
+# As seen in the simulation, beside what the linear analysis says of the same loop.
+SIMULATE_RESPONSE = (
+    *_RESPONSE,
+    *(
+        replace(field, name=f"linear_{field.name}", description=f"{field.description}, of the linear loop")
+        for field in (*_RESPONSE, *_BOUNDS)
+        if field.name.startswith(("admittance", "impedance"))
+    ),
+    replace(DOUBT, description="why the linear response is not vouched for, or missing (unstable); empty where it is"),
+)
+
+
+def simulate(spec: Spec) -> list[Table]:
+    """The time series of the simulated spec and, for settled sines, the response estimated from it."""
+    from wavesweep.simulation import hand_force, table
+    from wavesweep.simulation.march import FARTHEST, STRONGEST
+    from wavesweep.sweep.experiment import linear_loop, seen_response, simulation_of
+
+    started = time.perf_counter()
+    hand = hand_force(spec)
+    simulation = simulation_of(spec, hand.force)
+    columns = table(simulation)
+    simulated_at, linear = time.perf_counter(), linear_loop(spec)
+    seconds = {"march_s": simulated_at - started}
+    facts = _facts(spec, METHODS, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
+    rows = len(columns["tick"])
+    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
+    if spec.drawing:  # whose rate may be an expression
+        facts["tick_s"] = 1 / spec.tick_hz
+    late = simulation.late
+    facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
+    facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
+    tables = [Table.of("simulate", columns, facts)]
+    tones = [tone for tone in hand.tones if tone.last <= rows]
+    if tones:
+        response = seen_response(spec, simulation, tones)
+        timings = {"estimate_s": time.perf_counter() - simulated_at}
+        notices = [*_images(tones, 1 / spec.tick_hz, simulation.frame), *_unsettled(spec, linear, simulation.frame)]
+        facts = _facts(spec, RESPONSE_METHODS, timings, notices) | {"linear_loop": linear}
+        tables.append(Table.of("simulate-response", response, facts))
+    return tables
+
+
+def _unmeasured(spec, tones):
+    """Yield a notice about the sines of which no settled section is within the record."""
+    if spec.simulate["input"] in ("sine", "stepped-sine"):
+        left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
+        if left:
+            named = ", ".join(left if len(left) <= SHOWN else [left[0], "...", left[-1]])
+            longer = "a longer simulate.duration_s measures them"
+            yield f"not measured at {named} Hz: the input ends before they have settled; {longer}"
+
+
+def _images(tones, tick, frame):
+    """Yield a notice about the tones that are their own image."""
+    from wavesweep.simulation.record import own_image
+
+    own = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
+    if own and frame > 1:
+        yield (
+            f"at {', '.join(own)} Hz, a multiple of half the frame's rate, a sine is its own image: the response seen depends "
+            "on its phase"
+        )
+
+
+def _unsettled(spec, linear, frame):
+    """Yield a notice if the slowest mode has not died out where the sines are measured; frame: its ticks."""
+    radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
+    left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
+    if left > SETTLED:
+        enough = log(SETTLED / 10) / log(radius) * frame / spec.tick_hz
+        yield (
+            f"the slowest mode still has {100 * left:.2g} % of its beginning after simulate.settle_s = {settle:g} s, and is "
+            f"part of the response seen; {enough:.3g} s leave {10 * SETTLED:g} % of it"
+        )
+
+
+def _stopped(simulation: Simulation, rows: int, wanted: int) -> str:
+    """Why the rows end before the last tick; empty if they do not."""
+    return simulation.stopped or ("numbers overflow" if rows < wanted else "")
+
+
+def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
+    facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
+    if spec.simulate["input"] == "record":
+        from wavesweep.simulation import record_path
+
+        # The digest of the spec covers only the name of the record.
+        facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
+    return facts
+
+
+def _notices(spec: Spec) -> Iterator[str]:
+    """Yield notices about values that a user may not expect."""
+    from wavesweep.sweep.assumptions import over_preset
+
+    options = spec.simulate
+    if unread := spec.unread:
+        keys = ", ".join(f"simulate.{name}" for name in unread)
+        yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
+    limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
+    if spec.preset:
+        beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
+        if beyond:
+            yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
+        yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.items()})
+    if options["resolution"] and spec.values.get("device.velocity") == "exact":
+        yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
+
+
+def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """The run, the linear loop behind it, contact, saturation, timing and energies; None if something does not apply."""
+    spec, options = facts["spec"], facts["spec"]["simulate"]
+    tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
+    rows = len(columns["tick"])
+    motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
+    return {
+        "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
+        "input": options["input"],
+        "ticks": rows,
+        "wanted_ticks": facts["ticks"]["wanted"],
+        "seconds": rows * tick,
+        "stopped": facts["ticks"]["stopped"],
+        "linear_loop": dict(facts["linear_loop"]),
+        "contact": _contact(columns["touching"]) if "wall" in options and rows else None,
+        "max_force": options.get("max_force"),
+        "share_at_max_force": None if motors is None else float(motors),
+        "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped")) and rows else None,
+        "energy": _energy(columns) if rows else None,
+    }
+
+
+def _contact(touching: np.ndarray) -> Numbers:
+    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[0])
+    return {"times": made, "share": float(touching.mean())}
+
+
+def _energy(columns: Columns) -> Numbers:
+    last = {name: float(columns[f"energy_{name}"][-1]) for name in ("hand", "device", "channel")}
+    least = float(columns["energy_channel"].min())
+    return {name: None if np.isnan(value) else value for name, value in (last | {"channel_least": least}).items()}
+
+
+def _run_lines(found: Numbers) -> Iterator[Line]:
+    """Yield the lines, each with a flag that is true for a warning."""
+    ticks, wanted = found["ticks"], found["wanted_ticks"]
+    much = f"{ticks}" if ticks == wanted else f"{ticks} of {wanted}"
+    if not found["linear_loop"]["stable"]:
+        yield unstable(found["linear_loop"]), True
+    yield (
+        f"{found['controller']}, force of the hand {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s",
+        False,
+    )
+    if found["stopped"]:
+        yield f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it", True
+    if ticks == 0:
+        return
+    if found["contact"]:
+        made, share = found["contact"]["times"], 100 * found["contact"]["share"]
+        yield f"contact made {'once' if made == 1 else f'{made} times'}, felt for {share:.3g} % of the time", False
+    if found["share_at_max_force"] is not None:
+        share = 100 * found["share_at_max_force"]
+        yield f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time", False
+    if timing := found["slow_results"]:
+        yield f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost", False
+    if not found["stopped"]:  # the energies of a run that explodes mean nothing
+        yield _energy_line(found["energy"], "force against it" if found["controller"] == "drawn" else "motors"), False
+
+
+def unstable(linear: Numbers) -> str:
+    """The sentence about a linear loop that is not stable."""
+    radius = linear["spectral_radius"]
+    if radius is None:
+        return "the linear loop is not known to be stable (numbers overflow, or rounding hides them)"
+    if radius == 1:
+        return "the linear loop is not known to be stable (spectral radius 1 per frame, but for rounding)"
+    return f"UNSTABLE: the linear loop diverges (spectral radius {radius:.6g} per frame)"
+
+
+def _energy_line(energy: Numbers, taker: str) -> str:
+    line = f"energy: the hand gave {energy['hand']:.4g} J"
+    if energy["device"] is None:
+        return line
+    line += f", the {taker} took {energy['device']:.4g} J"
+    if energy["channel"] is None:
+        return line
+    return f"{line}, the wave channel kept {energy['channel']:.4g} J (at least {energy['channel_least']:.4g} J at any time)"
+
+
+def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """Largest relative difference between the simulated response and that of the linear loop, None without one."""
+    stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
+    off = {f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")}
+    known = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
+    return {"frequencies": len(columns["frequency_hz"]), **known, **(off if stable else dict.fromkeys(off))}
+
+
+def _response_lines(found: Numbers) -> Iterator[Line]:
+    """Yield the lines, each with a flag that is true for a warning."""
+    where = f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+    if found["undecided"]:
+        yield f"{where}: the loop is not known to be stable, and may have no steady response to compare it with", True
+        return
+    if not found["stable"]:
+        yield f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)", True
+        return
+    off = [found[f"largest_difference_{name}"] for name in ("admittance", "impedance")]
+    if None in off:
+        yield f"{where}: not known, so there is nothing to compare with the linear loop; is the force zero?", True
+        return
+    yield (
+        f"{where}: differs from the linear loop by at most {off[0]:.2g} (admittance) and {off[1]:.2g} (impedance), relative",
+        False,
+    )
+
+
+def _off(columns: Columns, name: str) -> float | None:
+    """Largest relative difference, over the frequencies at which both are known; None if there are none."""
+    seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
+    off = np.abs(seen - linear) / np.abs(linear)
+    return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
+
+
+def _again(number: int) -> Callable[[Mapping[str, Any], Callable[[], str]], Again | None]:
+    def again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
+        from wavesweep.spec import load
+
+        if facts["spec"]["simulate"]["input"] == "record":
+            return None  # the package does not have the path of the recorded force
+        spec = replace(load(facts["spec"]).as_simulated(), name=name())
+        return Again(spec.sha256, simulate(spec)[number].blocks)
+
+    return again
+
+
+KINDS = (
+    Kind("simulate", SIMULATE, lambda _: Whole(_run_numbers, _run_lines), figure="simulation.simulate", again=_again(0)),
+    Kind(
+        "simulate-response",
+        SIMULATE_RESPONSE,
+        lambda _: Whole(_response_numbers, _response_lines),
+        figure="responses.simulate_response",
+        again=_again(1),
+    ),
+)

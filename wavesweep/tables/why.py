@@ -1,0 +1,251 @@
+"""How the ends of stable intervals, and the stiffness felt there, move with every number of the loop: the table `why`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from math import isclose, isnan, pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.rows import Columns
+from wavesweep.spec import Axis, Spec, sweep_axes
+from wavesweep.spec.loading import naming
+from wavesweep.stability.certificate import OF_DERIVATIVES
+from wavesweep.tables.intervals import ALONG
+from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.table import Table, facts_of, held
+
+if TYPE_CHECKING:
+    from wavesweep.sweep.grid import Grid
+
+METHOD = (
+    "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
+    "rates.fast_hz or rates.tick_hz all rates change"
+)
+
+WHY = (
+    ALONG,
+    Field("interval", "integer", "1", "number of the stable interval, from 0"),
+    Field("end", "string", "", "end of the interval: low or high; only ends that stability sets, and not the range"),
+    Field(
+        "crossing",
+        "integer",
+        "1",
+        "number of the crossing at this end, from 0; the first one is the column low_omega or high_omega",
+    ),
+    Field("corner", "boolean", "", "several crossings lie within 1e-6 of this end, which moves with one of them"),
+    Field("quantity", "string", "", "the limit: end, or felt, the static stiffness that the hand feels at this end"),
+    Field("limit", "number", "", "value of the limit, in its unit"),
+    Field("unit", "string", "", "unit of the limit"),
+    Field("omega", "number", "rad/s", "frequency of the mode that crosses there, from frame to frame"),
+    Field("damping_ratio", "number", "1", "its damping ratio a tenth of the end inside, half-way into a narrow interval"),
+    Field("states", "string", "", "states that take part in this mode most, with their participation"),
+    Field("number", "string", "", "name of a number that the loop reads"),
+    Field("value", "number", "", "value of the number, in its unit"),
+    Field("number_unit", "string", "", "unit of the number"),
+    Field("elasticity", "number", "1", "per cent by which the limit moves for one per cent of the number; 0 if this is 0"),
+    Field("slope", "number", "", "derivative of the limit by the number, in their units; missing if the number is 0"),
+    Field("certified", "boolean", "", "the interval is certified, and rounding cannot change the derivatives by 1e-8"),
+    Field("doubt", "string", "", f"why the derivatives are missing: {', '.join(OF_DERIVATIVES)}; empty if they are given"),
+)
+
+
+def why(spec: Spec, along: str | None = None) -> Table:
+    """The elasticities of each limit of the spec's own design: per cent by which it moves for one per cent of each number.
+
+    along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
+    held at the spec's values. Errors: as for `intervals`.
+    """
+    from wavesweep.sweep.assumptions import over_preset
+    from wavesweep.sweep.elasticities import elasticities, without_derivatives
+    from wavesweep.sweep.grid import make_grid
+    from wavesweep.sweep.interval_job import job_over, method
+    from wavesweep.sweep.running import in_memory
+
+    started = time.perf_counter()
+    spec = naming(spec, [along])
+    axis, others = sweep_axes(spec, along, swept=False)
+    job = job_over(make_grid(spec, (), axis.path), axis)
+    found = in_memory(job)
+    columns = KINDS[0].completed(elasticities(job.grid, axis, found, KINDS[0].names))
+    certified = int(found["certified"].all())
+    notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
+    if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in spec.wall[:1]:
+        listed = any(each.path == axis.path and each.start < each.stop for each in spec.sweep)
+        said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
+        notices.append(f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}")
+    if left_out := without_derivatives(spec):
+        notices.append(
+            f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
+        )
+    notices += over_preset(spec)
+    counts = {"computed": 1, "skipped": 0, "certified": certified}
+    timings = {"compute_s": time.perf_counter() - started}
+    facts = facts_of(spec, {"intervals": method(job), "why": METHOD}, counts, timings, notices, [axis.path])
+    spans = [{"low": low, "high": high} for low, high in _spans(found)]
+    doubts = [word for word in dict.fromkeys(found["doubt"].tolist()) if word]
+    searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
+    facts |= {"along": searched, "intervals": spans, "doubts": doubts, "lines_hz": _lines_hz(spec, axis, columns)}
+    return Table.of("why", columns, facts)
+
+
+def _lines_hz(spec, axis, columns):
+    """The frequency in Hz of the strongest line of each crossing in the hand's position, in the order of the table.
+
+    In the frame a mode has lines at every multiple of the frame's rate beside its frequency from frame to frame; see
+    `strongest_turns`. The table's frequency if there is no hand.
+    """
+    from wavesweep.sweep.verdict import line_hz
+
+    found = {}
+    keys = zip(*(columns[name].tolist() for name in ("interval", "end", "crossing")), strict=True)
+    for key, limit, omega in zip(keys, columns["limit"].tolist(), columns["omega"].tolist(), strict=True):
+        if key in found or np.isnan(omega):
+            found.setdefault(key, None)
+            continue
+        found[key] = omega / (2 * np.pi)
+        with suppress(WavesweepError):  # a limit may be no value of a spec
+            found[key] = line_hz(spec.with_values({axis.path: limit}), omega)
+    return list(found.values())
+
+
+def _spans(found):
+    """The ends of the stable intervals."""
+    some = found["intervals"] > 0
+    return zip(found["low"][some].tolist(), found["high"][some].tolist(), strict=True)
+
+
+def sensitivities(grid: Grid, axis: Axis) -> Columns:
+    """The same columns for every combination of a grid, in memory."""
+    from wavesweep.sweep.elasticities import elasticities
+    from wavesweep.sweep.interval_job import job_over
+    from wavesweep.sweep.running import in_memory
+
+    taken = sorted({other.name for other in grid.axes} & set(KINDS[0].names))
+    if taken:
+        raise UsageError(
+            f"{', '.join(taken)}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}"
+        )
+    return elasticities(grid, axis, in_memory(job_over(grid, axis)), KINDS[0].names)
+
+
+FIRST = 3  # numbers that are named
+LEAST = 5e-4  # an elasticity below which a number does not matter
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """For each end and crossing its mode, the limit and the stiffness felt there, each with the numbers that matter most."""
+    names = ("interval", "end", "crossing")
+    keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
+    ends = []
+    for key, line in zip(dict.fromkeys(keys), facts["lines_hz"], strict=True):
+        rows = np.array([each == key for each in keys])
+        quantities = {"limit": "end", "felt": "felt"}
+        limits = {name: _limit(columns, rows & (columns["quantity"] == quantity)) for name, quantity in quantities.items()}
+        first = int(np.flatnonzero(rows)[0])
+        mode = {name: columns[name][first] for name in ("omega", "damping_ratio", "states", "corner")}
+        mode |= {"line_hz": line}
+        ends.append(dict(zip(names, key, strict=True)) | {name: _plain(value) for name, value in mode.items()} | limits)
+    return {
+        "along": dict(facts["along"]),
+        "stable_intervals": [list(each.values()) for each in facts["intervals"]],
+        "slices": dict(facts["slices"]),
+        "doubts": list(facts["doubts"]),
+        "ends": ends,
+    }
+
+
+def _limit(columns: Columns, rows: np.ndarray) -> Numbers | None:
+    """Value, unit, doubt, and elasticities, the largest first; None if there is no such limit."""
+    some = np.flatnonzero(rows)
+    if not some.size:
+        return None
+    elasticity = columns["elasticity"][some]
+    known = some[~np.isnan(elasticity)]
+    order = known[np.argsort(-np.abs(columns["elasticity"][known]), kind="stable")][:FIRST]
+    doubts = [word for word in dict.fromkeys(columns["doubt"][some].tolist()) if word]
+    return {
+        "value": float(columns["limit"][some[0]]),
+        "unit": str(columns["unit"][some[0]]),
+        "doubts": doubts,
+        "elasticities": {str(columns["number"][row]): float(columns["elasticity"][row]) for row in order},
+    }
+
+
+def _plain(value: Any) -> Any:
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(value, float) and isnan(value) else value
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    """Yield the lines, each with a flag that is true for a warning."""
+    axis, spans = found["along"], found["stable_intervals"]
+    name, unit = axis["name"], _unit(axis["unit"])
+    searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
+    if spans:
+        yield f"{name}: stable from {' and '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)}{unit}", False
+    elif not found["doubts"]:
+        yield f"{name}: no stable interval in {searched}", True
+    if found["doubts"]:
+        none = "" if spans else f", and no stable interval is known in {searched}"
+        yield f"{name}: not certified ({', '.join(found['doubts'])}), so no derivatives are given{none}", True
+    if spans and not found["ends"]:
+        yield f"stability sets no end of it in the range searched, {searched}", False
+    for end in found["ends"]:
+        yield from _end_lines(name, end)
+
+
+def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
+    limit, felt = end["limit"], end["felt"]
+    corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
+    frequency = f"{end['omega']:.5g} rad/s ({end['omega'] / (2 * pi):.4g} Hz)" if end["omega"] else ""
+    mode = f"an oscillation of {frequency}" if end["omega"] else "a mode without oscillation from frame to frame"
+    mode = "a mode that is not known" if end["omega"] is None else mode
+    within = end["omega"] is not None and not isclose(2 * pi * end["line_hz"], end["omega"], rel_tol=1e-6, abs_tol=1e-9)
+    if within:
+        once = f"once a frame {end['omega'] / (2 * pi):.4g} Hz" if end["omega"] else "none from frame to frame"
+        mode = f"an oscillation of {end['line_hz']:.4g} Hz within the frame ({once})"
+    beside = " from frame to frame" if within else " beside it"
+    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{beside}"
+    yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False
+    if end["states"]:
+        yield f"  states that take part: {end['states']}", False
+    yield _moves(limit)
+    if felt is not None:
+        line, warning = _moves(felt)
+        said = felt["value"] == limit["value"] == 0  # of which a per cent is nothing either
+        warning = warning and not said
+        yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
+
+
+def _moves(limit: Numbers) -> Line:
+    """The sentence about the numbers that matter most."""
+    moved = {number: value for number, value in limit["elasticities"].items() if abs(value) >= LEAST}
+    if moved:
+        parts = [f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()]
+        verbs = ["moves it ", *[""] * len(parts)]
+        sentences = [f"1 % more {number} {verb}{part}" for number, verb, part in zip(moved, verbs, parts, strict=False)]
+        return f"  {', '.join(sentences)}", False
+    if limit["doubts"]:
+        return f"  no elasticities ({', '.join(limit['doubts'])})", True
+    if limit["value"] == 0:
+        return "  a per cent of 0 is nothing; the column slope has the derivatives", False
+    return "  no number of the loop moves it", False
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+    from wavesweep.spec import load
+
+    spec = load(facts["spec"])
+    return Again(spec.sha256, why(spec, facts["along"]["name"]).blocks)
+
+
+KINDS = (Kind("why", WHY, lambda _: Whole(_numbers, _lines), figure="elasticities.why", again=_again),)
