@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bench
 import wavesweep
-from wavesweep import bench, results
-from wavesweep.bench.costs import exponent
-from wavesweep.bench.measuring import Patience, interleaved
-from wavesweep.bench.problems import PROBLEMS
-from wavesweep.bench.stiffness import COMMAND, LIBRARY, METHODS
+from bench.costs import exponent
+from bench.measuring import Patience, interleaved
+from bench.problems import PROBLEMS
+from bench.stiffness import COMMAND, LIBRARY, METHODS
+from wavesweep import results
 from wavesweep.cli import main
 from wavesweep.plots import drawn
 

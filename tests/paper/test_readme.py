@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from reproduce.felt_responses import CONTROLLERS
+from reproduce.figures import FIGURES, figure_7
+from reproduce.specs import load_paper
 from wavesweep.cli import main
-from wavesweep.paper.felt_responses import CONTROLLERS
-from wavesweep.paper.figures import FIGURES, figure_7
-from wavesweep.paper.specs import load_paper
 from wavesweep.results import publish
 from wavesweep.spec import load
 

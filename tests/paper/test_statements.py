@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.paper.documents import choices_text, counted, statements_text
-from wavesweep.paper.open_choices import FIELDS
-from wavesweep.paper.readings import CHOICES
-from wavesweep.paper.statements import STATEMENTS
-from wavesweep.paper.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, judge
+from reproduce.documents import choices_text, counted, statements_text
+from reproduce.open_choices import FIELDS
+from reproduce.readings import CHOICES
+from reproduce.statements import STATEMENTS
+from reproduce.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, judge
 
 # A part of a statement that no other has -> its verdict, and the reason that it has to be this one.
 EXPECTED = {

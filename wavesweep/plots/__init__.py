@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.beside import program
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 _HOMES = MappingProxyType(
     {
-        "Picture": "intervals", "bench": "errors_and_times", "bode": "responses", "compare": "comparison",
+        "Picture": "intervals", "bode": "responses", "compare": "comparison",
         "compare_bode": "comparison", "design": "designs", "diagram": "wiring", "passivity": "margins",
         "passivity_filters": "margins",
         "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities",
@@ -37,6 +38,8 @@ def __getattr__(name):
 
 def figure_of(kind: str) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Any] | None:
     """The function that draws the tables of a kind from columns and facts; None if they have no figure."""
+    if kind == "bench":
+        return program("benchmarks/bench").draw
     name = kind.replace("-", "_")
     return import_module(f"{__name__}.{_HOMES[name]}").__dict__[name] if name in _HOMES else None
 
