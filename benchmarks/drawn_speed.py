@@ -7,13 +7,13 @@ turn; minima of 9. Then a single slice of PD on a mass over a network whose dela
 along the mass; minima of 3.
 """
 
-import time
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import wavesweep
+from bench.measuring import seconds
 from wavesweep.sweep.tasks import keep_memory
 
 DRAWN = Path(__file__).parents[1] / "sweeps" / "recipes" / "controllers"
@@ -21,13 +21,6 @@ KINDS = {"pmw-lm": {"b": 25.0, "Kp": 20.0}, "pmw": {"b": 25.0}}
 COUNTS = ((100, 1), (1000, 1), (1, 31), (1, 100), (1, 1000), (31, 31))  # of impedances and dampings
 SPAN = (0, 20000)
 DELAYS = (20, 50, 100, 200)
-
-
-def seconds(work):
-    """Wall time of one call."""
-    started = time.perf_counter()
-    work()
-    return time.perf_counter() - started
 
 
 def main():

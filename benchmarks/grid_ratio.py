@@ -5,24 +5,17 @@
 The call of the library, certificate and DataFrame included, and numpy's batched eigenvalues, in turn; medians of 15.
 """
 
-import time
 from pathlib import Path
 
 import numpy as np
 
 import wavesweep
+from bench.measuring import seconds
 from wavesweep.monodromy.cut import close
 from wavesweep.sweep.open_loops import wall_cut
 
 SPECS = Path(__file__).parents[1] / "sweeps" / "paper"
 DAMPING, STIFFNESS = np.linspace(0, 15, 100), np.linspace(0, 20000, 101)[1:]
-
-
-def seconds(work):
-    """Wall time of one call."""
-    started = time.perf_counter()
-    work()
-    return time.perf_counter() - started
 
 
 def main():

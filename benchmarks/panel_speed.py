@@ -7,13 +7,13 @@ Beside each, in turn: eigenvalues at 100 values of the number, which know nothin
 """
 
 import argparse
-import time
 import tomllib
 from pathlib import Path
 
 import numpy as np
 
 import wavesweep
+from bench.measuring import seconds
 from wavesweep.sweep.tasks import keep_memory
 
 RECIPES = Path(__file__).parents[1] / "sweeps" / "recipes"
@@ -77,13 +77,6 @@ def recipes():
             other = next((each for each in values if each != name), None)
             if other and not wavesweep.compile(tables).spec.names.find(name).structural:
                 yield path.name, tables, name, (0.3 * value, 3 * value), {other: values[other] * np.linspace(0.8, 1.2, 100)}
-
-
-def seconds(work):
-    """Wall time of one call."""
-    started = time.perf_counter()
-    work()
-    return time.perf_counter() - started
 
 
 def main():

@@ -72,11 +72,12 @@ def interleaved(first: Callable[[], Any], second: Callable[[], Any], patience: P
     """Run A B A B ..., after both have been called before, and return medians."""
     started, times = time.perf_counter(), []
     while len(times) < patience.fewest or (len(times) < patience.most and time.perf_counter() - started < patience.seconds):
-        times.append((_timed(first), _timed(second)))
+        times.append((seconds(first), seconds(second)))
     return Pair(median(a for a, _ in times), median(b for _, b in times), median(a / b for a, b in times), len(times))
 
 
-def _timed(call: Callable[[], Any]) -> float:
+def seconds(call: Callable[[], Any]) -> float:
+    """Wall time of one call."""
     started = time.perf_counter()
     call()
     return time.perf_counter() - started

@@ -28,11 +28,6 @@ def test_each_figure_has_a_section_with_its_picture():
         assert "    wavesweep " in text
 
 
-@pytest.mark.parametrize("link", re.findall(r"\]\((.*?)\)", README))
-def test_what_is_linked_is_small(link):
-    assert (ROOT / "sweeps" / "paper" / link).stat().st_size < 100_000
-
-
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [number for number in SECTIONS if number != "7"])

@@ -6,22 +6,9 @@ from `(v_s, v_l)` to `v_m` is
 
     N = [c, diag(LP2(phi_m))],   |c_m| = |sin(theta/2) / (M sin(phi_m/2))|,   sum |c_m|^2 = 1,
 
-c being the hold, which keeps the energy of a frame. The way in is passive if N N* = c c* + diag |LP2_m|^2 <= I.
-
-**No LP2 makes it so.** Between 0 and pi every c_m differs from 0. An |LP2_m| of 1 or more makes the m-th entry of the
-diagonal exceed 1; otherwise the condition is `sum |c_m|^2/(1 - |LP2_m|^2) <= 1` (Schur complement), but the |c_m|^2 add
-up to 1 and no denominator exceeds 1: all LP2_m must be 0. With unit gain at 0 Hz more can be said: at theta = 0 the hold
-is c = (1, 0, ..., 0), the first entry of the diagonal is 1 + 1, and the norm is the root of 2 at least; with |LP2| <= 1 it
-is exactly that, since |N|^2 <= |c|^2 + max |LP2_m|^2 = 2.
-
-**Two complementary filters do.** Put F1 behind the hold and F2 in LP2's place, |F1|^2 + |F2|^2 = 1 at every frequency.
-Then N = [diag(F1) c, diag(F2)], and since c c* <= I,
-
-    N N* = diag(F1) c c* diag(F1)* + diag |F2|^2 <= diag(|F1|^2 + |F2|^2) = I,
-
-with equality of the first entry at theta = 0: the norm is exactly 1. A low-pass and a high-pass of one order and cutoff
-are such a pair (Butterworth; the bilinear transform keeps it). Anything of gain 1 at most beside F2, such as LP2, leaves
-the bound, and F1 = 1 at 0 Hz keeps the norm at 1. F1 = F2 = 1/sqrt(2), which is no filter at all, is another pair.
+c being the hold, which keeps the energy of a frame. The way in is passive if N N* = c c* + diag |LP2_m|^2 <= I. The page of
+this study (`documents.bank_text`) proves that no LP2 makes it so, and that F1 behind the hold and F2 in LP2's place do, with
+|F1|^2 + |F2|^2 = 1 at every frequency.
 """
 
 from __future__ import annotations
