@@ -1,4 +1,4 @@
-"""Makes `tests/support` importable as `support`, gives BLAS one thread, and marks tests by the fixtures that they read."""
+"""Makes support, benchmarks and the paper's program importable, gives BLAS one thread, marks tests by their fixtures."""
 
 import os
 import sys
@@ -6,7 +6,8 @@ from pathlib import Path
 
 from wavesweep.arithmetic import ONE_THREAD
 
-sys.path.insert(0, str(Path(__file__).parent))
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests")]
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 

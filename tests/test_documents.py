@@ -230,7 +230,7 @@ def test_the_readme_links_to_every_document(name):
 def test_documents_name_files_that_there_are(name):
     """Files and folders of the project in their prose; code and commands are run by other tests."""
     prose = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
-    named = re.findall(r"`((?:\.ci|wavesweep|tests|sweeps)/[\w./-]*)`", prose)
+    named = re.findall(r"`((?:\.ci|wavesweep|tests|sweeps|benchmarks)/[\w./-]*)`", prose)
     assert [path for path in named if not (ROOT / path).exists()] == []
 
 

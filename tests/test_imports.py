@@ -16,6 +16,7 @@ PACKAGE = Path(wavesweep.__file__).parent
 # Data flows to the right, imports point to the left. What stands above all may use all of it.
 LAYERS = (
     "errors",
+    "beside",
     "disk",
     "controllers",
     "arithmetic",
@@ -35,7 +36,6 @@ LAYERS = (
     "results",
     "search",
     "plots",
-    "paper",
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")

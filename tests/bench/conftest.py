@@ -2,7 +2,7 @@
 
 import pytest
 
-from wavesweep import bench
+import bench
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import pytest
 import wavesweep
 
 pytest.importorskip("flint", reason="python-flint is the witness")
-from benchmarks import end_errors
+import end_errors
 from support.specs import values_of
 
 ENDS, MOST = 1, 30  # ends of each condition, and loops to find them in: some have none

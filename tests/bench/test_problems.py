@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from benchmarks import references as made
+import references as made
 
-from wavesweep.bench.accuracy import ENDS, RESPONSES
-from wavesweep.bench.frequency_responses import problem as response_problem
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, coarse, digest, references, score
+from bench.accuracy import ENDS, RESPONSES
+from bench.frequency_responses import problem as response_problem
+from bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, coarse, digest, references, score
 from wavesweep.errors import WavesweepError
 
 NAMES = [problem.name for problem in PROBLEMS]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.bench.accuracy import ENDS
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, references, score
-from wavesweep.bench.rivals import bisected_by_feedback, bisected_together, decomposed
+from bench.accuracy import ENDS
+from bench.problems import COLUMNS, PROBLEMS, references, score
+from bench.rivals import bisected_by_feedback, bisected_together, decomposed
 from wavesweep.spec import load
 
 
@@ -39,7 +39,7 @@ def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
 def test_random_loops_that_it_misses_are_certified_here():
     """A loop with filters of first order, and an angle for every degree."""
     pytest.importorskip("flint", reason="python-flint is the witness")
-    from benchmarks.decomposition_misses import ANGLES, first_order, tally
+    from decomposition_misses import ANGLES, first_order, tally
 
     columns, certified, wrong, *missed = tally(first_order, 9)
     assert (columns, certified, wrong) == (3, 3, 0)

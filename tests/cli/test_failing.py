@@ -354,9 +354,11 @@ def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path
     assert (tmp_path / "here" / "simulate-response.csv").exists()
 
 
-@pytest.mark.parametrize(("command", "kind", "work"), [("bench", "bench", "measure"), ("paper", "statements", "tables")])
+@pytest.mark.parametrize(
+    ("command", "kind", "work"), [("bench", "bench", "bench.measure"), ("paper", "statements", "reproduce.tables")]
+)
 def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wavesweep, monkeypatch):
-    monkeypatch.setattr(f"wavesweep.{command}.{work}", None)
+    monkeypatch.setattr(work, None)
     with results.at_work([kind], "here"):
         code, _, err = wavesweep(command, "--out", "here")
     assert (code, err.startswith(f"Error: here: another run is at work on {kind} here")) == (1, True)

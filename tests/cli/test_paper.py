@@ -5,9 +5,9 @@ from functools import cache
 
 import pytest
 
+from reproduce import figures, open_choices, passive_bank
+from reproduce.statements.stability import STATEMENTS
 from wavesweep.cli.entry import group
-from wavesweep.paper import figures, open_choices, passive_bank
-from wavesweep.paper.statements.stability import STATEMENTS
 from wavesweep.results import read
 
 pytestmark = pytest.mark.slow

@@ -220,8 +220,8 @@ def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_pat
 
 
 def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
+    from reproduce.figures import _named
     from wavesweep import results
-    from wavesweep.paper.figures import _named
     from wavesweep.spec import load
 
     results.publish(_named("fig2", responses([load(spec)]), None), tmp_path)

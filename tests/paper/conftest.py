@@ -2,10 +2,10 @@
 
 import pytest
 
-from wavesweep.paper.open_choices import open_choices
-from wavesweep.paper.paper_loops import PaperLoops
-from wavesweep.paper.statements import STATEMENTS
-from wavesweep.paper.verdicts import judge
+from reproduce.open_choices import open_choices
+from reproduce.paper_loops import PaperLoops
+from reproduce.statements import STATEMENTS
+from reproduce.verdicts import judge
 
 
 @pytest.fixture(scope="session")

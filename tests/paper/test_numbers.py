@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from support.march import march
 
+from reproduce.felt_responses import natural_frequency, peak, respond
+from reproduce.paper_loops import BASE
+from reproduce.specs import load_paper
+from reproduce.statements.aliasing import _gain_of_a_constant
 from wavesweep.loops.filters import butterworth
-from wavesweep.paper.felt_responses import natural_frequency, peak, respond
-from wavesweep.paper.paper_loops import BASE
-from wavesweep.paper.specs import load_paper
-from wavesweep.paper.statements.aliasing import _gain_of_a_constant
 
 
 def test_both_sets_of_inferred_values_render_about_800(paper):

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from support.controllers import advance, at_rest, butterworth
 
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.loops.page import drawing_of_page
-from wavesweep.loops.pmw import pmw_lm
-from wavesweep.monodromy.interconnect import connect
-from wavesweep.paper.documents import bank_text
-from wavesweep.paper.paper_loops import BASE
-from wavesweep.paper.passive_bank import (
+from reproduce.documents import bank_text
+from reproduce.paper_loops import BASE
+from reproduce.passive_bank import (
     AS_DRAWN,
     BEHIND,
     DESIGNS,
@@ -25,7 +21,11 @@ from wavesweep.paper.passive_bank import (
     page,
     passive_bank,
 )
-from wavesweep.paper.specs import load_paper
+from reproduce.specs import load_paper
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.loops.page import drawing_of_page
+from wavesweep.loops.pmw import pmw_lm
+from wavesweep.monodromy.interconnect import connect
 
 
 def lifted_gain(page, values, theta):

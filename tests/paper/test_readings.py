@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from reproduce.felt_responses import respond
+from reproduce.paper_loops import PaperLoops
+from reproduce.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
+from reproduce.specs import load_paper
 from wavesweep.controllers import WALL
 from wavesweep.loops.controllers import keys_of_page
-from wavesweep.paper.felt_responses import respond
-from wavesweep.paper.paper_loops import PaperLoops
-from wavesweep.paper.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
-from wavesweep.paper.specs import load_paper
 from wavesweep.tables.intervals import intervals
 
 PAPERS = {  # what the paper gives for the figures that the statements are on; its local model has a stiffness only

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from reproduce.specs import FOLDER, load_paper
+from wavesweep import beside
 from wavesweep.errors import UsageError
-from wavesweep.paper import specs
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.responses import responses
 
@@ -24,7 +25,7 @@ PAPERS = {
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_spec_says_what_is_the_papers_and_what_is_inferred(name):
-    text = (specs.folder() / f"{name}.toml").read_text(encoding="utf-8")
+    text = (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
     assert "The paper's own:" in text
     assert "Inferred" in text
 
@@ -33,7 +34,7 @@ def test_a_spec_says_what_is_the_papers_and_what_is_inferred(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_spec_has_the_papers_values_and_serves_the_sweeping_commands(name):
-    spec = specs.load_paper(name)
+    spec = load_paper(name)
     assert {path: spec.values[path] for path in PAPERS} == PAPERS
     assert len(intervals(spec, along="K_VE").columns["high"]) > 0
     assert len(intervals(spec).columns["high"]) > 0
@@ -41,31 +42,28 @@ def test_a_spec_has_the_papers_values_and_serves_the_sweeping_commands(name):
 
 
 def test_the_loops_of_one_section_are_the_same():
-    six, seven, eight, pmw, two = (specs.load_paper(name).values for name in ("fig6", "fig7", "fig8", "pmw", "fig2"))
-    five = specs.load_paper("fig5").values
+    six, seven, eight, pmw, two = (load_paper(name).values for name in ("fig6", "fig7", "fig8", "pmw", "fig2"))
+    five = load_paper("fig5").values
     assert dict(six) == dict(seven) == dict(eight) == {**five, "controller.Kp": 20.0}
     read_by_both = [path for path in pmw if not path.startswith(("controller.k", "controller.K"))]
     assert [path for path in read_by_both if pmw[path] != six[path]] == []
     assert dict(two) == dict(pmw)
-    explicit = specs.load_paper("fig5-explicit").values
+    explicit = load_paper("fig5-explicit").values
     assert dict(explicit) == {**five, "environment.integration": "explicit"}
 
 
-def test_every_spec_is_part_of_the_wheel():
+def test_the_wheel_has_every_spec_and_example_and_both_programs():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
-    examples = {
-        f"sweeps/examples/{path.name}": f"wavesweep/examples/{path.name}"
-        for path in (ROOT / "sweeps" / "examples").glob("*.toml")
-    }
-    assert included == {f"sweeps/paper/{name}.toml": f"wavesweep/paper/toml/{name}.toml" for name in NAMES} | examples
+    files = [*ROOT.glob("sweeps/paper/*.toml"), *ROOT.glob("sweeps/examples/*.toml")]
+    names = {"benchmarks/bench", "sweeps/paper/reproduce", *(path.relative_to(ROOT).as_posix() for path in files)}
+    assert included == {name: f"wavesweep/_beside/{name}" for name in names}
 
 
-def test_specs_of_an_installed_package_go_first_and_none_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(specs, "__file__", str(tmp_path / "wavesweep" / "paper" / "specs.py"))
-    with pytest.raises(UsageError, match="the paper's specs: expected them in"):
-        specs.folder()
-    for place in ("sweeps/paper", "wavesweep/paper/toml"):
+def test_what_is_inside_an_installed_package_goes_first_and_nothing_anywhere_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(beside, "__file__", str(tmp_path / "wavesweep" / "beside.py"))
+    with pytest.raises(UsageError, match="benchmarks/bench: expected it in"):
+        beside.program("benchmarks/bench")
+    for place in ("sweeps/paper", "wavesweep/_beside/sweeps/paper"):
         (tmp_path / place).mkdir(parents=True)
-        (tmp_path / place / "fig4.toml").touch()
-        assert specs.folder() == tmp_path / place
+        assert beside.beside("sweeps/paper") == tmp_path / place

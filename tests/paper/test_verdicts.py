@@ -2,10 +2,10 @@
 
 import pytest
 
-from wavesweep.paper.paper_loops import PaperLoops
-from wavesweep.paper.readings import PMW_LM, Choice, Reading
-from wavesweep.paper.statements.stability import WITH_STIFFER_MODELS, bank_improves_stability, local_stiffness_matters_little
-from wavesweep.paper.verdicts import (
+from reproduce.paper_loops import PaperLoops
+from reproduce.readings import PMW_LM, Choice, Reading
+from reproduce.statements.stability import WITH_STIFFER_MODELS, bank_improves_stability, local_stiffness_matters_little
+from reproduce.verdicts import (
     CONTRADICTED,
     INFERRED,
     REPRODUCED,

@@ -35,12 +35,12 @@ def command(quick: bool, options: Options) -> None:
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
     # starts inherit it.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    from wavesweep import bench
+    from wavesweep.beside import program
     from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.cli.output import alone
     from wavesweep.results import stream
 
-    started = time.perf_counter()
+    bench, started = program("benchmarks/bench"), time.perf_counter()
     with alone(["bench"], Path(options.out or FOLDER), options), progress(options.quiet) as report:
         run = bench.measure(quick=quick, progress=report)
         written = [] if options.to_stdout else _write(run, options)

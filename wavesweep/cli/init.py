@@ -8,6 +8,7 @@ from textwrap import wrap
 
 import click
 
+from wavesweep.beside import beside
 from wavesweep.cli.output import refuse_no_folder, write_whole
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
@@ -81,10 +82,8 @@ def command(kind: str, device: str | None, example: str | None, out: str | None,
 
 
 def _example(name: str) -> str:
-    """The text of an example, which an installed package has inside."""
-    here = Path(__file__).resolve().parents[1]
-    places = [place for place in (here / "examples", here.parent / "sweeps" / "examples") if place.is_dir()]
-    found = {path.stem: path for place in places for path in sorted(place.glob("*.toml"))}
+    """The text of an example."""
+    found = {path.stem: path for path in sorted(beside("sweeps/examples").glob("*.toml"))}
     _known(name, found, "example")
     return found[name].read_text(encoding="utf-8")
 

@@ -24,10 +24,12 @@ def command(options: Options) -> None:
     and its numbers for each statement. The last three are also written as Markdown. With --out - the statements go to
     stdout. No worker processes are used.
     """
-    from wavesweep import paper
+    from wavesweep.beside import program
     from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.cli.output import alone
     from wavesweep.results import publish, stream
+
+    paper = program("sweeps/paper/reproduce")
 
     if options.overrides:
         raise click.UsageError("--set: the paper's values are its own; copy one of its specs and change the copy")

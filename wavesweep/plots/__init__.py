@@ -13,13 +13,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.beside import program
 from wavesweep.errors import UsageError
 from wavesweep.tables import HOMES, kind_named
 
 if TYPE_CHECKING:
     from wavesweep.tables.table import Table
 
-_HOMES = MappingProxyType({"Picture": "intervals", "bench": "errors_and_times", "diagram": "wiring", "drawn_into": "style"})
+_HOMES = MappingProxyType({"Picture": "intervals", "diagram": "wiring", "drawn_into": "style"})
 
 
 def __getattr__(name):
@@ -33,7 +34,9 @@ def __getattr__(name):
 
 def figure_of(kind: str) -> Callable[..., Any]:
     """The function that draws the tables of a kind from columns and facts."""
-    home, _, name = (f"{_HOMES[kind]}.{kind}" if kind in _HOMES else kind_named(kind).figure).partition(".")
+    if kind == "bench":
+        return program("benchmarks/bench").draw
+    home, _, name = kind_named(kind).figure.partition(".")
     return import_module(f"{__name__}.{home}").__dict__[name]
 
 

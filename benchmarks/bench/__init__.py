@@ -1,0 +1,7 @@
+"""Run time against error, for this tool and for other methods that a user might write; and hard cases."""
+
+from bench.errors_and_times import draw
+from bench.measuring import FIELDS
+from bench.report import lines, measure
+
+__all__ = ["FIELDS", "draw", "lines", "measure"]

@@ -1,0 +1,84 @@
+"""Run time against error, a line per method and a panel per problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
+
+_LEAST = 1e-16  # errors below rounding, 0 among them, stand at the edge
+_MARKERS = "osv^D<"
+_OWN_MARKERS = "*XpP"
+_OURS = "this tool"
+_ACROSS = 3
+
+
+def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
+    """Draw the errors of the table of `wavesweep bench`: those in stiffness, and those in the response last.
+
+    facts: `titles` maps problems to the titles of their panels. A hollow mark is of a method that missed intervals.
+    """
+    chosen = np.isin(columns["part"], ("stiffness", "response"))
+    rows = {name: column[chosen] for name, column in columns.items()}
+    problems, methods = (list(dict.fromkeys(rows[name].tolist())) for name in ("problem", "method"))
+    across = min(len(problems), _ACROSS)
+    down = -(-len(problems) // across)
+    with figure(TWO_COLUMNS, 2.2 * down + 1.5) as canvas:
+        grid = canvas.subplots(down, across, squeeze=False).ravel()
+        for axes, problem in zip(grid, problems, strict=False):
+            here = rows["problem"] == problem
+            _panel(axes, {name: column[here] for name, column in rows.items()}, methods)
+            axes.set_title(facts["titles"].get(problem, problem))
+        for axes in grid[len(problems) :]:
+            axes.remove()
+        _legend(canvas, methods)
+    return canvas
+
+
+def _panel(axes: Any, rows: Mapping[str, np.ndarray], methods: list[str]) -> None:
+    for method in dict.fromkeys(rows["method"].tolist()):
+        of = (rows["method"] == method) & np.isfinite(rows["error_max"])
+        error, seconds = np.maximum(rows["error_max"][of], _LEAST), rows["seconds_each"][of]
+        missed = rows["found"][of] < rows["there"][of]
+        look = _look(method, methods)
+        axes.plot(error, seconds, **look)
+        axes.plot(error[missed], seconds[missed], **{**look, "linestyle": "none", "markerfacecolor": "white"})
+    _logarithmic(axes)
+    axes.set_xlabel("largest relative error")
+    axes.set_ylabel("s per frequency" if rows["part"][0] == "response" else "s per column")
+    axes.grid(visible=True, color="0.9", linewidth=0.5)
+
+
+def _logarithmic(axes: Any) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(_LEAST / 3, 3)
+    axes.xaxis.set_major_locator(LogLocator(numticks=5))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+    low, high = axes.get_ylim()
+    # At least two decades, so that at least two of them are named.
+    axes.set_ylim(min(low, high / 200), 1.5 * high)  # with room for the marks at the upper edge
+
+
+def _look(method: str, methods: list[str]) -> dict[str, Any]:
+    mine = method.startswith(_OURS)
+    rank = [name for name in methods if name.startswith(_OURS) == mine].index(method)
+    if mine:
+        # Behind the others, and larger: the nearest of them would be hidden.
+        return {"color": IDEAL, "marker": _OWN_MARKERS[rank], "markersize": 7, "zorder": 2.5}
+    style, marker = "-" if rank < len(_MARKERS) else "--", _MARKERS[rank % len(_MARKERS)]
+    line = {"linestyle": style, "linewidth": 0.9, "zorder": 3}
+    return {"color": distinct_colour(rank), "marker": marker, "markersize": 4, **line}
+
+
+def _legend(canvas: Any, methods: list[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], **_look(name, methods)) for name in methods]
+    canvas.legend(handles, methods, loc="outside lower center", ncols=2)

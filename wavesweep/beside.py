@@ -1,0 +1,28 @@
+"""What a checkout has beside the package, and an installed package inside it: examples, and the programs of two commands."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from wavesweep.errors import UsageError
+
+
+def beside(folder: str) -> Path:
+    """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if there is none."""
+    package = Path(__file__).resolve().parent
+    places = [root / folder for root in (package / "_beside", package.parent)]
+    for place in places:
+        if place.is_dir():
+            return place
+    raise UsageError(f"{folder}: expected it in {' or '.join(map(str, places))}, found neither; a checkout of wavesweep has it")
+
+
+def program(folder: str) -> ModuleType:
+    """Import the package that is a folder of the checkout, e.g. "benchmarks/bench", by its own name."""
+    place = beside(folder)
+    if str(place.parent) not in sys.path:
+        sys.path.insert(0, str(place.parent))
+    return import_module(place.name)
