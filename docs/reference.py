@@ -1,4 +1,4 @@
-"""What the documents say of commands, keys, blocks, tables, summaries and the library, made from the program itself.
+"""What the documents say of commands, keys, blocks, tables, doubts, summaries and the library, made from the program itself.
 
 A page has a comment, `<!-- from the code: keys -->`, in whose place `filled` puts the Markdown of that name. `docs/conf.py`
 calls it for every page while the site is built.
@@ -25,12 +25,16 @@ import wavesweep
 from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS, group
 
+HERE = Path(__file__).parent
 MARK = re.compile(r"^<!-- from the code: ([\w-]+) ?([\w-]*) -->$", re.MULTILINE)
+INCLUDED = re.compile(r"^```{include} (\S+)", re.MULTILINE)
 SHARED = 3  # commands: an option that so many have is explained once, for all of them
 
 
 def filled(text: str) -> str:
-    """The text of a page with what its marks stand for."""
+    """The text of a page with what its marks stand for, and links to files that other pages include as links to these pages."""
+    pages = {each[1]: path.name for path in HERE.glob("*.md") for each in INCLUDED.finditer(path.read_text(encoding="utf-8"))}
+    text = re.sub(r"\]\((\.\./[^)#]+)(#[^)]*)?\)", lambda link: f"]({pages[link[1]]})" if link[1] in pages else link[0], text)
     return MARK.sub(lambda mark: MADE[mark[1]](*filter(None, [mark[2]])), text)
 
 
@@ -139,6 +143,13 @@ def tables() -> str:
     return "\n\n".join(parts)
 
 
+def doubts() -> str:
+    """The words of the column `doubt`."""
+    from wavesweep.stability.certificate import DOUBTS
+
+    return _rows(("word", "meaning"), [(f"`{word}`", _plain(meaning)) for word, meaning in DOUBTS.items() if word])
+
+
 SAMPLE = """[controller]
 kind = "pmw"
 [sweep]
@@ -182,7 +193,7 @@ def summaries() -> str:
         for name, line in SAMPLED.items():
             words = shlex.split(line)
             printed = _printed(*words, *(["--no-plot"] if "--no-plot" in switches(name) else []))
-            parts += [f"## {name} --json", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
+            parts += [f"## `{name} --json`", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
     return "\n\n".join(parts)
 
 
@@ -256,7 +267,7 @@ def diagram(kind: str) -> str:
 
 def drawn(page: str) -> str:
     """The picture of the loop that a page draws."""
-    text = Path(__file__).with_name(f"{page}.md").read_text(encoding="utf-8")
+    text = (HERE / f"{page}.md").read_text(encoding="utf-8")
     return _picture(tomllib.loads(text.split("```toml\n")[1].split("```")[0]), "the loop")
 
 
@@ -269,7 +280,7 @@ def _picture(tables, name):
     return f'<img alt="Blocks and wires of {name}" style="background: white" src="data:image/svg+xml;base64,{data}">'
 
 
-MADE = {made.__name__: made for made in (commands, keys, devices, blocks, tables, summaries, library, diagram, drawn)}
+MADE = {made.__name__: made for made in (commands, keys, devices, blocks, tables, doubts, summaries, library, diagram, drawn)}
 
 
 def _printed(*words):
@@ -284,7 +295,8 @@ def _printed(*words):
 
 def _rows(head, rows) -> str:
     lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(' '.join(cell.split()) for cell in line)} |" for line in lines)
+    cells = [[re.sub(r"(?<!\\)\|", r"\|", " ".join(cell.split())) for cell in line] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
 def _plain(text: str) -> str:
