@@ -63,11 +63,11 @@ def test_nothing_is_missing_in_the_reference(reference):
         assert [key for key in kind.keys if f"| `{key}` |" not in part] == []
     text = reference.library()
     assert [name for name in PUBLIC if f"## wavesweep.{name}\n" not in text] == []
-    assert {name for name in COMMANDS if "--json" in reference.switches(name)} == {*reference.SAMPLED, *OTHERWISE}
+    assert {name for name in COMMANDS if "--json" in reference.switches(name)} - OTHERWISE == set(reference.SAMPLED)
 
 
-PUBLIC = [name for name in wavesweep.__all__ if name not in ("__version__", "results")]
-OTHERWISE = ("paper", "bench", "keys")  # the first two take minutes; the summary of `keys` is the page of the keys
+PUBLIC = [name for name in wavesweep.__all__ if callable(getattr(wavesweep, name))]
+OTHERWISE = {"paper", "bench", "keys"}  # the first two take minutes; what `keys` prints is the page of the keys
 
 
 def test_every_controller_stands_on_its_page():
