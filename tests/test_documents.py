@@ -1,21 +1,20 @@
 """The documents cannot rot: what they list is what the program has, their code runs, and all links lead somewhere."""
 
-import json
 import pathlib
 import re
-import shlex
-import subprocess
 import sys
 import tomllib
+from importlib import import_module
 
 import pytest
 
 import wavesweep
-from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec import KEYS
 from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.design import WISHES
+from wavesweep.spec.devices import DEVICES
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -26,10 +25,9 @@ BESIDE = (
     *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
     *("wavesweep/ACCURACY.md", "wavesweep/SAFETY.md", "wavesweep/TABLES.md"),
 )
-TEXTS = {
-    name: (ROOT / name).read_text(encoding="utf-8")
-    for name in ("README.md", "sweeps/paper/README.md", "sweeps/examples/FIRST-HOUR.md", *BESIDE)
-} | {f"docs/{name}": text for name, text in PAGES.items()}
+TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "sweeps/paper/README.md", *BESIDE)} | {
+    f"docs/{name}": text for name, text in PAGES.items()
+}
 LINKS = [(name, link) for name, text in TEXTS.items() for link in re.findall(r"\]\((?!http)([^)]*)\)", text)]
 
 
@@ -38,104 +36,38 @@ def section(title):
     return next(text for text in PAGES.values() if text.startswith(f"# {title}\n"))
 
 
-def test_every_command_stands_in_the_documents_with_its_help():
-    rows = dict(re.findall(r"^\| `wavesweep ([a-z-]+).*?` \| (.*?) \|$", section("Commands"), re.MULTILINE))
-    assert rows == dict(COMMANDS)
-
-
-def test_every_key_stands_in_the_documents_with_its_unit_and_default():
-    rows = re.findall(r"^\| `([\w.]+)` \| (.*?) \| (.*?) \| (.*?) \|$", section("Keys of a spec"), re.MULTILINE)
-    assert rows == [
-        (key.path, key.unit if key.unit not in ("", "1") else "", default(key), key.description) for key in KEYS.values()
-    ]
-
-
-def test_the_verdict_shown_is_the_programs(monkeypatch, capfd):
-    monkeypatch.chdir(ROOT)
-    shown = re.search(r"^    \$ wavesweep (check \S+)\n((?:    .*\n)+)", MANUAL, re.MULTILINE)
-    assert main(shown[1].split()) == 0
-    lines = shown[2].splitlines(keepends=True)
-    assert capfd.readouterr().out.startswith("".join(line.removeprefix("    ") for line in lines))
-
-
-SUMMARIZED = """
-[controller]
-kind = "pmw"
-[sweep]
-B_VE = [1, 2]
-[simulate]
-duration_s = 1
-settle_s = 0.5
-wall = 0.001
-late = 3
-max_force = 1
-[design]
-generations = 1
-population = 8
-[design.vary]
-b = { start = 5, stop = 50 }
-[design.wish]
-z_width = { B_VE = [1] }
-[design.for_all]
-hand = { stiffness = [0, 100] }
-"""
-OF_DATA = ("numbers", "at", "doubts", "elasticities", "best", "own", "units", "hands", "specs")  # whose keys are names or words
-ONCE = ("slices",)  # whose keys are documented once, for all tables
-
-
 @pytest.fixture(scope="module")
-def summaries(tmp_path_factory):
-    """The objects that commands write with --json over one small spec, by command."""
-    (folder := tmp_path_factory.mktemp("summaries")).joinpath("mine.toml").write_text(SUMMARIZED)
-    names = ("zwidth", "zwidth --hand box", "bode", "compare", "simulate", "passivity --filters", "why", "design --hand box")
-    found = {}
-    for name in (*names, "check --plot", "export --to c", "verify results/mine"):
-        first, *rest = name.split()
-        spec, switches = ["mine.toml"] if first != "verify" else [], ["--no-plot", "--force"] if name in names else []
-        command = [sys.executable, "-m", "wavesweep", first, *spec, *rest, "--json", *switches]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-        found[name] = json.loads(done.stdout)
-    return found
+def reference():
+    """The program that makes the reference."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    yield import_module("reference")
+    sys.path.remove(str(ROOT / "docs"))
 
 
-def all_keys(found, passed=()):
-    """The keys of nested objects and of the objects in lists, without those that are data."""
-    if isinstance(found, dict):
-        below = (all_keys(value, passed) for key, value in found.items() if key not in (*OF_DATA, *passed))
-        return set(found).union(*below)
-    return set().union(*(all_keys(value, passed) for value in found)) if isinstance(found, list) else set()
+def test_nothing_is_missing_in_the_reference(reference):
+    """A page has each part that is made from the code, and the parts have every command, option, key, block type, column
+    and public name."""
+    marks = [mark[1] for text in PAGES.values() for mark in reference.MARK.finditer(text)]
+    assert set(marks) == set(reference.MADE)
+    for made, names in {
+        "commands": [*COMMANDS, "--set", "--hand-box", "--to"],
+        "keys": [*KEYS, "simulate.wall", "sweep.along", "design.seed", *WISHES],
+        "devices": [name for name in DEVICES if DEVICES[name].numbers],
+        "tables": [each.name for fields in reference.columns().values() for each in fields],
+    }.items():
+        text = reference.MADE[made]()
+        assert [name for name in names if f"`{name}`" not in text] == []
+    text = reference.blocks()
+    for name, kind in TYPES.items():
+        part = text.split(f"## {name}\n")[1].split("\n## ")[0]
+        assert [key for key in kind.keys if f"| `{key}` |" not in part] == []
+    text = reference.library()
+    assert [name for name in PUBLIC if f"## wavesweep.{name}\n" not in text] == []
+    assert {name for name in COMMANDS if "--json" in reference.switches(name)} - OTHERWISE == set(reference.SAMPLED)
 
 
-def quoted(text):
-    """The words of a text that stand in backticks alone."""
-    return set(re.findall(r"`(\w+)`", text))
-
-
-@pytest.mark.thorough
-def test_the_keys_of_the_summaries_in_the_documents_are_exactly_those_of_the_programs(summaries):
-    part = PAGES["results.md"].split("\n## The summary as JSON\n", 1)[1]
-    whole, tables = (dict(re.findall(r"^\| (`.*?) \| (.*?) \|", each, re.MULTILINE)) for each in part.split("\nA table of", 1))
-    written = set().union(*summaries.values())
-    assert quoted(" ".join(whole)) == written | {"verdicts", "lines"}  # of paper and bench
-
-    found = {kind: table for each in summaries.values() for kind, table in each.get("tables", {}).items()}
-    documented = {kind: quoted(keys) for kinds, keys in tables.items() for kind in re.findall(r"`(.*?)`", kinds)}
-    assert set(documented) == set(found) - {"zwidth", "compare"}
-    assert {kind: all_keys(found[kind], ONCE) for kind in documented} == documented
-
-    by_name = [summaries["zwidth --hand box"]["tables"]["zwidth"], summaries["compare"]["tables"]["compare"]]
-    inner = [each for table in by_name for each in (table.get("hands") or table["specs"]).values()]
-    inner.append(summaries["zwidth"]["tables"]["zwidth"])
-    intervals = part.split("\nA table of intervals", 1)[1].split("The other tables:")[0]
-    values = {"stability", "range", "unknown", "hand", "compare"}  # that `ended_by` may have, a column, and a command
-    assert quoted(intervals) - values == set().union(*map(all_keys, [*by_name, *inner]))
-
-
-def test_the_reasons_of_a_limit_are_the_programs(monkeypatch, capfd, tmp_path):
-    monkeypatch.chdir(ROOT)
-    shown = re.search(r"^    \$ wavesweep (why .*)\n((?:    .*\n)+)", MANUAL, re.MULTILINE)
-    assert main([*shlex.split(shown[1]), "--no-plot", "--out", str(tmp_path)]) == 0
-    assert "".join(line.removeprefix("    ") for line in shown[2].splitlines(keepends=True)) in capfd.readouterr().err
+PUBLIC = [name for name in wavesweep.__all__ if callable(getattr(wavesweep, name))]
+OTHERWISE = {"paper", "bench", "keys"}  # the first two take minutes; what `keys` prints is the page of the keys
 
 
 def test_every_controller_stands_on_its_page():
@@ -146,26 +78,10 @@ def test_every_controller_stands_on_its_page():
 def test_the_first_screen_shows_lines_of_the_first_hour():
     """A test runs those."""
     first = README.split("\n## ", 1)[0]
-    page = (ROOT / "sweeps/examples/FIRST-HOUR.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/first-hour.md").read_text(encoding="utf-8")
     shown = [line for line in re.findall(r"^    (.*)$", first, re.MULTILINE) if not line.startswith(("$", "python3"))]
     assert len(shown) == 5, shown
     assert [line for line in shown if line not in page] == []
-
-
-def test_every_type_of_block_stands_in_the_documents_with_its_keys_and_ports():
-    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \|$", section("Draw your own loop"), re.MULTILINE)
-    assert [row[:2] for row in rows] == [(name, kind.description) for name, kind in TYPES.items()]
-    for (_, _, keys, ports), kind in zip(rows, TYPES.values(), strict=True):
-        assert re.findall(r"`(\w+)`", keys) == list(kind.keys)
-        defaults = {
-            key.path: str(key.default).lower() for key in kind.keys.values() if key.type in ("number", "integer", "boolean")
-        }
-        for name, value in re.findall(r"`(\w+)` \(([^)]*)\)", keys):
-            assert defaults.get(name, value) == value
-        pairs = kind.ports.values() if kind.by else [kind.ports] if kind.ports else []
-        assert [port in ports for pair in pairs for side in pair for port in side] == [True] * sum(
-            len(i) + len(o) for i, o in pairs
-        )
 
 
 @pytest.mark.slow
@@ -187,13 +103,6 @@ def test_every_recipe_stands_in_the_documents_with_the_numbers_of_its_comment():
         numbers = re.findall(r"\d+\.\d+|\d{4,}", answer)
         assert numbers
         assert [number for number in numbers if number not in comment] == []
-
-
-def default(key):
-    """How the page shows a default."""
-    if key.required:
-        return "required: " + ", ".join(key.choices)
-    return "" if key.default is None else str(key.default)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/library.md"])

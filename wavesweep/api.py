@@ -98,7 +98,7 @@ class Loop:
         low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
         would not accept a name, SpecError if it would not accept a value or a combination.
         prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
-        Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
+        Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
         """
         return self._intervals(along, span, axes, prove=prove)
 
@@ -116,7 +116,7 @@ class Loop:
 
         along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
         and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
-        implicit function theorem, see `analysis.sensitivity`. Errors: UsageError if a spec would not accept a name or a value.
+        implicit function theorem. Errors: UsageError if a spec would not accept a name or a value.
         Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
         """
         from wavesweep.tables.why import sensitivities
@@ -141,7 +141,7 @@ class Loop:
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
         frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
-        axes: see `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt; see `analysis.doubt`.
+        axes: see `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt.
         """
         from wavesweep.sweep.response_job import one_spec
 
@@ -151,7 +151,7 @@ class Loop:
     def passivity(self, **axes: Numbers) -> DataFrame:
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
 
-        axes: see `Loop`. Accuracy: see `analysis.passivity.channel_norm` and `port_margin`.
+        axes: see `Loop`. Accuracy: see ACCURACY.md.
         """
         from wavesweep.tables.passivity import in_memory
 
@@ -162,7 +162,7 @@ class Loop:
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
         force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: effects
-        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated`.
+        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: as for a spec.
         """
         from wavesweep.simulation import table
         from wavesweep.sweep.experiment import simulation_of

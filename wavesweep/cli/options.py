@@ -78,7 +78,7 @@ as_json = click.option(
     "--json",
     "as_json",
     is_flag=True,
-    help="Print the summary as one JSON object on stdout, and no text. docs/results.md lists its keys.",
+    help="Print the summary as one JSON object on stdout, and no text. docs/json.md explains its keys.",
 )
 formats = click.option(
     "--format",

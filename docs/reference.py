@@ -1,0 +1,339 @@
+"""What the documents say of commands, keys, blocks, tables, doubts, summaries and the library, made from the program itself.
+
+A page has a comment, `<!-- from the code: keys -->`, in whose place `filled` puts the Markdown of that name. `docs/conf.py`
+calls it for every page while the site is built.
+"""
+
+from __future__ import annotations
+
+import base64
+import inspect
+import io
+import json
+import re
+import tempfile
+import tomllib
+from collections import Counter
+from contextlib import chdir, redirect_stdout
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+
+import click
+
+import wavesweep
+from wavesweep.cli import main
+from wavesweep.cli.entry import COMMANDS, group
+
+HERE = Path(__file__).parent
+MARK = re.compile(r"^<!-- from the code: ([\w-]+) ?([\w-]*) -->$", re.MULTILINE)
+INCLUDED = re.compile(r"^```{include} (\S+)", re.MULTILINE)
+SHARED = 3  # commands: an option that so many have is explained once, for all of them
+
+
+def filled(text: str) -> str:
+    """The text of a page with what its marks stand for, and links to files that other pages include as links to these pages."""
+    pages = {each[1]: path.name for path in HERE.glob("*.md") for each in INCLUDED.finditer(path.read_text(encoding="utf-8"))}
+    text = re.sub(r"\]\((\.\./[^)#]+)(#[^)]*)?\)", lambda link: f"]({pages[link[1]]})" if link[1] in pages else link[0], text)
+    return MARK.sub(lambda mark: MADE[mark[1]](*filter(None, [mark[2]])), text)
+
+
+def commands() -> str:
+    """Every command with its usage, help and options."""
+    context = click.Context(group, info_name="wavesweep")
+    found = {name: group.get_command(context, name) for name in COMMANDS}
+    options = {name: [each for each in command.params if isinstance(each, click.Option)] for name, command in found.items()}
+    often = Counter((each.opts[0], each.help) for each in chain(*options.values()))
+    shared = {key: each for each in chain(*options.values()) if often[key := (each.opts[0], each.help)] >= SHARED}
+    parts = [_rows(("command", "what it does"), [(f"[`{name}`](#wavesweep-{name})", _plain(COMMANDS[name])) for name in found])]
+    parts += ["## Options of several commands", _options(shared.values())]
+    for name, command in found.items():
+        own = [each for each in options[name] if (each.opts[0], each.help) not in shared]
+        rest = [f"`{each.opts[0]}`" for each in options[name] if (each.opts[0], each.help) in shared]
+        usage = " ".join(command.collect_usage_pieces(click.Context(command)))
+        parts += [f"## wavesweep {name}", f"    wavesweep {name} {usage}", *_paragraphs(command.help)]
+        parts += [_options(own)] * bool(own)
+        parts += [f"And {', '.join(rest)}, which [several commands have](#options-of-several-commands)."] * bool(rest)
+    return "\n\n".join(parts)
+
+
+def _paragraphs(text):
+    """The paragraphs of a help; those that click is told not to wrap are code."""
+    for part in inspect.cleandoc(text).split("\n\n"):
+        kept = part.removeprefix("\b\n")
+        yield _plain(part) if kept == part else "\n".join(f"    {line}" for line in kept.split("\n"))
+
+
+def _options(options) -> str:
+    rows = []
+    for each in options:
+        name, metavar = each.opts[0], each.make_metavar(click.Context(click.Command("")))
+        words = " / ".join(f"`{word}`" for word in (*each.opts, *each.secondary_opts))
+        takes = "" if each.is_flag else f" `{metavar}`"
+        default = f" Default: {each.default}." if each.show_default and isinstance(each.default, str | int) and takes else ""
+        rows.append((f"{words}{takes}", _plain((each.help or name) + default)))
+    return _rows(("option", "meaning"), rows)
+
+
+def keys() -> str:
+    """Every key of a spec, by table: unit, default, values and meaning."""
+    found, parts = _printed("keys"), []
+    for table in dict.fromkeys(path.split(".")[0] for path in found):
+        mine = {path: key for path, key in found.items() if path.split(".")[0] == table}
+        rows = [(f"`{path}`", _plain(key["unit"]), _default(key), _takes(key), _meaning(key)) for path, key in mine.items()]
+        parts += [f"## [{table}]", _rows(("key", "unit", "default", "values", "meaning"), rows)]
+    return "\n\n".join([*parts, *_drawing()])
+
+
+def _drawing():
+    """The tables of a drawn loop and of [design] that hold names of the user's own."""
+    for table in ("numbers", "wire", "ports", "design.vary", "design.for_all", "design.wish"):
+        yield f"## [{table}]"
+        found = _printed("keys", table)[table]
+        yield _plain(found["description"])
+        if wishes := found.get("wishes"):
+            options = [(", ".join(f"`{each}`" for each in wish["options"]), wish) for wish in wishes.values()]
+            rows = [
+                (f"`{name}`", _unit(wish["unit"]), f"`{wish['bound']}`", takes, _plain(wish["description"]))
+                for name, (takes, wish) in zip(wishes, options, strict=True)
+            ]
+            yield _rows(("wish", "unit", "bound", "options", "meaning"), rows)
+
+
+def devices() -> str:
+    """The devices of `device.preset`, each number with its source."""
+    found, rows = _printed("keys", "device.preset")["device.preset"]["devices"], []
+    for name, device in found.items():
+        for path, number in device["numbers"].items():
+            source = _plain(number["source"])
+            value = f"{number['value']:g} {_unit(number['unit'])}"
+            rows.append((f"`{name}`", f"`{path}`", value, f"assumed: {source}" if number["assumed"] else source))
+    return _rows(("device", "key", "value", "source"), rows)
+
+
+def blocks() -> str:
+    """Every type of block with its ports and keys."""
+    parts = []
+    for path, kind in _printed("keys", "block").items():
+        rows = [
+            (f"`{name}`", _unit(key["unit"]), _default(key), _takes(key), _plain(key["description"]))
+            for name, key in kind["keys"].items()
+        ]
+        parts += [f"## {path.removeprefix('block.')}", f"{_plain(kind['description'])}. Ports: {_plain(kind['ports'])}"]
+        parts += [_rows(("key", "unit", "default", "values", "meaning"), rows)]
+    return "\n\n".join(parts)
+
+
+def columns() -> dict[str, tuple]:
+    """The columns of every table."""
+    from wavesweep.tables import kinds
+
+    return {name: kind.fields for name, kind in kinds().items() if kind.fields}
+
+
+def tables() -> str:
+    """Every table with its columns: kind, unit and meaning. Tables with the same columns stand together."""
+    named: dict[tuple, list[str]] = {}
+    for name, fields in columns().items():
+        named.setdefault(fields, []).append(name)
+    parts = []
+    for fields, names in named.items():
+        rows = [
+            (
+                f"`{each.name}`",
+                each.kind,
+                _unit(each.unit),
+                _plain(each.description) + " (with guarantees for hands)" * each.optional,
+            )
+            for each in fields
+        ]
+        parts += [f"## {', '.join(names)}", _rows(("column", "kind", "unit", "meaning"), rows)]
+    return "\n\n".join(parts)
+
+
+def doubts() -> str:
+    """The words of the column `doubt`."""
+    from wavesweep.stability.certificate import DOUBTS
+
+    return _rows(("word", "meaning"), [(f"`{word}`", _plain(meaning)) for word, meaning in DOUBTS.items() if word])
+
+
+SAMPLE = """[controller]
+kind = "pmw"
+[sweep]
+B_VE = [1, 2]
+[simulate]
+input = "pulse"
+duration_s = 1
+wall = 0.001
+late = 3
+max_force = 1
+[design]
+generations = 1
+population = 8
+[design.vary]
+b = { start = 5, stop = 50 }
+[design.wish]
+z_width = { B_VE = [1] }
+"""
+SAMPLED = {
+    "zwidth": "zwidth mine.toml",
+    "stability-region": "stability-region mine.toml --set 'sweep.b={start=5, stop=50}'",
+    "bode": "bode mine.toml",
+    "compare": "compare mine.toml",
+    "simulate": "simulate mine.toml",
+    "passivity": "passivity mine.toml --filters",
+    "why": "why mine.toml --set environment.integration=explicit",
+    "design": "design mine.toml",
+    "check": "check mine.toml",
+    "export": "export mine.toml --to c",
+    "verify": "verify results/mine",
+}
+
+
+def summaries() -> str:
+    """What commands print with --json for a small spec."""
+    import shlex
+
+    parts = [f"`mine.toml`:\n\n```toml\n{SAMPLE}```"]
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        Path("mine.toml").write_text(SAMPLE, encoding="utf-8")
+        for name, line in SAMPLED.items():
+            words = shlex.split(line)
+            printed = _printed(*words, *(["--no-plot"] if "--no-plot" in switches(name) else []))
+            parts += [f"## `{name} --json`", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
+    return "\n\n".join(parts)
+
+
+def switches(name: str) -> set[str]:
+    """All options of a command, in every spelling."""
+    command = group.get_command(click.Context(group), name)
+    return {word for each in command.params for word in (*each.opts, *each.secondary_opts)}
+
+
+def _short(found, most=3):
+    """A summary without the tails of long texts, lists and numbers."""
+    if isinstance(found, dict):
+        return {name: _short(value) for name, value in found.items()}
+    if isinstance(found, list):
+        return [_short(value) for value in found[:most]] + ["…"] * (len(found) > most)
+    if isinstance(found, float):
+        return float(f"{found:.6g}")
+    return f"{found[:57]}…" if isinstance(found, str) and len(found) > 60 else found
+
+
+def _laid_out(found, indent="", wide=110):
+    """JSON with a line for whatever fits into one."""
+    line = json.dumps(found, ensure_ascii=False)
+    if not isinstance(found, dict) or len(line) + len(indent) <= wide:
+        return line
+    inner = f"{indent}  "
+    rows = [f"{inner}{json.dumps(name)}: {_laid_out(value, inner)}" for name, value in found.items()]
+    return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
+
+
+OF_FILES = ("read", "read_table", "verify")  # of wavesweep.results: the rest writes what a run has computed
+
+
+def library() -> str:
+    """Every public name of the package with its signature and docstring; of a compiled loop also its methods."""
+    from wavesweep.drawn_loop import DrawnLoop
+
+    found = {name: getattr(wavesweep, name) for name in wavesweep.__all__}
+    parts = []
+    for name, each in ({"Loop": found.pop("Loop"), "DrawnLoop": DrawnLoop} | found).items():
+        if inspect.isclass(each):
+            parts += [f"## wavesweep.{name}".replace(".DrawnLoop", ".compile of a MultirateLoop"), _plain(inspect.getdoc(each))]
+            parts += [part for method in _methods(each) for part in _call(f"### {name}.", method, getattr(each, method))]
+        elif inspect.ismodule(each):
+            parts += [part for inner in OF_FILES for part in _call(f"## wavesweep.{name}.", inner, getattr(each, inner))]
+        elif callable(each):
+            parts += _call("## wavesweep.", name, each)
+    return "\n\n".join(parts)
+
+
+def _methods(kind):
+    """Names of the public methods of a compiled loop; a spec is made by `load`, and its methods are for the program."""
+    loops = [name for name, each in vars(kind).items() if inspect.isfunction(each) and not name.startswith("_")]
+    return loops if "Loop" in kind.__name__ and not issubclass(kind, Exception) else []
+
+
+def _call(before, name, function):
+    signature = inspect.signature(function)
+    given = [each.replace(annotation=inspect.Parameter.empty) for each in signature.parameters.values() if each.name != "self"]
+    call = signature.replace(parameters=given, return_annotation=inspect.Signature.empty)
+    yield f"{before}{name}"
+    yield f"    {name}{call}"
+    yield _plain(inspect.getdoc(function) or "")
+
+
+def diagram(kind: str) -> str:
+    """The picture of a controller's loop with the defaults of its keys, and with the gain Kp if it may have one."""
+    waves = {"Kp": 20.0} if kind.startswith("pmw") else {}
+    return _picture({"controller": {"kind": kind, **waves}}, kind)
+
+
+def drawn(page: str) -> str:
+    """The picture of the loop that a page draws."""
+    text = (HERE / f"{page}.md").read_text(encoding="utf-8")
+    return _picture(tomllib.loads(text.split("```toml\n")[1].split("```")[0]), "the loop")
+
+
+def _picture(tables, name):
+    from wavesweep.plots import diagram
+
+    picture = io.StringIO()
+    diagram(replace(wavesweep.load(tables), name="the loop")).savefig(picture, format="svg")
+    data = base64.b64encode(picture.getvalue().encode()).decode()
+    return f'<img alt="Blocks and wires of {name}" style="background: white" src="data:image/svg+xml;base64,{data}">'
+
+
+MADE = {made.__name__: made for made in (commands, keys, devices, blocks, tables, doubts, summaries, library, diagram, drawn)}
+
+
+def _printed(*words):
+    """The object that a command prints with --json."""
+    out = io.StringIO()
+    with redirect_stdout(out):
+        code = main([*words, "--json"])
+    if code:
+        raise RuntimeError(f"wavesweep {' '.join(words)} --json: exit code {code}")
+    return json.loads(out.getvalue())
+
+
+def _rows(head, rows) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    cells = [[re.sub(r"(?<!\\)\|", r"\|", " ".join(cell.split())) for cell in line] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+
+
+def _plain(text: str) -> str:
+    """A text of the program as Markdown that shows it as it is; what stands in backticks is code."""
+    parts = re.split(r"(`[^`]*`)", text)
+    return "".join(part if index % 2 else re.sub(r"([\\*<|\[\]$])", r"\\\1", part) for index, part in enumerate(parts))
+
+
+def _unit(unit):
+    return "" if unit == "1" else _plain(unit)
+
+
+def _default(key):
+    if key["required"]:
+        return "required"
+    return "" if key["default"] in (None, []) else f"`{json.dumps(key['default']).strip(chr(34))}`"
+
+
+def _takes(key):
+    if key.get("choices"):
+        return ", ".join(f"`{each}`" for each in key["choices"])
+    low, high = key.get("minimum"), key.get("maximum")
+    ends = [f"> {low:g}" if key["above_minimum"] else f"≥ {low:g}"] if low is not None else []
+    return " ".join([key["type"], ", ".join([*ends, *([f"≤ {high:g}"] if high is not None else [])])]).strip()
+
+
+def _meaning(key):
+    """The meaning of a key, and of its values if these have one."""
+    choices = key["choices"] if isinstance(key["choices"], dict) else {}
+    meanings = [f"`{each}`: {_plain(meaning)}" for each, meaning in choices.items() if meaning]
+    symbol = [f"symbol `{key['symbol']}`"] if key["symbol"] else []
+    return "; ".join([_plain(key["description"]), *symbol, *meanings])

@@ -1,0 +1,52 @@
+"""The documents' commands run, in a folder with `sweeps/`, and print the lines that the pages show."""
+
+import pathlib
+import re
+import shlex
+
+import pytest
+
+ROOT = pathlib.Path(__file__).parents[1]
+SHOWN = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
+SHOWN = {name: text for name, text in SHOWN.items() if "\n    $ wavesweep " in text}
+# A file that a page writes, whose first line is a comment with its name; or a command with the lines that follow it.
+STEP = re.compile(
+    r"```toml\n# (?P<file>\S+\.toml)\n(?P<lines>[\s\S]*?)```|"
+    r"^    \$ wavesweep (?P<command>.*)\n(?P<printed>(?:    (?!\$).*\n)*)",
+    re.MULTILINE,
+)
+
+
+def test_the_tutorials_are_among_the_pages():
+    assert {"first-hour.md", "first-drawing.md", "first-design.md", "check.md", "limits.md"} <= SHOWN.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", SHOWN)
+def test_a_page_runs_from_its_beginning_to_its_end(page, tmp_path, monkeypatch, capsys):
+    from wavesweep.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    pathlib.Path("sweeps").symlink_to(ROOT / "sweeps")
+    for step in STEP.finditer(SHOWN[page]):
+        if step["file"]:
+            pathlib.Path(step["file"]).write_text(step["lines"], encoding="utf-8")
+            continue
+        code = main(shlex.split(step["command"]))
+        seen = capsys.readouterr()
+        printed = [line.rstrip() for line in (seen.out + seen.err).splitlines()]
+        expected = [line[4:].rstrip() for line in step["printed"].splitlines()]
+        assert (code == 0) is not any(line.startswith("Error: ") for line in expected), step["command"]
+        missing = [line for line in expected if not any(fits(line, other) for other in printed)]
+        assert missing == [], (step["command"], printed)
+
+
+def fits(shown, printed):
+    """Whether a line of a page is the one that was printed; `...` stands for any text."""
+    return re.fullmatch(".*".join(map(re.escape, shown.split("..."))), printed) is not None
+
+
+def test_the_spec_of_the_first_hour_keeps_its_numbers():
+    text = (ROOT / "sweeps/examples/first-hour.toml").read_text(encoding="utf-8")
+    assert re.search(r"mass = 0\.045\n", text)
+    assert re.search(r"ratio = 33\n", text)
