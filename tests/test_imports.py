@@ -30,6 +30,7 @@ LAYERS = (
     "passive",
     "simulation",
     "prove",
+    "store",
     "sweep",
     "export",
     "results",

@@ -1,7 +1,6 @@
 """Several specs beside each other: the stable intervals of the wall's stiffness, and the responses, as two tables."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,6 @@ from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import intervals
 from wavesweep.sweep.response_table import METHODS, own_value, responses, units_in
-from wavesweep.sweep.running import Work
 from wavesweep.sweep.table import Columns, Table, facts_of, joined, with_unlike_units
 
 
@@ -28,23 +26,20 @@ def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
         sweep_axes(spec, "K_VE")
         if missing := spec.without_hand():
             raise SpecError(missing)
-    folder = Work.of(work).checkpoint
-    walls, rest = (folder and folder / name for name in ("walls", "responses"))
-    work.pop("checkpoint", None)
-    found = [
-        intervals(spec, "K_VE", checkpoint=walls and walls / spec.name, **work) for spec in specs
-    ]  # in turn: each uses all workers
+    # In turn: each uses all workers.
+    found = [intervals(spec, "K_VE", part=f"walls of {spec.name}", **work) for spec in specs]
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units | _units_of_walls(specs))
-    both = responses(specs, checkpoint=rest, **work)
-    forget = _forgetting(found, (walls, folder))
-    return [
-        Table.of("compare", columns, facts, forget=forget),
-        replace(both, kind="compare-bode", forget=_forgetting([both], (folder,))),
-    ]
+    both = responses(specs, part="responses ", **work)
+
+    def forget():  # once both tables are written
+        for table in (*found, both):
+            table.forget()
+
+    return [Table.of("compare", columns, facts), replace(both, kind="compare-bode", forget=forget)]
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
@@ -70,16 +65,3 @@ def _facts(specs, tables, swept):
 def _notices(specs, facts) -> Iterator[str]:
     for spec, each in zip(specs, facts, strict=True):
         yield from (f"{spec.name}: {notice}" for notice in each["notices"])
-
-
-def _forgetting(tables, folders):
-    """A function that removes the checkpoints of tables, and these folders if nothing else is in them."""
-
-    def forget():
-        for table in tables:
-            table.forget()
-        for folder in filter(None, folders):
-            with suppress(OSError):
-                folder.rmdir()
-
-    return forget

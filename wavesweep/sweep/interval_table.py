@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.certificate import words
+from wavesweep.sweep.gathering import records_of
 from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.proving import facts_of_proofs, notice_of
@@ -154,7 +155,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
 def _with_proofs(facts, stage, found) -> dict:
     """The facts with those about proofs."""
     store = found.stores[stage.hand]
-    proved = facts_of_proofs(store.load(number) for number in store.finished())
+    proved = facts_of_proofs(records_of(stage.job, store, number) for number in store.finished())
     return facts | {"proved": proved, "notices": [*facts["notices"], notice_of(proved)]}
 
 
