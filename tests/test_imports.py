@@ -17,6 +17,7 @@ PACKAGE = Path(wavesweep.__file__).parent
 # Data flows to the right, imports point to the left. What stands above all may use all of it.
 LAYERS = (
     "errors",
+    "system",
     "disk",
     "controllers",
     "arithmetic",

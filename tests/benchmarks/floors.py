@@ -29,7 +29,7 @@ from wavesweep.library import frame
 from wavesweep.monodromy import lift, open_ticks, periodic
 from wavesweep.stability import interpolated
 from wavesweep.sweep import drawn_task
-from wavesweep.sweep.tasks import keep_memory
+from wavesweep.system import keep_memory
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import wavesweep
-from wavesweep.sweep.tasks import keep_memory
+from wavesweep.system import keep_memory
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}

@@ -191,8 +191,8 @@ def prepare_work(options: Options) -> None:
 
     Raises UsageError if the backend or stdout cannot be used.
     """
-    from wavesweep.sweep.tasks import keep_memory
     from wavesweep.sweep.workers import excess, refuse_backend
+    from wavesweep.system import keep_memory
 
     refuse_backend(options.backend)
     keep_memory()

@@ -63,6 +63,9 @@ class MemoryCheckpoint:
         """Forget everything."""
         self._kept.clear()
 
+    def close(self) -> None:
+        """There is nothing to close."""
+
 
 class FileCheckpoint:
     """Finished chunks of a job in a SQLite file, which may hold those of other jobs as well.
@@ -82,7 +85,7 @@ class FileCheckpoint:
         self._numbers = {number for (number,) in self._do("SELECT number FROM chunks WHERE run = ?", self._digest)}
 
     def __del__(self):
-        self._close()
+        self.close()
 
     def finished(self) -> list[int]:
         """Numbers of the finished chunks."""
@@ -113,9 +116,15 @@ class FileCheckpoint:
         others = self._do("SELECT name FROM runs WHERE name != ?", self._name)
         if others:
             self._forget()
-        self._close()
+        self.close()
         for path in () if others else self._files():
             path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Close the file, so that nothing is beside it; what comes next opens it again."""
+        if self._db is not None:
+            self._db.close()
+            self._db = None
 
     def _checksum(self, number, content):
         return zlib.crc32(content, zlib.crc32(self._digest + number.to_bytes(8, "big")))
@@ -149,7 +158,7 @@ class FileCheckpoint:
         except sqlite3.OperationalError as error:
             if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_IOERR):
                 raise
-            self._close()
+            self.close()
             self._prepare(sqlite3, "&nolock=1")  # a file system without locks
         found = self._db.execute("SELECT digest, identity FROM runs WHERE name = ?", [self._name]).fetchall()
         if found and found[0][0] != self._digest and found[0][1] != self._identity:
@@ -177,16 +186,11 @@ class FileCheckpoint:
         self._db.execute("DELETE FROM chunks WHERE run NOT IN (SELECT digest FROM runs)")
 
     def _move_away(self, error):
-        self._close()
+        self.close()
         for path in filter(Path.exists, self._files()):
             path.replace(path.with_name(path.name + DAMAGED))
         moved = f"it was moved to {self.place.name}{DAMAGED}, and its slices are computed again"
         self.warnings.append(f"{self.place}: {error}; {moved}")
-
-    def _close(self):
-        if self._db is not None:
-            self._db.close()
-            self._db = None
 
     def _of_another_run(self, other):
         try:

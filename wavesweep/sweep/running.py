@@ -220,6 +220,8 @@ def resumable(job: Job, store, tally: Tally) -> Iterator[None]:
         elif store.place and store.place.is_file() and not getattr(error, "__notes__", ()):
             kept = f"{min(tally.done, job.slices)} of {job.slices} {job.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
+        with suppress(OSError):
+            store.close()
         raise
 
 
