@@ -11,6 +11,7 @@ import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from wavesweep.system import OPEN, READ
 
@@ -28,14 +29,17 @@ def random_part() -> str:
 
 def read_file(path: Path) -> bytes:
     """The content of a regular file. Raises OSError, also if the path is a link, a folder or a device."""
-    descriptor = os.open(path, os.O_RDONLY | OPEN)
-    try:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", str(path))
-        with os.fdopen(descriptor, "rb", closefd=False) as file:
-            return file.read()
-    finally:
+    with open_file(path, OPEN) as file:
+        return file.read()
+
+
+def open_file(path: Path, how: int = READ) -> BinaryIO:
+    """Open a regular file for reading; a link to one is followed. Raises OSError, at once also for a pipe or a device."""
+    descriptor = os.open(path, how)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return os.fdopen(descriptor, "rb")
 
 
 def write_file(path: Path, *pieces: bytes) -> None:
