@@ -17,6 +17,7 @@ PACKAGE = Path(wavesweep.__file__).parent
 LAYERS = (
     "errors",
     "beside",
+    "system",
     "disk",
     "controllers",
     "arithmetic",
@@ -30,6 +31,7 @@ LAYERS = (
     "passive",
     "simulation",
     "prove",
+    "store",
     "sweep",
     "tables",
     "export",

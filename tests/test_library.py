@@ -144,7 +144,7 @@ def test_errors_can_be_caught_by_name():
         (lambda _: wavesweep.bode(), "at least one spec"),
         (lambda spec: wavesweep.zwidth(spec, jobs=True), "jobs: expected a whole number >= 1, found True"),
         (lambda _: wavesweep.design(WISHED, jobs=0), "jobs: expected a whole number >= 1, found 0"),
-        (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a folder, found 5"),
+        (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a file, found 5"),
         (lambda _: wavesweep.design(WISHED, scheduler="tcp://there:8786"), 'expected backend = "dask"'),
         (lambda _: wavesweep.design(WISHED, hand="nope"), "hand: expected one of vertices, box, found 'nope'"),
         (lambda spec: wavesweep.zwidth(spec, passive="no"), "passive: expected True or False, found 'no'"),
@@ -261,7 +261,7 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
     ("call", "message"),
     [
         (lambda: wavesweep.compile(3), "expected a path, or nested tables as a dict, found 3"),
-        (lambda: wavesweep.zwidth({"controller": {"kind": "dc"}}, checkpoint=3), "checkpoint: expected a folder, found 3"),
+        (lambda: wavesweep.zwidth({"controller": {"kind": "dc"}}, checkpoint=3), "checkpoint: expected a file, found 3"),
         (lambda: wavesweep.results.read(None), "expected the path of a CSV or Parquet file, found None"),
         (
             lambda: wavesweep.compile({"controller": {"kind": "dc"}}).spectral_radius(**{"controller.kind": ["dc"]}),

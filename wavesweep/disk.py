@@ -1,7 +1,7 @@
 """File-system steps that are done or not done after a kill, and that never follow or remove a file of somebody else.
 
-New names have a random part, and files are made with O_EXCL and O_NOFOLLOW. Folders are removed file by file, and only
-files whose names this program gives; so a folder that holds anything else stays.
+New names have a random part, and files are made with O_EXCL and, if the system has it, O_NOFOLLOW. Folders are removed file
+by file, and only files whose names this program gives; so a folder that holds anything else stays.
 """
 
 import errno
@@ -11,8 +11,10 @@ import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
-OPEN = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK  # without the last one, a FIFO of that name would hold the run for ever
+from wavesweep.system import OPEN, READ
+
 RANDOM = "[0-9a-f]{12}"
 TEMPORARY = rf"\.{RANDOM}\.tmp"  # what the name of an unfinished file ends in
 OLD = ".old-"  # between the name of a folder that is being removed and its random part
@@ -27,14 +29,17 @@ def random_part() -> str:
 
 def read_file(path: Path) -> bytes:
     """The content of a regular file. Raises OSError, also if the path is a link, a folder or a device."""
-    descriptor = os.open(path, os.O_RDONLY | OPEN)
-    try:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", str(path))
-        with os.fdopen(descriptor, "rb", closefd=False) as file:
-            return file.read()
-    finally:
+    with open_file(path, OPEN) as file:
+        return file.read()
+
+
+def open_file(path: Path, how: int = READ) -> BinaryIO:
+    """Open a regular file for reading; a link to one is followed. Raises OSError, at once also for a pipe or a device."""
+    descriptor = os.open(path, how)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return os.fdopen(descriptor, "rb")
 
 
 def write_file(path: Path, *pieces: bytes) -> None:
@@ -68,8 +73,9 @@ def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
 
 def free_bytes(folder: Path) -> int:
     """Bytes that are free for us on the disk of a folder."""
-    found = os.statvfs(folder)
-    return found.f_bavail * found.f_frsize
+    import shutil
+
+    return shutil.disk_usage(folder).free
 
 
 def make_folders(folder: Path) -> list[Path]:
@@ -88,7 +94,7 @@ def sync(path: Path) -> None:
     The folder of results may be a link, which is followed.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | OPEN & ~os.O_NOFOLLOW)
+        descriptor = os.open(path, READ)
         try:
             os.fsync(descriptor)
         finally:

@@ -99,7 +99,7 @@ def test_workers_are_passed_on(wavesweep, sweep, spec):
     expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None, "prove": False}
     ((name, given),) = sweep.seen
     expected |= {"checkpoint": given["checkpoint"], "force": False}
-    assert re.fullmatch(r"results/wall/\.zwidth-[0-9a-f]{12}\.parts", str(given["checkpoint"]))
+    assert re.fullmatch(r"results/wall/\.zwidth-[0-9a-f]{12}\.sqlite", str(given["checkpoint"]))
     assert (name, {key: value for key, value in given.items() if key != "progress"}) == ("intervals", expected)
     assert callable(given["progress"])
 
@@ -210,12 +210,12 @@ def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep,
 
 
 def test_an_edited_spec_does_not_meet_the_checkpoint_of_its_earlier_version(wavesweep, sweep, spec):
-    """Each version has a folder of its own; one that was left behind is named, and nothing is thrown away."""
+    """Each version has a file of its own; one that was left behind is named, and nothing is thrown away."""
     for _ in range(2):
         wavesweep("zwidth", spec, "--no-plot", "--quiet")
     first, again = (given["checkpoint"] for _, given in sweep.seen)
     assert first == again
-    first.mkdir()
+    first.touch()
     code, _, err = wavesweep("zwidth", spec, "--no-plot", "--set", "b=40")
     assert (code, sweep.seen[-1][1]["checkpoint"] == first) == (0, False)
     assert f"an interrupted run of another version of the spec is kept in {first}; remove it if it is not needed\n" in err

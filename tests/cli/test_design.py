@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.chunks import finished
 
 import wavesweep
 from wavesweep.cli import main
@@ -21,8 +22,8 @@ from wavesweep.search.verdicts import miss
 from wavesweep.spec import load
 from wavesweep.spec.design import WISHES
 from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.store.checkpoint import DamagedError, FileCheckpoint
 from wavesweep.sweep import running, workers
-from wavesweep.sweep.checkpoint import DamagedError, FolderCheckpoint
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.tasks import HAND_RECORD
 from wavesweep.tables.design import design_lines
@@ -130,15 +131,13 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
             raise KeyboardInterrupt
         return save(self, number, records)
 
-    from wavesweep.sweep.checkpoint import FolderCheckpoint
-
-    kept = FolderCheckpoint.save
+    kept = FileCheckpoint.save
     monkeypatch.setattr(
-        FolderCheckpoint, "save", lambda self, *some: stop(self, *some) if len(calls) >= 4 else calls.append(kept(self, *some))
+        FileCheckpoint, "save", lambda self, *some: stop(self, *some) if len(calls) >= 4 else calls.append(kept(self, *some))
     )
     assert run("--no-plot", "--jobs", "1", "--out", "three")[0] == 130
-    monkeypatch.setattr(FolderCheckpoint, "save", kept)
-    assert list((tmp_path / "three").glob(".design-*.parts/*.records"))
+    monkeypatch.setattr(FileCheckpoint, "save", kept)
+    assert finished(tmp_path / "three")
     assert run("--no-plot", "--jobs", "1", "--out", "three")[0] == 0
     assert (tmp_path / "three/design.parquet").read_bytes() == one
     assert not list((tmp_path / "three").glob(".design-*"))
@@ -417,7 +416,7 @@ def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
 @pytest.mark.slow
 def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
-    expected, load_chunk, damaged = wavesweep.design(tmp_path / "mine.toml"), FolderCheckpoint.load, []
+    expected, load_chunk, damaged = wavesweep.design(tmp_path / "mine.toml"), FileCheckpoint.load, []
 
     def once(store, number):
         if not damaged:
@@ -425,7 +424,7 @@ def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, m
             raise DamagedError("it is cut off")
         return load_chunk(store, number)
 
-    monkeypatch.setattr(FolderCheckpoint, "load", once)
+    monkeypatch.setattr(FileCheckpoint, "load", once)
     assert wavesweep.design(tmp_path / "mine.toml", checkpoint=tmp_path / "kept").equals(expected)
     assert damaged
 

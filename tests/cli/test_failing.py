@@ -245,7 +245,7 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, ca
         patched.setattr("wavesweep.results.writing.package_text", full)
         assert main(words) == 1
     said = capsys.readouterr().err
-    (kept,) = (tmp_path / "there").glob(".zwidth-*.parts")
+    (kept,) = (tmp_path / "there").glob(".zwidth-*.sqlite")
     assert said.startswith("Error: there: No space left on device")
     assert f"is kept in there/{kept.name}; the same command goes on from there." in said
     assert main(words) == 0

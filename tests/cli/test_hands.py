@@ -4,9 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from support.chunks import finished_in
 from support.search import quick_search
 
 from wavesweep import load, results
+from wavesweep.store.checkpoint import FileCheckpoint
 from wavesweep.tables.table import digest_of
 
 quick = pytest.fixture(quick_search)
@@ -152,10 +154,10 @@ def test_results_for_other_hands_are_replaced_with_force_only(wavesweep, held):
 
 def test_a_checkpoint_for_other_hands_stays_and_disturbs_nothing(wavesweep, held, tmp_path):
     digest = digest_of([load("held.toml")])[:12]
-    box = tmp_path / f"results/held/.zwidth-hands-{digest}.parts/box"
-    box.mkdir(parents=True)
-    (box / "manifest.json").write_text("{}")
+    place = tmp_path / f"results/held/.zwidth-hands-{digest}.sqlite"
+    box = FileCheckpoint(place, "box", {}, np.dtype(float), False, [])
+    box.save(0, np.arange(3.0))
     code, _, err = wavesweep("zwidth", held, "--no-plot", "--hand", "passive")
     assert (code, "Error" in err) == (0, False)
-    assert (box / "manifest.json").exists()
-    assert [path.name for path in box.parent.iterdir()] == ["box"]
+    assert finished_in(place) == [0]
+    assert box.load(0).tolist() == [0, 1, 2]

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from support.chunks import finished
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")]
 SPEC = """
@@ -74,19 +75,19 @@ def test_a_terminal_that_goes_away(tmp_path, ignored):
         os.chdir(tmp_path)
         os.execv(sys.executable, [sys.executable, "-c", program, *words])  # noqa: S606 - in a process of the terminal
     patience = time.monotonic() + 30
-    while not list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")):
+    while not finished(tmp_path / "out"):
         assert time.monotonic() < patience
         time.sleep(0.01)
     os.close(terminal)
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     left = sorted(file.name for file in (tmp_path / "out").iterdir())
     assert (code, left) == (
-        (0, FILES) if ignored else (129, [path.name for path in (tmp_path / "out").glob(".zwidth-*.parts")])
+        (0, FILES) if ignored else (129, [path.name for path in (tmp_path / "out").glob(".zwidth-*.sqlite")])
     )
 
 
 def test_a_command_keeps_freed_memory_for_its_work(wavesweep, spec, monkeypatch):
     kept = []
-    monkeypatch.setattr("wavesweep.sweep.tasks.keep_memory", lambda: kept.append(True))
+    monkeypatch.setattr("wavesweep.system.keep_memory", lambda: kept.append(True))
     assert wavesweep("zwidth", spec)[0] == 0
     assert kept == [True]

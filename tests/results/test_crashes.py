@@ -13,7 +13,8 @@ import pytest
 
 TRIES = os.environ.get("WAVESWEEP_CRASHES")
 FEW = ("--tries", "3", "--case", "new folder", "--case", "over another spec's", "--case", "responses")
-CALLS = ("rename", "unlink", "rmdir", "mkdir", "fsync", "flock", "ftruncate")  # system calls of a run; few others make them
+# System calls of a run; few others make them.
+CALLS = ("rename", "unlink", "pwrite64", "fdatasync", "rmdir", "mkdir", "fsync", "flock", "ftruncate")
 CRASHES = Path(__file__).parents[1] / "support/crashes.py"
 
 
@@ -55,9 +56,12 @@ BEFORE = ["strace", "-qq", "-o", "/dev/null"]
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
-@pytest.mark.parametrize(("few", "fault"), [(("rename", 6, 9), "signal=SIGKILL"), (("unlink", 3), "error=EIO")])
+@pytest.mark.parametrize(
+    ("few", "fault"),
+    [(("rename", 2, 4), "signal=SIGKILL"), (("pwrite64", 5, 40), "signal=SIGKILL"), (("unlink", 3, 10), "error=EIO")],
+)
 def test_a_system_call_that_kills_or_fails(few, fault, tmp_path, whole):
-    """All calls of all kinds if WAVESWEEP_CRASHES is "all"; otherwise among the moves, and in the checkpoint's removal."""
+    """All calls of all kinds if WAVESWEEP_CRASHES is "all"; otherwise in moves, in chunks, and in the checkpoint's removal."""
     (tmp_path / "a.toml").write_text(SPEC)
     expected = {name: (whole / name).read_bytes() for name in ("zwidth.csv", "zwidth.parquet")}
     every = (

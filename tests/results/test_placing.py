@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from wavesweep import disk
+from wavesweep import disk, system
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import at_work, lock, placing, publish
 from wavesweep.tables.table import Table
@@ -163,7 +163,7 @@ def test_without_locks_the_run_says_so_once_and_goes_on(tmp_path, monkeypatch):
     def unsupported(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(lock.fcntl, "flock", unsupported)
+    monkeypatch.setattr(system.fcntl, "flock", unsupported)
     said = []
     with at_work(["simulate", "simulate-response"], tmp_path, say=said.append):
         pass

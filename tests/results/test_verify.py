@@ -1,7 +1,10 @@
 """`wavesweep verify` finds every kind of difference between a folder of results, its packages and new rows."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -269,3 +272,22 @@ def test_rows_that_new_ones_do_not_have_are_a_difference(folder):
         _compared(table, [{name: column[:-1] for name, column in whole.items()}], exact=True)
         == f"{rows} rows and not {rows - 1}"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "device"])
+@pytest.mark.parametrize("name", ["zwidth.datapackage.json", "zwidth.csv", "zwidth.parquet"])
+def test_a_pipe_or_a_device_in_place_of_a_file_is_waited_for_by_no_command(columns, facts, tmp_path, make, name):
+    (tmp_path / "wall.toml").write_text('[controller]\nkind = "dc"\n[sweep]\nB_VE = [1]\n')
+    publish(Table.of("zwidth", columns, facts), tmp_path / "out")
+    (tmp_path / "out" / name).unlink()
+    make(tmp_path / "out" / name)
+    program = "from wavesweep.cli import main\n"
+    for words in ("zwidth wall.toml --no-plot --out out", "verify out", f"plot out/{name.replace('datapackage.json', 'csv')}"):
+        program += f"print(main({words.split()}))\n"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout.split("\n")[:1] == ["2"]
+    assert (done.stdout.split()[-1], "Traceback" in done.stderr, "fault of wavesweep" in done.stderr) == ("2", False, False)
+    assert name in done.stdout + done.stderr

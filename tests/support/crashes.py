@@ -3,8 +3,8 @@
     python -m tests.support.crashes                         every call, every fault, every case: about half an hour
     python -m tests.support.crashes --tries 50 --seed 3     so many of each case, at random
 
-A run is a forked child of this process, with one job, in which the calls of `os`, `io`, `fcntl` and pyarrow's writer that
-concern files are counted. A fault happens before or after one of them. The second run must end with exit code 0, with the
+A run is a forked child of this process, with one job, in which the calls of `os`, `io`, `fcntl`, pyarrow's writer and SQLite
+that concern files are counted. A fault happens before or after one of them. The second run must end with exit code 0, with the
 bytes of a run that nothing disturbed, and without any other file in the folder.
 """
 
@@ -18,6 +18,7 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import sys
 import tempfile
 import time
@@ -55,6 +56,7 @@ CALLS = (
     *((os, name) for name in ("ftruncate", "scandir", "listdir", "read")),
     (fcntl, "flock"), (builtins, "open"), (io, "open"),
 )  # fmt: skip
+STATEMENTS = ("connect", "execute", "executescript")
 READING = ("scandir", "listdir", "read", "flock")  # they do not fail where nothing may be written
 # Case: the runs before that must succeed, and the run that is disturbed; each spec has its own stiffness of the hand.
 PARTS = ("--partition", "7")
@@ -94,8 +96,7 @@ class Shim:
         if self.fault in ERRORS:
             later = self.lasting and number > self.moment[0] and when == "before" and name not in READING
             if here or later:
-                code = getattr(errno, self.fault)
-                raise OSError(code, os.strerror(code))
+                raise _of_sqlite(self.fault) if name in STATEMENTS else _of_system(self.fault)
         elif here and self.fault:
             os.kill(os.getpid(), getattr(signal, self.fault))
 
@@ -130,6 +131,44 @@ class Shim:
                     shim(super().close)
 
         pyarrow.parquet.ParquetWriter = Writer
+        connect = sqlite3.connect
+        sqlite3.connect = lambda *given, **named: Database(shim(connect, *given, **named), shim)
+
+
+def _of_system(fault):
+    code = getattr(errno, fault)
+    return OSError(code, os.strerror(code))
+
+
+def _of_sqlite(fault):
+    """What SQLite makes of it."""
+    code = {"ENOSPC": sqlite3.SQLITE_FULL, "EROFS": sqlite3.SQLITE_READONLY, "EACCES": sqlite3.SQLITE_CANTOPEN}
+    error = sqlite3.OperationalError(os.strerror(getattr(errno, fault)))
+    error.sqlite_errorcode = code.get(fault, sqlite3.SQLITE_IOERR)
+    return error
+
+
+class Database:
+    """A connection to a SQLite file whose statements and whose end are counted."""
+
+    def __init__(self, connection, shim):
+        self._connection, self._shim = connection, shim
+
+    def execute(self, *given):
+        """Count a statement, which is a transaction of its own."""
+        return self._shim(self._connection.execute, *given)
+
+    def executescript(self, text):
+        """Count the statements one by one."""
+        for statement in filter(str.strip, text.split(";")):
+            self.execute(statement)
+
+    def close(self):
+        """Close, which moves the log into the file; if that fails, SQLite says nothing, and the log stays."""
+        try:
+            self._shim(self._connection.close)
+        except OSError:
+            self._connection.close()
 
 
 class File:

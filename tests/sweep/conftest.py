@@ -40,6 +40,12 @@ def long():
 
 
 @pytest.fixture(scope="session")
+def other():
+    """Another spec of several chunks."""
+    return changed(b={"start": 6, "stop": 100, "num": 200}, B_VE={"start": 0, "stop": 15, "num": 81})
+
+
+@pytest.fixture(scope="session")
 def long_table(long):
     """The table of the long sweep, computed in this process."""
     return intervals(long, jobs=1).columns

@@ -115,16 +115,16 @@ def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, mon
     need = expected_bytes(job)
     assert 200 * job.slices < need < 500 * job.slices
     for free, kept, refused in ((need + 1, 0, False), (need - 1, 0, True), (need - 1000, 1000, False)):
-        folder = tmp_path / f"{free}-{kept}" / "parts"
+        place = tmp_path / f"{free}-{kept}" / "kept.sqlite"
         if kept:
-            folder.mkdir(parents=True)
-            (folder / "part").write_bytes(bytes(kept))
+            place.parent.mkdir()
+            place.write_bytes(bytes(kept))
         monkeypatch.setattr(estimates, "free_bytes", lambda _, free=free: free)
         if refused:
             with pytest.raises(UsageError, match=r"needs about \S+ MB, found \S+ MB free on this disk"):
-                refuse_full_disk(folder, [job])
+                refuse_full_disk(place, [job])
         else:
-            refuse_full_disk(folder, [job])
+            refuse_full_disk(place, [job])
     refuse_full_disk(None, [job])
 
 

@@ -53,15 +53,15 @@ def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path,
         if done == 24:
             raise KeyboardInterrupt
 
-    folder = tmp_path / ".bode.parts"
+    place = tmp_path / ".bode.sqlite"
     with pytest.raises(KeyboardInterrupt) as caught:
-        responses([spec, spec], progress=stop, checkpoint=folder)
-    assert f"6 of 18 responses are kept in {folder / 'spec-1'}; the same" in caught.value.__notes__[0]
-    again = responses([spec, spec], checkpoint=folder)
+        responses([spec, spec], progress=stop, checkpoint=place)
+    assert f"6 of 18 responses are kept in {place}; the same" in caught.value.__notes__[0]
+    again = responses([spec, spec], checkpoint=place)
     assert again.facts["timings"]["slices_from_checkpoint"] == 24
     same(again.columns, whole)
     again.forget()
-    assert not folder.exists()
+    assert list(tmp_path.iterdir()) == []
     with pytest.raises(
         UsageError, match=r"\[bode\]: every combination is computed, and rates.ratio = 10, environment.delay = 15 makes no loop"
     ):

@@ -7,8 +7,8 @@ import pytest
 
 from wavesweep.rows import joined
 from wavesweep.spec import load
-from wavesweep.sweep import checkpoint
-from wavesweep.sweep.checkpoint import MemoryCheckpoint
+from wavesweep.store.checkpoint import MemoryCheckpoint
+from wavesweep.sweep import gathering
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
 from wavesweep.sweep.running import compute, in_memory
@@ -22,7 +22,7 @@ SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
 def table_of(job):
     store = MemoryCheckpoint()
     compute(job, store, HERE)
-    return joined(checkpoint.blocks(job, store))
+    return joined(gathering.blocks(job, store))
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +78,8 @@ def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
     job, store = job_of(mixed), MemoryCheckpoint()
     compute(job, store, HERE)
     for size in (1, 5, 32):
-        monkeypatch.setattr(checkpoint, "BLOCK", size)
-        same(joined(checkpoint.blocks(job, store)), whole)
+        monkeypatch.setattr(gathering, "BLOCK", size)
+        same(joined(gathering.blocks(job, store)), whole)
 
 
 def test_what_is_not_read_is_computed_once(mixed):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.chunks import finished
 from support.program import PROGRAM
 
 from wavesweep.sweep.workers import BACKENDS, EXTRAS
@@ -123,14 +124,14 @@ def test_nobody_outlives_a_run_that_is_killed(start, tmp_path, moment):
     run = start(tmp_path / "out", *LOKY)
     wait_for(run.workers)
     if moment == "at work":
-        wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
+        wait_for(lambda: finished(tmp_path / "out"))
     run.process.kill()
     assert run.finish() == (-signal.SIGKILL, "")
 
 
 def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     run = start(tmp_path / "out", *LOKY)
-    wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
+    wait_for(lambda: finished(tmp_path / "out"))
     killed = time.monotonic()
     os.kill(run.workers()[0], signal.SIGKILL)
     code, said = run.finish()
@@ -143,7 +144,7 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
 
 def test_workers_that_are_killed_while_they_write_are_an_error_at_once(start, tmp_path):
     run = start(tmp_path / "out", *LOKY)
-    wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
+    wait_for(lambda: finished(tmp_path / "out"))
     workers = run.workers()
     run.process.send_signal(signal.SIGSTOP)  # nobody reads the results, which fill the pipe
     time.sleep(1)
@@ -198,7 +199,7 @@ except KeyboardInterrupt:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
     run = start(tmp_path / "out", *LOKY)
-    wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
+    wait_for(lambda: finished(tmp_path / "out"))
     for _ in range(3):
         os.killpg(run.process.pid, number)
         time.sleep(0.01)

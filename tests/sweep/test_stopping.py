@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+from support.chunks import finished
 from support.program import PROGRAM
 
 from wavesweep.sweep import workers
@@ -59,7 +60,7 @@ def contents(folder):
 
 def wait_for_parts(process, folder, number):
     patience = time.monotonic() + PATIENCE
-    while len(list(folder.glob(".zwidth-*.parts/*.records"))) < number:
+    while len(finished(folder)) < number:
         assert process.poll() is None, finish(process)
         assert time.monotonic() < patience, f"no finished chunk in {PATIENCE} s"
         time.sleep(0.005)
@@ -106,7 +107,7 @@ def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, un
     # click leaves the line that the terminal has written ^C on.
     assert (found, said.strip().count("\n")) == (code, 0), said
     assert said.strip().startswith(word)
-    (kept,) = out.glob(".zwidth-*.parts")
+    (kept,) = out.glob(".zwidth-*.sqlite")
     assert f"slices are kept in {kept}; the same command goes on from there." in said
     assert finish(start(out, "--jobs", "1"))[0] == 0
     assert contents(out) == undisturbed
@@ -140,7 +141,7 @@ def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(comma
 
     assert finish(begin("whole", "--jobs", "1"))[0] == 0
     process, patience = begin("killed", "--jobs", "1"), time.monotonic() + PATIENCE
-    while not list((tmp_path / "killed").glob(f".{command}-*.parts/**/*.records")):
+    while not finished(tmp_path / "killed"):
         assert time.monotonic() < patience, f"no finished chunk in {PATIENCE} s"
         time.sleep(0.005)
     os.killpg(process.pid, signal.SIGKILL)

@@ -10,7 +10,9 @@ import threading
 import warnings
 
 import pytest
+from support.chunks import finished_in
 
+from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.sweep import workers
 from wavesweep.sweep.tasks import timed
@@ -120,6 +122,14 @@ def die_once(mark):
     return work
 
 
+@pytest.mark.parametrize("name", ["tool_version", "numpy_version"])
+def test_workers_of_another_version_are_refused_and_no_row_of_theirs_is_kept(long, monkeypatch, tmp_path, name):
+    monkeypatch.setattr("wavesweep.sweep.tasks.versions", lambda: versions() | {name: "0.0.1"})
+    with pytest.raises(WavesweepError, match=r"expected workers with wavesweep .* and numpy .*, found one with .* 0\.0\.1"):
+        intervals(long, jobs=2, backend="threading", checkpoint=tmp_path / "kept.sqlite")
+    assert finished_in(tmp_path / "kept.sqlite") == []
+
+
 @pytest.mark.slow
 def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_table, same, monkeypatch, tmp_path):
     # The worker gets the function by value: nothing in its own modules is changed.
@@ -176,7 +186,8 @@ def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tm
 FAULTS = """
 import resource
 import numpy as np
-from wavesweep.sweep.tasks import keep_memory
+from wavesweep.system import keep_memory
+from wavesweep.tables.intervals import intervals
 
 if {keep}:
     keep_memory()

@@ -20,6 +20,7 @@ import click
 
 from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.errors import SpecError, WavesweepError
+from wavesweep.system import HANGUP, STOPPING
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
 # Signals that stop a run, and what is said of them; the exit code is 128 and the signal's number, as in a shell.
-STOPPING = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
+STOPPED = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
 SOON = 0.01  # s
 # What arithmetic says that has no result in doubles; LinAlgError is numpy's, which is not imported for this.
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
@@ -135,7 +136,7 @@ class Stopped(BaseException):
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
-        self.line, self.exit_code = STOPPING[signal.Signals(number).name], 128 + number
+        self.line, self.exit_code = STOPPED[signal.Signals(number).name], 128 + number
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -244,13 +245,12 @@ def _signals_unwind(to_the_end: bool) -> Iterator[None]:
         if not stopped:
             stopped.append(number)
             raise Stopped(number)
-        if number != getattr(signal, "SIGHUP", None):  # a closing terminal and its shell both send it
+        if number != HANGUP:  # a closing terminal and its shell both send it
             os._exit(128 + number)
 
-    known = [getattr(signal, name) for name in STOPPING if hasattr(signal, name)]
-    before, hook = {number: signal.getsignal(number) for number in known}, sys.unraisablehook
+    before, hook = {number: signal.getsignal(number) for number in STOPPING}, sys.unraisablehook
     sys.unraisablehook = _sent_again(stopped, hook)
-    for number in known:
+    for number in STOPPING:
         if before[number] in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, unwind)
     try:

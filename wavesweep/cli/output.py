@@ -42,7 +42,7 @@ def produce(
 
     kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
     scheduler=, progress=, checkpoint=, force=) that returns the tables of this run, in the same order. asked: a function
-    from a loaded spec to the one whose digest the results carry. name: of the folder for finished chunks, by default the
+    from a loaded spec to the one whose digest the results carry. name: of the file for finished chunks, by default the
     main table's; there is none if the table goes to stdout.
     """
     from wavesweep import results, spec
@@ -62,7 +62,7 @@ def produce(
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
         work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler", "force")}
-        kept = None if options.to_stdout else parts_of(name or kinds[0], specs, options)
+        kept = None if options.to_stdout else checkpoint_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
             tables = compute(specs, **work, progress=report, checkpoint=kept)
         before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
@@ -70,7 +70,7 @@ def produce(
         try:
             finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
         except BaseException as error:
-            if kept is not None and kept.is_dir():
+            if kept is not None and kept.is_file():
                 error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
             raise
         for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
@@ -119,6 +119,8 @@ def _report(
     seconds: float,
 ) -> None:
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
+    from wavesweep.store.checkpoint import SUFFIX
+
     if options.as_json:
         show_json(
             {
@@ -140,7 +142,7 @@ def _report(
             say(line, warning)
     for line in facts.get("assumes", "").splitlines():
         say(f"assumes: {line}")
-    for left in sorted(folder_of(specs, options).glob(f".{command}-*.parts")) if not options.to_stdout else ():
+    for left in sorted(folder_of(specs, options).glob(f".{command}-*{SUFFIX}")) if not options.to_stdout else ():
         say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
     if changed:
         shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
@@ -174,15 +176,16 @@ def produce_intervals(
     produce([kind], [source], options, compute, name=f"{kind}{'-hands' if hands else ''}{'-proved' if prove else ''}")
 
 
-def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
-    """Return the folder for the finished chunks of a run.
+def checkpoint_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
+    """Return the file for the finished chunks of a run.
 
     Its name has the digest of the specs: if a spec is edited after a run of it was interrupted, the new run begins anew, and
     the old one goes on if the edit is undone.
     """
+    from wavesweep.store.checkpoint import SUFFIX
     from wavesweep.tables.table import digest_of
 
-    return folder_of(specs, options) / f".{name}-{digest_of(specs)[:12]}.parts"
+    return folder_of(specs, options) / f".{name}-{digest_of(specs)[:12]}{SUFFIX}"
 
 
 def prepare_work(options: Options) -> None:
@@ -190,8 +193,8 @@ def prepare_work(options: Options) -> None:
 
     Raises UsageError if the backend or stdout cannot be used.
     """
-    from wavesweep.sweep.tasks import keep_memory
     from wavesweep.sweep.workers import excess, refuse_backend
+    from wavesweep.system import keep_memory
 
     refuse_backend(options.backend)
     keep_memory()

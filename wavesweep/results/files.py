@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.disk import open_file
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
 from wavesweep.tables.columns import in_order, kind_of, kinds_by_name
@@ -90,6 +91,8 @@ def _opened(path: Path, mode: str) -> Any:
     """A file of Arrow's, which takes a path for an address (s3:), and refuses one that is no UTF-8, unless it is bytes."""
     import pyarrow
 
+    if mode == "rb":
+        open_file(path).close()  # or an error for a pipe, which would be waited for, and for a device, which has no end
     return pyarrow.OSFile(os.fsencode(path), mode)
 
 

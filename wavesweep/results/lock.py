@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import stat
 import time
@@ -11,11 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from wavesweep.disk import OPEN, make_folders, sync
+from wavesweep.disk import make_folders, sync
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.given import boolean
 from wavesweep.results.folder import refuse_unusable
 from wavesweep.results.placing import refuse_folders, settle
+from wavesweep.system import OPEN, lock
 
 WORD = "wavesweep: "  # which a lock file of this program begins with
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EINVAL)
@@ -91,23 +91,19 @@ def _opened(path):
 def _locked(descriptor, path, kind, wait, say) -> bool:
     """Lock the file; False if its file system has no locks."""
     try:
-        _flock(descriptor, wait=False)
+        lock(descriptor, wait=False)
     except BlockingIOError as error:
         busy = f"{path.parent}: another run is at work on {kind} here{_holder(descriptor)}"
         if not wait:
             raise WavesweepError(f"{busy}; give --wait to wait for it, or another --out") from error
         say(f"{busy}; waiting for it")
-        _flock(descriptor, wait=True)
+        lock(descriptor, wait=True)
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise
         say(f"{path.parent}: this file system has no locks; do not start a second run in this folder before this one ends")
         return False
     return True
-
-
-def _flock(descriptor, wait):
-    fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 
 def _is_still(path, descriptor):
@@ -118,15 +114,19 @@ def _is_still(path, descriptor):
 
 def _sign(descriptor):
     """Write who has the lock and since when, for whoever asks."""
+    import socket
+
     since = time.strftime("%Y-%m-%d %H:%M:%S")
     with suppress(OSError):  # nobody needs it to work
         os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"{WORD}process {os.getpid()} on {os.uname().nodename}, since {since}\n".encode(), 0)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        os.write(descriptor, f"{WORD}process {os.getpid()} on {socket.gethostname()}, since {since}\n".encode())
 
 
 def _holder(descriptor):
     """The signature in the lock file, in brackets; empty if it is not there yet."""
-    line = os.pread(descriptor, 200, 0).decode("ascii", "replace").partition("\n")[0].removeprefix(WORD)
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    line = os.read(descriptor, 200).decode("ascii", "replace").partition("\n")[0].removeprefix(WORD)
     return f" ({line})" if line.isprintable() and line else ""
 
 

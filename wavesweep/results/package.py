@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesweep.disk import write_file
+from wavesweep.disk import open_file, write_file
 from wavesweep.tables.kind import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
@@ -60,10 +60,16 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
     ]
 
 
+def loaded(package: Path) -> dict[str, Any]:
+    """Give the content of a data package. Raises OSError, also for a pipe or a device, or ValueError."""
+    with open_file(package) as file:
+        return json.load(file)
+
+
 def packaged_parts(package: Path) -> int:
     """Give the number of parts of the folder of Parquet files in a package, 0 if it is not readable or has none."""
     try:
-        entries = json.loads(package.read_text(encoding="utf-8"))["resources"]
+        entries = loaded(package)["resources"]
         return sum(re.fullmatch(PART, str(entry["path"]).rpartition("/")[2]) is not None for entry in entries)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return 0
@@ -91,7 +97,7 @@ def _title(kind: str, facts: Mapping[str, Any]) -> str:
 def packaged_facts(package: Path) -> dict[str, Any]:
     """Give the facts of the run in a package, empty if it is no readable package of this program."""
     try:
-        facts = json.loads(package.read_text(encoding="utf-8"))["wavesweep"]
+        facts = loaded(package)["wavesweep"]
         return dict(facts) if facts["spec_sha256"] else {}
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
@@ -102,7 +108,7 @@ def packaged_fault(csv: Path, package: Path) -> str:
     if not packaged_facts(package):
         found = "a damaged one; use the Parquet file, or compute the table again" if package.is_file() else "none"
         return f"expected the data package of wavesweep, {package.name}, beside the table, found {found}"
-    described = json.loads(package.read_text(encoding="utf-8"))["resources"][0]
+    described = loaded(package)["resources"][0]
     here = file_facts(csv)
     if here["hash"] == described.get("hash"):
         return ""
@@ -118,7 +124,7 @@ def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
     """
     if not packaged_facts(package):
         return
-    known = json.loads(package.read_text(encoding="utf-8"))
+    known = loaded(package)
     new = [figure_resource(kind, known["wavesweep"], figure) for figure in figures]
     names = {each["name"] for each in new}
     known["resources"] = [each for each in known["resources"] if each["name"] not in names] + new
@@ -134,7 +140,7 @@ def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
     package = csv.with_suffix(".datapackage.json")
     if not packaged_facts(package):
         return {}
-    schema = json.loads(package.read_text(encoding="utf-8"))["resources"][0]["schema"]
+    schema = loaded(package)["resources"][0]["schema"]
     return {field["name"]: field["type"] for field in schema["fields"]}
 
 
@@ -146,7 +152,7 @@ def _field(field: Field) -> dict[str, Any]:
 def file_facts(path: Path) -> dict[str, Any]:
     """Give the name of a file, its size in bytes and its SHA-256."""
     digest = hashlib.sha256()
-    with path.open("rb") as file:
+    with open_file(path) as file:
         while block := file.read(_HASH_BLOCK):
             digest.update(block)
     return {"path": path.name, "bytes": path.stat().st_size, "hash": f"sha256:{digest.hexdigest()}"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,7 @@ from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.files import in_short, read, read_rows, unreadable
 from wavesweep.results.folder import SUFFIXES
-from wavesweep.results.package import file_facts, packaged_facts
+from wavesweep.results.package import file_facts, loaded, packaged_facts
 from wavesweep.rows import Columns
 from wavesweep.tables import HOMES, kind_named
 from wavesweep.tables.kind import Again
@@ -83,7 +82,7 @@ def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool
 def _files(package: Path) -> Iterator[str]:
     """Yield the differences of the files from their entries in the package."""
     try:
-        entries = json.loads(package.read_text(encoding="utf-8"))["resources"]
+        entries = loaded(package)["resources"]
         known = {str(entry["path"]): (entry["bytes"], entry["hash"]) for entry in entries}
     except (ValueError, KeyError, TypeError):
         yield f"{package}: its list of files cannot be read"
@@ -111,7 +110,7 @@ def _files(package: Path) -> Iterator[str]:
 
 def _between(csv: Path, parquet: Path, known: Mapping[str, Any]) -> Iterator[str]:
     """Yield the first difference of the two tables, if one of them is not the file in the package."""
-    if all(path.exists() and file_facts(path)["hash"] == known.get(path.name, (0, ""))[1] for path in (csv, parquet)):
+    if all(path.is_file() and file_facts(path)["hash"] == known.get(path.name, (0, ""))[1] for path in (csv, parquet)):
         return
     try:
         one, other = read(csv), read(parquet)

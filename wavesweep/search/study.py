@@ -22,13 +22,13 @@ from wavesweep.spec.design import HAND
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
-from wavesweep.sweep.checkpoint import checkpoint_of, records_of
 from wavesweep.sweep.drawn_loops import held_loop
+from wavesweep.sweep.gathering import records_of
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
-from wavesweep.sweep.running import Tally, Work, compute, resumable
+from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, resumable
 from wavesweep.sweep.workers import choose
 from wavesweep.tables.design import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.tables.table import Table, facts_of

@@ -19,6 +19,7 @@ from functools import lru_cache
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.keys import SYMBOLS
 from wavesweep.spec.slips import slip_in
+from wavesweep.system import READ
 
 # Compiled where they are used: most runs report no mistake.
 DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over
@@ -140,7 +141,7 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
     """
     try:
         # Without blocking: to open a named pipe waits for somebody who writes to it.
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        descriptor = os.open(path, READ)
         try:
             mode = os.fstat(descriptor).st_mode
             if not stat.S_ISREG(mode):

@@ -20,19 +20,19 @@ def expected_bytes(job: Job) -> int:
     return int(job.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
-def refuse_full_disk(folder: Path | None, jobs: Iterable[Job]) -> None:
-    """Raise UsageError if the disk of `folder`, in which the jobs keep their chunks, cannot hold their results.
+def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
+    """Raise UsageError if the disk of the file `kept`, in which the jobs keep their chunks, cannot hold their results.
 
     Chunks of a run that was stopped are counted as part of the results.
     """
-    if folder is None:
+    if kept is None:
         return
-    place = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
-    kept = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) if place == folder else 0
-    need, free = sum(map(expected_bytes, jobs)) - kept, free_bytes(place)
+    place = next(each for each in kept.absolute().parents if each.is_dir())
+    there = kept.stat().st_size if kept.is_file() else 0
+    need, free = sum(map(expected_bytes, jobs)) - there, free_bytes(place)
     if need > free:
         raise UsageError(
-            f"{folder.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
+            f"{kept.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
             "another folder for the results, or sweep fewer values"
         )
 

@@ -20,8 +20,8 @@ from wavesweep.passive.held_loop import device_of
 from wavesweep.passive.margin import LONGEST
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.checkpoint import gather, stretches
 from wavesweep.sweep.drawn_loops import held_loop, named_loops, ports_of
+from wavesweep.sweep.gathering import gather, stretches
 from wavesweep.sweep.grid import Grid, drawing_for, drawn_groups, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run

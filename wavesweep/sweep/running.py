@@ -11,15 +11,19 @@ from pathlib import Path
 from types import NoneType
 from typing import TypedDict
 
+from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError
 from wavesweep.given import boolean
 from wavesweep.rows import Columns, joined
-from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
+from wavesweep.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
+from wavesweep.sweep.gathering import blocks
 from wavesweep.sweep.job import Job, naming_values
 from wavesweep.sweep.workers import WORTH, Workers, choose, results
 
 LEAST = 1e-6  # s of a slice: none takes less
+LAYOUT = 5  # of the records
+IN_MEMORY = 1 << 26  # bytes of records, about; more go to a file without a name
 Progress = Callable[[int, int, int | None], None]
 
 
@@ -32,6 +36,7 @@ class Options(TypedDict, total=False):
     progress: Progress | None
     checkpoint: Path | str | None
     force: bool
+    part: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +45,9 @@ class Work:
 
     jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
     scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
-    certified ones, None if no slice can be. checkpoint: folder for finished chunks, from which a run of the same spec goes
-    on; by default they stay in memory. force: start again if the folder cannot be used. Errors: UsageError.
+    certified ones, None if no slice can be. checkpoint: file for finished chunks, from which a run of the same spec goes on;
+    by default they stay in memory. force: begin anew if it is of another run. part: of the checkpoint, if several runs keep
+    their chunks in one. Errors: UsageError.
     """
 
     jobs: int | None = None
@@ -50,6 +56,7 @@ class Work:
     progress: Progress | None = None
     checkpoint: Path | str | None = None
     force: bool = False
+    part: str = ""
 
     @staticmethod
     def of(given: Mapping[str, object]) -> "Work":
@@ -66,7 +73,7 @@ class Work:
         if self.scheduler is not None and self.backend != "dask":
             raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
         if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
-            raise UsageError(f"checkpoint: expected a folder, found {self.checkpoint!r:.60}")
+            raise UsageError(f"checkpoint: expected a file, found {self.checkpoint!r:.60}")
         object.__setattr__(self, "force", boolean("force", self.force))
         object.__setattr__(self, "checkpoint", self.checkpoint and Path(self.checkpoint))
 
@@ -98,7 +105,6 @@ class Run:
     tallies: Mapping[str, Tally]
     workers: Workers
     seconds: float
-    folder: Path | None
     warnings: list[str]
 
     @property
@@ -121,31 +127,53 @@ class Run:
         return blocks(self.jobs[name], self.stores[name])
 
     def forget(self) -> None:
-        """Remove the checkpoints of all jobs and their common folder, unless it holds one of another run."""
+        """Remove the checkpoint, or of one that holds another run as well the chunks of this one."""
         for store in self.stores.values():
             try:
                 store.remove()
             except OSError as error:
                 self.warnings.append(f"{store.place}: {error.strerror}; the next run removes this checkpoint")
-        if self.folder is not None and any(self.jobs):
-            with suppress(OSError):
-                self.folder.rmdir()
 
 
 def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
-    """Compute jobs one after the other. Their names are those of the folders in the checkpoint; "" is the checkpoint itself.
+    """Compute jobs one after the other; their names are those in the checkpoint.
 
-    Raises UsageError (disk, workers), CheckpointError (torn, or of another run), WavesweepError (a worker process died).
+    Raises UsageError (disk, workers), CheckpointError (of another run), WavesweepError (a worker process died).
     """
     started = time.perf_counter()
     refuse_full_disk(work.checkpoint, jobs.values())
     total, tallies, stores, warnings, workers = sum(job.slices for job in jobs.values()), {}, {}, [], None
     for name, job in jobs.items():
         workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job))
-        stores[name] = checkpoint_of(job, work.checkpoint and work.checkpoint / name, work.force, warnings)
+        stores[name] = checkpoint_of(job, work.checkpoint, work.force, warnings, work.part + name)
         report = work.progress and _continued(work.progress, total, list(tallies.values()))
         tallies[name] = compute(job, stores[name], workers, report)
-    return Run(jobs, stores, tallies, workers, time.perf_counter() - started, work.checkpoint, warnings)
+    return Run(jobs, stores, tallies, workers, time.perf_counter() - started, warnings)
+
+
+def checkpoint_of(
+    job: Job, place: Path | None, force: bool, warnings: list[str], name: str = ""
+) -> MemoryCheckpoint | FileCheckpoint:
+    """The checkpoint of a job: in the file `place`; without one, or for a single chunk, in memory or a file without a name.
+
+    force, warnings, name and errors: see `FileCheckpoint`.
+    """
+    small = place is None and job.rows * job.slices * job.dtype.itemsize <= IN_MEMORY
+    if small or len(job.chunks) < 2:
+        return MemoryCheckpoint()
+    return FileCheckpoint(place, name, identity_of(job), job.dtype, force, warnings)
+
+
+def identity_of(job: Job) -> dict[str, object]:
+    """What a finished chunk depends on, JSON-able: chunks of runs that differ in any of it are never mixed."""
+    chunks = job.chunks
+    return {
+        "layout": LAYOUT,
+        "spec_sha256": job.grid.spec.sha256,
+        **versions(),
+        "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide],
+        **job.identity,
+    }
 
 
 def _expected(job):
@@ -202,14 +230,16 @@ def resumable(job: Job, store, tally: Tally) -> Iterator[None]:
         if isinstance(error, UsageError) and not tally.done:
             with suppress(OSError):
                 store.remove()
-        elif store.place and store.place.is_dir() and not getattr(error, "__notes__", ()):
+        elif store.place and store.place.is_file() and not getattr(error, "__notes__", ()):
             kept = f"{min(tally.done, job.slices)} of {job.slices} {job.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
+        with suppress(OSError):
+            store.close()
         raise
 
 
 def in_memory(job: Job) -> Columns:
     """The table of a job, computed in this process."""
-    store = MemoryCheckpoint(job.dtype)
+    store = MemoryCheckpoint()
     compute(job, store, Workers(1, None, None, "as a library"))
     return joined(blocks(job, store))

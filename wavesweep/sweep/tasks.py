@@ -6,14 +6,15 @@ import threading
 import time
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Protocol
 
 import numpy as np
 
+from wavesweep.arithmetic import versions
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.stability import Intervals
 from wavesweep.sweep.grid import make_grid
+from wavesweep.system import keep_memory
 
 WATCH = 0.5  # s between two looks at the parent
 
@@ -73,6 +74,11 @@ def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
     return number, records, time.thread_time() - started
 
 
+def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
+    """Call a function in a worker; its result, and the versions of the worker, on which the last digits depend."""
+    return function(*arguments), versions()
+
+
 def settle_in(parent: int) -> None:
     """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
 
@@ -93,25 +99,6 @@ def settle_in(parent: int) -> None:
     if os.getppid() != parent:
         os._exit(1)
     threading.Thread(target=watch, daemon=True).start()
-
-
-KEPT = 2**27  # bytes that the allocator keeps
-FROM_HEAP = 2**25  # bytes up to which an array comes from there, the most that glibc allows
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
-
-
-def keep_memory() -> None:
-    """Let glibc's allocator keep memory that is freed, for the matrices of the next step; others are left as they are.
-
-    Otherwise it gives that memory back to the system, which clears it before it is used again: a fifth of the time of a sweep.
-    It is for processes that are of this program alone.
-    """
-    import ctypes
-
-    with suppress(AttributeError, OSError, TypeError):  # no glibc, or no library of this process
-        mallopt = ctypes.CDLL(None).mallopt
-        mallopt(M_MMAP_THRESHOLD, FROM_HEAP)
-        mallopt(M_TRIM_THRESHOLD, KEPT)
 
 
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there

@@ -18,15 +18,15 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 
-from wavesweep.arithmetic import ONE_THREAD
+from wavesweep.arithmetic import ONE_THREAD, versions
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep.tasks import settle_in, timed
+from wavesweep.sweep.tasks import attested, settle_in, timed
+from wavesweep.system import HANGUP, KILL, MASKS, STOPPING, block, block_only, processors, why_no_processes
 
 EXTRAS = {"dask": "distributed", "ray": "ray"}  # backend, also the name of our extra -> the package that it needs
 # Of processes that are started here: one BLAS thread each, since the matrices are small and the workers many; and no module
 # of the current folder, which Python would otherwise prefer to the standard library and to joblib.
 CHILDREN = dict.fromkeys(ONE_THREAD, "1") | {"PYTHONSAFEPATH": "1"}
-DEAF = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}  # left to the parent
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
 ENDING = 3.0  # s for loky's threads to end, whose other locks a signal may have left locked as well
@@ -47,11 +47,6 @@ class Workers:
     backend: str | None
     scheduler: str | None
     why: str
-
-
-def processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def refuse_backend(backend: str | None) -> None:
@@ -89,8 +84,9 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     if useful < 2:
         return Workers(1, None, None, "a single processor")
     expected = seconds()
-    if expected < WORTH:
-        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
+    alone = f"work below {WORTH:g} s is faster without workers" if expected < WORTH else why_no_processes()
+    if alone:
+        return Workers(1, None, None, alone)
     return Workers(min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work")
 
 
@@ -98,7 +94,7 @@ def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
     """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
 
     task_of(number): the chunk's `Task`, made when it is handed out. Raises UsageError for a backend that cannot be used,
-    WavesweepError if a worker dies or a cluster is lost. Closing the generator ends the workers.
+    WavesweepError if a worker dies, has other versions, or a cluster is lost. Closing the generator ends the workers.
     """
     if workers.backend is None:
         return (timed(number, task_of(number)) for number in numbers)
@@ -109,13 +105,20 @@ def _elsewhere(workers, numbers, task_of):
     refuse_backend(workers.backend)
     with BACKENDS[workers.backend](workers) as pool:
         calls = ((number, task_of(number)) for number in numbers)
-        waiting = {pool.submit(timed, *call) for call in islice(calls, AHEAD * pool.count)}
+        waiting = {pool.submit(attested, timed, *call) for call in islice(calls, AHEAD * pool.count)}
         while waiting:
             done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
             pool.look()
             for future in done:
-                waiting |= {pool.submit(timed, *call) for call in islice(calls, 1)}
-                yield future.result()
+                waiting |= {pool.submit(attested, timed, *call) for call in islice(calls, 1)}
+                found, there = future.result()
+                if there != versions():
+                    raise WavesweepError(f"expected workers with {_named(versions())}, found one with {_named(there)}")
+                yield found
+
+
+def _named(found):
+    return f"wavesweep {found['tool_version']} and numpy {found['numpy_version']}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +176,7 @@ def _unblock(executor, processes):
     for process in processes:
         if process.exitcode is None:
             with suppress(OSError):
-                os.kill(process.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+                os.kill(process.pid, KILL)
     null = os.open(os.devnull, os.O_RDWR)
     for end in (executor._result_queue._writer, executor._call_queue._reader):  # noqa: SLF001 - no public names either
         with suppress(OSError):  # one that loky has closed itself
@@ -199,7 +202,7 @@ def _manager_unsaid():
 
 @contextmanager
 def _started_here():
-    """Let processes that are started meanwhile have the environment CHILDREN and leave the signals DEAF to this one.
+    """Let processes that are started meanwhile have the environment CHILDREN and leave the signals STOPPING to this one.
 
     A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write a traceback. A signal
     that arrives meanwhile is delivered afterwards. Stdout and stderr are the null device meanwhile, so that whoever reads
@@ -212,15 +215,15 @@ def _started_here():
         after.callback(_restore, before)
         os.environ.update(CHILDREN)
         after.enter_context(_unheard())
-        if hasattr(signal, "pthread_sigmask"):
+        if MASKS:
             from multiprocessing import resource_tracker as of_python
 
-            after.callback(signal.pthread_sigmask, signal.SIG_SETMASK, signal.pthread_sigmask(signal.SIG_BLOCK, set()))
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+            after.callback(block_only, block())
+            block({HANGUP})
             # Python starts both trackers with the first worker. They ignore the other signals, and leave these unblocked.
             of_python.ensure_running()
             of_loky.ensure_running()
-            signal.pthread_sigmask(signal.SIG_BLOCK, DEAF)
+            block(STOPPING)
         yield
 
 

@@ -1,9 +1,7 @@
 """Several specs beside each other: the stable intervals of the wall's stiffness, and the responses, as two tables."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from typing import Unpack
 
 import numpy as np
@@ -28,28 +26,25 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     its progress is called with the counts of one spec after the other, and with those of all responses.
     """
     from wavesweep.sweep.response_job import units_in
-    from wavesweep.sweep.running import Work
 
     for spec in specs:  # before the work for any of them
         sweep_axes(spec, "K_VE")
         if missing := spec.without_hand():
             raise SpecError(missing)
-    folder = Path(kept) if (kept := Work.of(work).checkpoint) else None
-    walls, rest = (folder and folder / name for name in ("walls", "responses"))
-    found = [  # in turn: each uses all workers
-        intervals(spec, "K_VE", **(work | {"checkpoint": walls and walls / spec.name})) for spec in specs
-    ]
+    # In turn: each uses all workers.
+    found = [intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"})) for spec in specs]
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units | _units_of_walls(specs))
-    both = responses(specs, **(work | {"checkpoint": rest}))
-    forget = _forgetting(found, (walls, folder))
-    return [
-        Table.of("compare", columns, facts, forget=forget),
-        replace(both, kind="compare-bode", forget=_forgetting([both], (folder,))),
-    ]
+    both = responses(specs, **(work | {"part": "responses "}))
+
+    def forget():  # once both tables are written
+        for table in (*found, both):
+            table.forget()
+
+    return [Table.of("compare", columns, facts), replace(both, kind="compare-bode", forget=forget)]
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
@@ -78,19 +73,6 @@ def _facts(specs, tables, swept):
 def _notices(specs, facts) -> Iterator[str]:
     for spec, each in zip(specs, facts, strict=True):
         yield from (f"{spec.name}: {notice}" for notice in each["notices"])
-
-
-def _forgetting(tables, folders):
-    """A function that removes the checkpoints of tables, and these folders if nothing else is in them."""
-
-    def forget():
-        for table in tables:
-            table.forget()
-        for folder in filter(None, folders):
-            with suppress(OSError):
-                folder.rmdir()
-
-    return forget
 
 
 KINDS = (

@@ -183,10 +183,11 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
 
 def _with_proofs(facts, stage, found) -> dict:
     """The facts with those about proofs."""
+    from wavesweep.sweep.gathering import records_of
     from wavesweep.sweep.proving import facts_of_proofs, notice_of
 
     store = found.stores[stage.hand]
-    proved = facts_of_proofs(store.load(number) for number in store.finished())
+    proved = facts_of_proofs(records_of(stage.job, store, number) for number in store.finished())
     return facts | {"proved": proved, "notices": [*facts["notices"], notice_of(proved)]}
 
 

@@ -1,0 +1,25 @@
+"""Finished chunks in the checkpoints of a folder, also while a run writes them."""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+
+def finished(folder, name=""):
+    """Numbers of the chunks in all checkpoints `.<name>*.sqlite` of a folder."""
+    return [number for path in sorted(Path(folder).glob(f".{name}*.sqlite")) for number in finished_in(path)]
+
+
+def finished_in(path):
+    """The same of one checkpoint."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        try:
+            return [number for (number,) in database.execute("SELECT number FROM chunks ORDER BY number")]
+        except sqlite3.OperationalError:  # it is being made, or removed
+            return []
+
+
+def changed(path, statement, *values):
+    """Change the rows of a checkpoint."""
+    with closing(sqlite3.connect(path)) as database, database:
+        assert database.execute(statement, values).rowcount > 0

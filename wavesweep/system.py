@@ -1,0 +1,80 @@
+"""What not every operating system has, each with the way of a system without it."""
+
+import errno
+import os
+import signal
+from collections.abc import Iterable
+from contextlib import suppress
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+
+# Without the first, a pipe of that name would be waited for.
+_READING = ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
+READ = os.O_RDONLY | sum(
+    getattr(os, name, 0) for name in _READING
+)  # without the first, a pipe of that name would be waited for
+OPEN = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", *_READING))
+STOPPING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+HANGUP = getattr(signal, "SIGHUP", None)
+KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
+
+
+def processors() -> int:
+    """Number of processors that this process may use, or that there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def lock(descriptor: int, wait: bool) -> None:
+    """Lock an open file; the lock ends with the process. Raises BlockingIOError if another process has it and `wait` is false.
+
+    OSError with ENOTSUP: this system has no such locks.
+    """
+    if fcntl is None:
+        raise OSError(errno.ENOTSUP, os.strerror(errno.ENOTSUP))
+    fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+
+
+KEPT = 2**27  # bytes that the allocator keeps
+FROM_HEAP = 2**25  # bytes up to which an array comes from there, the most that glibc allows
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
+
+
+def keep_memory() -> None:
+    """Let glibc's allocator keep memory that is freed, for the matrices of the next step; others are left as they are.
+
+    Otherwise it gives that memory back to the system, which clears it before it is used again: a fifth of the time of a sweep.
+    It is for processes that are of this program alone.
+    """
+    with suppress(ImportError, AttributeError, OSError, TypeError):  # no glibc, or no library of this process
+        import ctypes
+
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(M_MMAP_THRESHOLD, FROM_HEAP)
+        mallopt(M_TRIM_THRESHOLD, KEPT)
+
+
+def why_no_processes() -> str:
+    """Say why no worker processes can be started here; empty if they can."""
+    try:
+        import multiprocessing.synchronize  # noqa: F401 - semaphores
+
+        import joblib  # noqa: F401
+    except (ImportError, OSError) as error:
+        return f"no worker processes can be started here ({error})"
+    return ""
+
+
+MASKS = hasattr(signal, "pthread_sigmask")  # without masks of signals, workers hear those of their terminal
+
+
+def block(numbers: Iterable[int] = ()) -> set[int]:
+    """Let these signals wait, in this thread and in processes that it starts; return those that waited before."""
+    return signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+
+
+def block_only(numbers: Iterable[int]) -> None:
+    """Let these signals wait, and no others."""
+    signal.pthread_sigmask(signal.SIG_SETMASK, numbers)
