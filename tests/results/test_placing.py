@@ -1,7 +1,6 @@
 """Interrupted runs are finished or undone by the next one, one run at a time works on a table, and foreign files stay."""
 
 import errno
-import json
 import os
 import re
 import subprocess
@@ -14,6 +13,7 @@ import pytest
 from wavesweep import disk, system
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import at_work, lock, placing, publish
+from wavesweep.results.folder import HEADER
 from wavesweep.tables.table import Table
 
 RANDOM = "0123456789ab"
@@ -28,8 +28,6 @@ def decided(columns, facts, tmp_path):
     publish(other, tmp_path / "other")
     folder = tmp_path / f".zwidth.put-{RANDOM}"
     (tmp_path / "other").rename(folder)
-    files = sorted(path.name for path in folder.iterdir())
-    (folder / placing.JOURNAL).write_text(json.dumps({"place": files, "remove": ["zwidth.png", "../precious"]}))
     return folder
 
 
@@ -40,11 +38,11 @@ def names(folder):
 FILES = ["zwidth.csv", "zwidth.datapackage.json", "zwidth.parquet"]
 
 
-@pytest.mark.parametrize("moved", range(4))
+@pytest.mark.parametrize("moved", range(5))
 def test_a_decided_table_is_placed_by_the_next_run(decided, tmp_path, moved):
     content = {name: (decided / name).read_bytes() for name in FILES}
-    for name in FILES[:moved]:
-        (decided / name).replace(tmp_path / name)
+    for name in ("zwidth.csv", "zwidth.parquet", "zwidth.png", "zwidth.datapackage.json")[:moved]:
+        (decided / name).replace(tmp_path / name) if name in FILES else (tmp_path / name).unlink()
     with at_work(["zwidth"], tmp_path):
         assert names(tmp_path) == [".zwidth.lock", *FILES]
     assert {name: (tmp_path / name).read_bytes() for name in FILES} == content
@@ -72,7 +70,7 @@ def test_a_signal_during_the_moves_is_passed_on_when_all_are_done(columns, facts
 
     def interrupted(path):
         seen.append(path)
-        if len(seen) == 7:  # three files, the journal, their folder, and the results before and after the moves
+        if len(seen) == 6:  # three files, their folder, and the results before and after the moves
             raise KeyboardInterrupt
 
     monkeypatch.setattr(placing, "sync", interrupted)
@@ -103,18 +101,13 @@ def test_links_and_pipes_with_our_names_are_left_alone(columns, facts, tmp_path,
     assert len(names(out)) == 5
 
 
-def test_the_journal_moves_and_removes_files_of_its_table_only(decided, tmp_path):
-    (tmp_path / "precious").write_text("mine")
-    out = tmp_path / "out"
-    out.mkdir()
-    journal = {"place": ["../precious", "zwidth.csv", "bode.csv"], "remove": ["../precious", "bode.csv"]}
-    decided.rename(out / decided.name)
-    (out / decided.name / placing.JOURNAL).write_text(json.dumps(journal))
-    (out / "bode.csv").write_text("mine")
-    with at_work(["zwidth"], out):
+def test_files_of_the_table_alone_are_moved_and_removed(decided, tmp_path):
+    for folder, name in ((decided, "bode.csv"), (tmp_path, "bode.png"), (tmp_path, "zwidth.txt")):
+        (folder / name).write_text("mine")
+    with at_work(["zwidth"], tmp_path):
         pass
-    assert (tmp_path / "precious").exists()
-    assert names(out) == [decided.name, "bode.csv", "zwidth.csv"]
+    assert names(decided) == ["bode.csv"]
+    assert names(tmp_path) == sorted([decided.name, "bode.png", *FILES, "zwidth.txt"])
 
 
 def test_a_second_run_is_refused_with_the_first_ones_name_and_another_table_is_not(tmp_path):
@@ -242,3 +235,45 @@ def test_a_link_in_a_folder_that_is_removed_stays_with_it(tmp_path):
     assert not disk.remove_folder(folder, re.compile(r"part-\d"))
     assert names(folder) == ["part-2"]
     assert (tmp_path / "precious").read_text() == "precious"
+
+
+def designs_in(directory, *texts):
+    """A complete table `design` with its specs, not yet in place."""
+    directory.mkdir(exist_ok=True)
+    folder = placing.new_folder("design", directory)
+    (folder / "design.datapackage.json").write_text("{}")
+    (folder / "best").mkdir()
+    for number, text in enumerate(texts):
+        (folder / f"best/design-{number:02d}.toml").write_text(f"{HEADER}{text}")
+    return folder
+
+
+def test_the_specs_of_designs_appear_with_their_table_and_take_the_place_of_older_ones(tmp_path):
+    placing.put_in_place("design", designs_in(tmp_path, "a", "b"), tmp_path)
+    left = designs_in(tmp_path, "c")
+    with at_work(["design"], tmp_path):
+        assert names(tmp_path / "best") == ["design-00.toml", "design-01.toml"]
+    assert not left.exists()
+    decided = designs_in(tmp_path, "c")
+    decided.rename(tmp_path / f".design.put-{RANDOM}")
+    with at_work(["design"], tmp_path):
+        assert names(tmp_path / "best") == ["design-00.toml"]
+    assert names(tmp_path) == ["best", "design.datapackage.json"]
+
+
+@pytest.mark.parametrize("kind", ["own spec", "other name", "link"])
+def test_specs_of_somebody_else_are_refused_and_stay(tmp_path, kind):
+    best = tmp_path / "best"
+    if kind == "link":
+        (tmp_path / "elsewhere").mkdir()
+        best.symlink_to(tmp_path / "elsewhere")
+    else:
+        best.mkdir()
+        (best / ("design-01.toml" if kind == "own spec" else "mine.toml")).write_text("[controller]")
+    before = names(best)
+    with (
+        pytest.raises(UsageError, match="best: expected designs of this program or none, found others"),
+        at_work(["design"], tmp_path),
+    ):
+        pass
+    assert names(best) == before

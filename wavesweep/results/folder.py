@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from wavesweep.disk import is_folder, put_away, remove_folder
+from wavesweep.disk import is_folder, put_away, read_file, remove_folder
 from wavesweep.errors import UsageError
 from wavesweep.results.package import PART, packaged_facts
 from wavesweep.spec import SYMBOLS
@@ -142,6 +142,16 @@ def are_parts(folder: Path) -> bool:
     """Whether a folder holds the Parquet files of a table in parts, and nothing else."""
     paths = list(folder.iterdir())
     return paths != [] and all(PARTS.fullmatch(path.name) and path.is_file() and not path.is_symlink() for path in paths)
+
+
+BEST = "best"  # the folder of specs beside the table `design`
+DESIGNS = re.compile(r"design-\d\d\.toml")  # their names
+HEADER = "# A design that wavesweep found: "  # which they begin with
+
+
+def are_designs(folder: Path) -> bool:
+    """Whether a folder holds specs that `design` wrote, and nothing else."""
+    return all(DESIGNS.fullmatch(path.name) and read_file(path).startswith(HEADER.encode()) for path in folder.iterdir())
 
 
 LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems

@@ -68,11 +68,15 @@ def loaded(package: Path) -> dict[str, Any]:
 
 def packaged_parts(package: Path) -> int:
     """Give the number of parts of the folder of Parquet files in a package, 0 if it is not readable or has none."""
+    return sum(re.fullmatch(PART, name.rpartition("/")[2]) is not None for name in packaged_files(package))
+
+
+def packaged_files(package: Path) -> list[str]:
+    """Give the paths of the files in a package, none if it is not readable."""
     try:
-        entries = loaded(package)["resources"]
-        return sum(re.fullmatch(PART, str(entry["path"]).rpartition("/")[2]) is not None for entry in entries)
+        return [str(entry["path"]) for entry in loaded(package)["resources"]]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return 0
+        return []
 
 
 def figure_resource(kind: str, facts: Mapping[str, Any], figure: Path) -> dict[str, Any]:

@@ -1,32 +1,34 @@
 """All files of a table put in place as one step, which whoever comes next can finish or undo.
 
-The files are written in a new folder `.<kind>.new-<random>` beside the results. When they are complete and on the disk, with a
-journal that lists them, the folder is renamed to `.<kind>.put-<random>`: this decides. Then each file is moved to its place,
-the data package last, and the journal and the folder are removed. So a kill at any system call leaves one of two states:
+The files are written in a new folder `.<kind>.new-<random>` beside the results. When they are complete and on the disk, the
+folder is renamed to `.<kind>.put-<random>`: this decides. Then each file is moved to its place, files that the new data package
+does not list are removed, the package itself is moved, and the folder is removed. So a kill at any system call leaves one of
+two states:
 
 - a `new` folder: nothing was decided, the old results are untouched, and the next run removes it;
-- a `put` folder: all that it still holds is moved by the next run, before that looks at the results.
+- a `put` folder: as long as it holds the package, the next run does these steps again, before that looks at the results.
 
-A table in parts is a folder of Parquet files, which is moved as one; the folder or the file in its place is put away first.
+A table in parts is a folder of Parquet files, which is moved as one, as the folder of specs of `design` is; the folder or the
+file in its place is put away first.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from wavesweep.disk import folders_named, is_folder, random_part, read_file, remove_folder, remove_old, sync
+from wavesweep.disk import folders_named, is_folder, random_part, remove_folder, remove_old, sync
 from wavesweep.errors import UsageError
-from wavesweep.results.folder import FIGURES, PARTS, SUFFIXES, are_parts, existing_facts
+from wavesweep.results.folder import BEST, DESIGNS, FIGURES, PARTS, SUFFIXES, are_designs, are_parts
+from wavesweep.results.package import packaged_files
 
-JOURNAL = "journal.json"
 REPLACED = "replaced"  # the name, in the folder of new files, of a folder of parts whose place is needed
 ORDER = (*SUFFIXES[:-1], ".md", SUFFIXES[-1])  # the package last: its hashes then vouch for files that are in place
 NEW, PUT = "new", "put"
+INSIDE = re.compile(f"{PARTS.pattern}|{DESIGNS.pattern}")  # names of files in folders that are moved as one
 
 
 def new_folder(kind: str, directory: Path) -> Path:
@@ -39,22 +41,16 @@ def new_folder(kind: str, directory: Path) -> Path:
 def abandon(kind: str, folder: Path) -> None:
     """Remove a folder whose files were not put in place, as far as that is possible now."""
     with suppress(OSError):
-        for parts in (folder / f"{kind}.parquet", folder / REPLACED):
-            if is_folder(parts):
-                remove_folder(parts, PARTS)
-        remove_folder(folder, _ours(kind))
+        for inner in (folder / f"{kind}.parquet", folder / BEST, folder / REPLACED):
+            if is_folder(inner):
+                remove_folder(inner, INSIDE)
+        remove_folder(folder, re.compile("|".join(map(re.escape, _names(kind)))))
 
 
-def put_in_place(kind: str, folder: Path, directory: Path, sha256: str) -> list[Path]:
-    """Move the files of a table to their places and give their paths.
-
-    Figures of another spec (not `sha256`) are removed, and a CSV if the new table has none.
-    """
-    files = [f"{kind}{suffix}" for suffix in ORDER if (folder / f"{kind}{suffix}").exists()]
-    other = (existing_facts(kind, directory) or {}).get("spec_sha256") != sha256
-    stale = [name for suffix in (".csv", *(FIGURES if other else ())) if (name := f"{kind}{suffix}") not in files]
-    (folder / JOURNAL).write_text(json.dumps({"place": files, "remove": stale}), encoding="utf-8")
-    for name in (*files, JOURNAL):
+def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
+    """Move the files of a table to their places and give their paths; figures and a CSV that its package does not list go."""
+    files = [name for name in _names(kind) if (folder / name).exists()]
+    for name in files:
         for part in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
             sync(part)
         sync(folder / name)
@@ -66,7 +62,7 @@ def put_in_place(kind: str, folder: Path, directory: Path, sha256: str) -> list[
     except BaseException:  # a signal, perhaps: it is decided, so the rest follows first
         _finish(kind, decided, directory)
         raise
-    return [directory / name for name in files]
+    return [directory / name for name in files if name != BEST]
 
 
 def settle(kinds: Iterable[str], directory: Path) -> None:
@@ -80,33 +76,34 @@ def settle(kinds: Iterable[str], directory: Path) -> None:
 
 
 def refuse_folders(kinds: Iterable[str], directory: Path) -> None:
-    """Raise UsageError if there is a folder in the place of a file of these tables, unless it is one of Parquet parts."""
+    """Raise UsageError if there is a folder in the place of a file of these tables that is none of Parquet parts or designs."""
     for kind in kinds:
-        for place in (directory / f"{kind}{suffix}" for suffix in ORDER):
-            if is_folder(place) and not (place.suffix == ".parquet" and are_parts(place)):
+        for place in (directory / name for name in _names(kind)):
+            if place.name == BEST:
+                if os.path.lexists(place) and not (is_folder(place) and are_designs(place)):
+                    raise UsageError(f"{place}: expected designs of this program or none, found others; move it away")
+            elif is_folder(place) and not (place.suffix == ".parquet" and are_parts(place)):
                 raise UsageError(f"{place}: expected a file of results or none, found a folder; move it away")
 
 
 def _finish(kind, decided, directory):
-    """Do the rest of the steps in the journal; a folder without a journal is removed if it is empty."""
-    try:
-        journal = json.loads(read_file(decided / JOURNAL))
-        place, stale = ([name for name in journal[verb] if _ours(kind).fullmatch(name)] for verb in ("place", "remove"))
-    except (FileNotFoundError, ValueError, KeyError, TypeError, RecursionError):
-        place, stale = [], []
+    """Do the rest of the steps; a folder whose package is in its place is removed if it is empty."""
+    *others, package = _names(kind)
     sync(directory)
-    for name in place:
-        if os.path.lexists(decided / name):
-            _make_way(decided, directory / name)
-            (decided / name).replace(directory / name)
-    for name in stale:
-        (directory / name).unlink(missing_ok=True)
-    if place:
+    if os.path.lexists(decided / package):
+        for name in others:
+            if os.path.lexists(decided / name):
+                _make_way(decided, directory / name)
+                (decided / name).replace(directory / name)
+        listed = packaged_files(decided / package)
+        for name in (f"{kind}{suffix}" for suffix in (".csv", *FIGURES)):
+            if listed and name not in listed:
+                (directory / name).unlink(missing_ok=True)
+        (decided / package).replace(directory / package)
         sync(directory)
-        (decided / JOURNAL).unlink()
     with suppress(OSError):  # it holds files of somebody else, or may not be removed: tried again by the next run
         if is_folder(decided / REPLACED):
-            remove_folder(decided / REPLACED, PARTS)
+            remove_folder(decided / REPLACED, INSIDE)
         decided.rmdir()
 
 
@@ -118,5 +115,6 @@ def _make_way(decided, place):
         place.unlink(missing_ok=True)
 
 
-def _ours(kind):
-    return re.compile("|".join(re.escape(f"{kind}{suffix}") for suffix in ORDER) + f"|{re.escape(JOURNAL)}")
+def _names(kind):
+    *others, package = (f"{kind}{suffix}" for suffix in ORDER)
+    return [*others, *([BEST] if kind == "design" else ()), package]

@@ -67,8 +67,8 @@ def publish(
             package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             if table.beside is not None:
-                table.beside(directory)
-            return put_in_place(table.kind, folder, directory, facts["spec_sha256"])
+                table.beside(folder)
+            return put_in_place(table.kind, folder, directory)
         except OSError as error:
             raise _of_folder(error, directory) from error
         finally:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.disk import make_folders, write_file
+from wavesweep.results.folder import BEST, HEADER
 from wavesweep.search.study import wish_units
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import name_of
@@ -14,7 +14,6 @@ from wavesweep.spec.writing import as_toml
 from wavesweep.tables.table import Table
 
 MOST = 10
-HEADER = "# A design that wavesweep found: "
 
 
 def chosen(rows: int) -> list[int]:
@@ -59,19 +58,16 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
 
 
 def with_best(table: Table, spec: Spec) -> Table:
-    """Return the table with the specs of some of its designs beside it, in the folder `best`."""
+    """Return the table with the specs of some of its designs beside it, in the folder BEST."""
     columns = table.columns
     rows = chosen(len(columns["certified"]))
-    names = [f"best/design-{number + 1:02d}.toml" for number in rows]
+    names = [f"{BEST}/design-{number + 1:02d}.toml" for number in rows]
     stop = table.facts["stop"]
 
-    def write(directory: Path) -> None:
-        make_folders(directory / "best")
+    def write(folder: Path) -> None:
+        (folder / BEST).mkdir()
         for name, number in zip(names, rows, strict=True):
             row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
-            write_file(directory / name, text_of(spec, row, stop).encode())
-        for old in (directory / "best").glob("design-*.toml"):
-            if f"best/{old.name}" not in names and old.read_text(encoding="utf-8", errors="replace").startswith(HEADER):
-                old.unlink()
+            (folder / name).write_text(text_of(spec, row, stop), encoding="utf-8", newline="\n")
 
     return replace(table, facts=table.facts | {"best": names}, beside=write)

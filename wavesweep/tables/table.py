@@ -20,7 +20,7 @@ class Table:
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
     leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
     they are not those of its kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
-    Markdown. beside: writes further files into the folder of the results, before the table appears there. forget: removes the
+    Markdown. beside: writes further files, which appear together with the table, into a folder. forget: removes the
     checkpoint that the rows are read from, once they are safe elsewhere.
     """
 
