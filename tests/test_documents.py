@@ -91,7 +91,7 @@ def summaries(tmp_path_factory):
     found = {}
     for name in (*names, "check --plot", "export --to c", "verify results/mine"):
         first, *rest = name.split()
-        spec, switches = ["mine.toml"] if first != "verify" else [], ["--no-plot", "--force"] if name in names else []
+        spec, switches = ["mine.toml"] if first != "verify" else [], ["--no-plot", "--overwrite"] if name in names else []
         command = [sys.executable, "-m", "wavesweep", first, *spec, *rest, "--json", *switches]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
         found[name] = json.loads(done.stdout)

@@ -55,13 +55,20 @@ def test_the_examples_in_the_helps_are_valid(example, tmp_path):
         load(source, settings).as_simulated()
 
 
-@pytest.mark.parametrize("name", WITH_TABLES)
-def test_the_common_options_are_the_same_everywhere(name):
-    def described(command):
-        return {option.name: (option.opts, option.help) for option in command.params if option.param_type_name == "option"}
+@pytest.mark.parametrize("name", ["simulate", "why", "paper", "bench", "check", "export"])
+@pytest.mark.parametrize("option", ["--jobs=2", "--backend=loky", "--scheduler=a", "--restart"])
+def test_workers_are_options_only_of_the_commands_that_use_them(name, option, wavesweep, spec):
+    code, _, err = wavesweep(name, *([] if name in ("paper", "bench") else [spec]), option)
+    assert (code, option.partition("=")[0] in err, "No such option" in err) == (2, True, True)
 
-    # compare has no options of its own.
-    assert described(group.get_command(None, name)).items() >= described(group.get_command(None, "compare")).items()
+
+@pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2), ("--force", 3)])
+def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(option, asked, wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "results/wall").mkdir(parents=True)
+    (tmp_path / "results/wall/zwidth.csv").write_text("somebody's")
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", option)
+    assert (code, "give --overwrite to replace them" in err) == ((0, False) if asked & 1 else (2, True))
+    assert [given["force"] for _, given in sweep.seen] == ([asked > 1] if asked & 1 else [])
 
 
 @pytest.mark.parametrize("name", WITH_TABLES)

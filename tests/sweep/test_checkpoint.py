@@ -57,16 +57,16 @@ def test_a_run_goes_on_where_it_was_stopped(stopped, long, long_table, same):
 
 
 def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stopped, mixed):
-    with pytest.raises(CheckpointError, match=rf"{stopped}.* of another run, which differs in spec_sha256.*--force"):
+    with pytest.raises(CheckpointError, match=rf"{stopped}.* of another run, which differs in spec_sha256.*--restart"):
         sweep.intervals(mixed, checkpoint=stopped)
     assert len(parts_in(stopped)) == 2
     run = sweep.intervals(mixed, checkpoint=stopped, force=True)
     assert run.facts["timings"]["slices_from_checkpoint"] == 0
 
 
-def test_force_keeps_a_checkpoint_of_the_same_run(stopped, long):
+def test_force_begins_the_same_run_anew(stopped, long):
     run = sweep.intervals(long, jobs=1, checkpoint=stopped, force=True)
-    assert run.facts["timings"]["slices_from_checkpoint"] == 8192
+    assert run.facts["timings"]["slices_from_checkpoint"] == 0
 
 
 def truncate(folder):
@@ -200,7 +200,7 @@ def test_a_checkpoint_of_another_version_is_refused_and_stays_as_it_is(stopped, 
     (stopped / "manifest.json").write_text(json.dumps(facts | {"digest": checkpoint._digest(facts).hex()}))
     before = {path.name: path.read_bytes() for path in stopped.iterdir()}
     with pytest.raises(
-        CheckpointError, match=rf"{stopped}.* differs in {key} \(0.0.1, not .*remove the folder, or give --force"
+        CheckpointError, match=rf"{stopped}.* differs in {key} \(0.0.1, not .*remove the folder, or give --restart"
     ):
         sweep.intervals(long, jobs=1, checkpoint=stopped)
     assert {path.name: path.read_bytes() for path in stopped.iterdir()} == before

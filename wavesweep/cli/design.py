@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, common, workers
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     "z_width_box and box_settled say what is left and whether it is proved.",
 )
 @common
+@workers
 def command(spec: str, hand: str, options: Options) -> None:
     """Search for designs that meet a wish, for all devices and hands that they have to hold for.
 

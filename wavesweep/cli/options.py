@@ -26,17 +26,18 @@ class Options:
 
     out: str | None
     overrides: tuple[str, ...]
-    jobs: int
-    backend: str | None
-    scheduler: str | None
     plot: bool
     formats: tuple[str, ...]
-    force: bool
+    overwrite: bool
     as_json: bool
     wait: bool
     quiet: bool
     debug: bool
     partition: int | None = None
+    jobs: int = 1
+    backend: str | None = None
+    scheduler: str | None = None
+    restart: bool = False
 
     @property
     def to_stdout(self) -> bool:
@@ -90,7 +91,27 @@ formats = click.option(
     help="Format of the figure. May be repeated.",
 )
 
-_COMMON = (
+
+def _together(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Several options as one decorator; a help lists them in this order."""
+
+    def add(body: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            body = option(body)
+        return body
+
+    return add
+
+
+def overwriting(text: str) -> Callable[..., Any]:
+    """The option --overwrite of a command that writes files of its own, with its older name. text: its help."""
+    return _together(
+        click.option("--overwrite", is_flag=True, help=text),
+        click.option("--force", "overwrite", is_flag=True, hidden=True),
+    )
+
+
+_common = _together(
     click.option(
         "-o",
         "--out",
@@ -99,27 +120,14 @@ _COMMON = (
         help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout, and no file.",
     ),
     override,
-    click.option(
-        "-j",
-        "--jobs",
-        metavar="N",
-        type=click.IntRange(min=1),
-        default=2,
-        show_default=True,
-        help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
-    ),
-    click.option("--backend", metavar="NAME", help="Kind of the workers: loky (the default), threading, dask or ray."),
-    click.option(
-        "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
-    ),
     click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."),
     formats,
     click.option(
-        "--force",
+        "--overwrite",
         is_flag=True,
-        help="Replace results of another spec, and begin anew if an interrupted run cannot be continued. "
-        "Results of the same spec file are replaced without it.",
+        help="Replace results of another spec or of unknown origin. Those of the same spec file are replaced without it.",
     ),
+    click.option("--force", is_flag=True, hidden=True),  # what --overwrite and --restart were together
     click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."),
     as_json,
     quiet,
@@ -131,7 +139,8 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     """Add the common options to a command; its body receives them together as `options`."""
 
     @wraps(body)
-    def gathered(**given: Any) -> None:
+    def gathered(force: bool, **given: Any) -> None:
+        given |= dict.fromkeys({"overwrite", "restart"} & given.keys(), True) if force else {}
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
         drawn, asked = options.plot and not options.to_stdout, click.get_current_context().get_parameter_source("formats")
         if not drawn and asked is ParameterSource.COMMANDLINE:
@@ -149,9 +158,26 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
             raise click.UsageError("--partition writes a folder of Parquet files, and --out - the CSV; leave one of them out")
         body(options=options, **given)
 
-    for option in reversed(_COMMON):
-        gathered = option(gathered)
-    return gathered
+    return _common(gathered)
+
+
+# For the commands that work in chunks; beside `common`, which collects them.
+workers = _together(
+    click.option(
+        "-j",
+        "--jobs",
+        metavar="N",
+        type=click.IntRange(min=1),
+        default=2,
+        show_default=True,
+        help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
+    ),
+    click.option("--backend", metavar="NAME", help="Kind of the workers: loky (the default), threading, dask or ray."),
+    click.option(
+        "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
+    ),
+    click.option("--restart", is_flag=True, help="Begin anew, and throw away what an interrupted run has finished."),
+)
 
 
 # For the commands whose tables can be long; above `common`, which collects it.

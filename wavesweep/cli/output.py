@@ -57,10 +57,10 @@ def produce(
         plots.refuse_settings()
     with alone(kinds, directory, options):
         # Before the work as well as after it: a refusal should not cost a long run.
-        for kind in kinds if not (options.force or options.to_stdout) else ():
+        for kind in kinds if not (options.overwrite or options.to_stdout) else ():
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler", "force")}
+        work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler")} | {"force": options.restart}
         kept = None if options.to_stdout else parts_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
             tables = compute(specs, **work, progress=report, checkpoint=kept)
@@ -165,7 +165,7 @@ def produce_intervals(
     from wavesweep import results, sweep
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        if not options.to_stdout and not options.force:
+        if not options.to_stdout and not options.overwrite:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts() if hands else {})
         return [replace(sweep.intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
 
@@ -231,7 +231,7 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
 
             table = drawn(table, notices.append)
         rows = options.partition if main else None
-        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, True, rows)
+        paths = results.publish(table.watched(tally.add), directory, options.overwrite, options.formats, True, rows)
     elif main:
         try:
             results.stream(table.watched(tally.add), sys.stdout.buffer)

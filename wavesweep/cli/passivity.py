@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Options, common, partition
+from wavesweep.cli.options import Options, common, partition, workers
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 )
 @partition
 @common
+@workers
 def command(spec: str, options: Options, filters: bool, tolerance: float) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 

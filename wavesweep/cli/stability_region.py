@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import Options, common, hand_options, partition, prove
+from wavesweep.cli.options import Options, common, hand_options, partition, prove, workers
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Hands
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 @prove
 @partition
 @common
+@workers
 def command(spec: str, options: Options, hands: Hands | None, prove: bool) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 

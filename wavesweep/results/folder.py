@@ -48,7 +48,9 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str 
     if found is None or found.get("spec_sha256") == sha256 or (place and found.get("spec_place") == place):
         return
     maker = f"another spec ({_name(found)}SHA-256 {found['spec_sha256'][:12]}…)" if found else "an unknown origin"
-    raise UsageError(f"{Path(directory) / kind}.*: found results of {maker}; give --force to replace them, or another --out")
+    raise UsageError(
+        f"{Path(directory) / kind}.*: found results of {maker}; give --overwrite to replace them, or another --out"
+    )
 
 
 def _name(facts: Mapping[str, Any]) -> str:
@@ -62,7 +64,9 @@ def refuse_other_hands(kind: str, directory: str | Path, hands: Mapping[str, obj
     if not found or all(found.get(name) == hands.get(name) for name in ("hands", "hand_box")):
         return
     options = "other options --hand, --hand-box or --passive"
-    raise UsageError(f"{Path(directory) / kind}.*: found results of {options}; give --force to replace them, or another --out")
+    raise UsageError(
+        f"{Path(directory) / kind}.*: found results of {options}; give --overwrite to replace them, or another --out"
+    )
 
 
 def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:

@@ -173,7 +173,7 @@ def records_of(job: Job, store, number: int) -> np.ndarray:
 def checkpoint_of(job: Job, folder: Path | None, force: bool, warnings: list[str]) -> MemoryCheckpoint | FolderCheckpoint:
     """The checkpoint of a job: in the folder, or in memory without a folder or for a single chunk.
 
-    force: begin anew if the folder is of another run. warnings: receives a sentence for each damaged file.
+    force: begin anew, whatever the folder holds. warnings: receives a sentence for each damaged file.
     Raises CheckpointError if the folder is of another run, which may be a night of work, or no folder of this program.
     """
     if folder is None:
@@ -191,13 +191,9 @@ def checkpoint_of(job: Job, folder: Path | None, force: bool, warnings: list[str
 
 def _prepare(folder, run, digest, force, warnings):
     """Let the folder be one with the manifest of this run, or raise CheckpointError."""
-    try:
-        damage = _refuse_other_run(folder, run, digest)
-    except CheckpointError:
-        if not force:
-            raise
+    if force and is_folder(folder):
         _remove(folder, warnings)
-        damage = None
+    damage = _refuse_other_run(folder, run, digest)
     make_folders(folder)
     manifest = folder / MANIFEST
     if damage is not None:
@@ -262,7 +258,7 @@ def _numbers(folder, digest, chunks):
 def _of_another_run(folder, how):
     return CheckpointError(
         f"{folder}: cannot go on from this checkpoint: it is of another run{how}; "
-        "remove the folder, or give --force to begin anew"
+        "remove the folder, or give --restart to begin anew"
     )
 
 
