@@ -87,7 +87,16 @@ ONCE = ("slices",)  # whose keys are documented once, for all tables
 def summaries(tmp_path_factory):
     """The objects that commands write with --json over one small spec, by command."""
     (folder := tmp_path_factory.mktemp("summaries")).joinpath("mine.toml").write_text(SUMMARIZED)
-    names = ("zwidth", "zwidth --hand box", "bode", "compare", "simulate", "passivity --filters", "why", "design --hand box")
+    names = (
+        "zwidth",
+        "zwidth --for-hands box",
+        "bode",
+        "compare",
+        "simulate",
+        "passivity --filters",
+        "why",
+        "design --for-hands box",
+    )
     found = {}
     for name in (*names, "check --plot", "export --to c", "verify results/mine"):
         first, *rest = name.split()
@@ -120,10 +129,10 @@ def test_the_keys_of_the_summaries_in_the_documents_are_exactly_those_of_the_pro
 
     found = {kind: table for each in summaries.values() for kind, table in each.get("tables", {}).items()}
     documented = {kind: quoted(keys) for kinds, keys in tables.items() for kind in re.findall(r"`(.*?)`", kinds)}
-    assert set(documented) == set(found) - {"zwidth", "compare"}
+    assert set(documented) == set(found) - {"zwidth", "zwidth-hands", "compare"}
     assert {kind: all_keys(found[kind], ONCE) for kind in documented} == documented
 
-    by_name = [summaries["zwidth --hand box"]["tables"]["zwidth"], summaries["compare"]["tables"]["compare"]]
+    by_name = [summaries["zwidth --for-hands box"]["tables"]["zwidth-hands"], summaries["compare"]["tables"]["compare"]]
     inner = [each for table in by_name for each in (table.get("hands") or table["specs"]).values()]
     inner.append(summaries["zwidth"]["tables"]["zwidth"])
     intervals = part.split("\nA table of intervals", 1)[1].split("The other tables:")[0]

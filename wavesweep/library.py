@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.errors import UsageError
 from wavesweep.spec import Spec, load
 
 if TYPE_CHECKING:
@@ -53,26 +52,19 @@ def frame(
 def zwidth(
     source: Source,
     along: str | None = "K_VE",
-    hand: str = "free",
-    hand_box: Mapping[str, tuple[float, float]] | None = None,
-    passive: bool = False,
+    for_hands: str | Iterable[str] = (),
     **work: Any,
 ) -> DataFrame:
     """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
 
-    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. hand: "free", "passive"
-    or "box", see `wavesweep zwidth --help`. hand_box: ranges of mass (kg), damping (N*s/m) and stiffness (N/m) of a box.
-    passive: adds the intervals in which the hand's port is passive. work: jobs, backend, scheduler, progress, checkpoint and
+    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. for_hands: a word
+    or several, whose intervals are added: "passive", "box", "box:mass=0.1..0.4,damping=2..5", "port", see `wavesweep zwidth
+    --help`. work: jobs, backend, scheduler, progress, checkpoint and
     force, see `wavesweep.sweep.intervals`. Errors: UsageError, SpecError, WavesweepError.
     """
     from wavesweep import sweep
-    from wavesweep.given import boolean
 
-    passive = boolean("passive", passive)
-    if hand_box is not None and not (isinstance(hand, str) and hand == "box"):
-        raise UsageError(f'hand_box: expected hand="box" beside it, found hand={hand!r}')
-    hands = None if hand == "free" and not passive else sweep.hands_of(hand, hand_box or {}, passive)
-    return _framed(sweep.intervals(_spec(source), along, hands, **work))
+    return _framed(sweep.intervals(_spec(source), along, sweep.hands_of(for_hands), **work))
 
 
 def stability_region(source: Source, along: str | None = None, **options: Any) -> DataFrame:

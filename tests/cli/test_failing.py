@@ -281,7 +281,7 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["zwidth", "wall.toml", "--hand", "box", "--hand-box", "mass=1..2,mass=3..4"], "one range of mass, found two"),
+        (["zwidth", "wall.toml", "--for-hands", "box:mass=1..2,mass=3..4"], "one range of mass, found two"),
         (["init", "--out", " "], "--out: expected the name of a file, found an empty text"),
         (["explore", "wall.toml", "--save", ""], "--save: expected the name of a file, found an empty text"),
         (["check", "wall.toml", "--format", "svg"], "--format: expected --plot"),

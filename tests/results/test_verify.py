@@ -37,11 +37,16 @@ ALONG_B = {"along": "b", "b": {"start": 5, "stop": 50}, "B_VE": [0.5, 1, 2]}
 
 def files_of(spec, kind):
     """The tables of a kind, computed."""
-    hands = sweep.hands_of("passive", {}, True)
+    hands = sweep.hands_of(["passive", "port"])
     short = replace(spec, name="short")
     calls = {
         "zwidth": lambda: [sweep.intervals(spec, "K_VE", jobs=1)],
-        "hands": lambda: [sweep.intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1)],
+        "hands": lambda: [
+            replace(
+                sweep.intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1),
+                kind="zwidth-hands",
+            )
+        ],
         "stability-region": lambda: [
             replace(sweep.intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")
         ],

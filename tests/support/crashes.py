@@ -62,7 +62,7 @@ CASES = {
     "new folder": ([], ["zwidth", "a.toml", "--out", "out"]),
     "over the same results": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out"]),
     "over another spec's": ([["zwidth", "b.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", "--overwrite"]),
-    "for hands": ([], ["zwidth", "c.toml", "--out", "out", "--passive"]),
+    "for hands": ([], ["zwidth", "c.toml", "--out", "out", "--for-hands", "port"]),
     "responses": ([], ["bode", "a.toml", "--out", "out"]),
     "responses of two specs": ([], ["bode", "a.toml", "b.toml", "--out", "out"]),
     "passivity": ([], ["passivity", "c.toml", "--out", "out"]),

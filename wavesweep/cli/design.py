@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 @click.command("design")
 @click.argument("spec")
 @click.option(
-    "--hand",
+    "--for-hands",
+    "checked",
     type=click.Choice(["vertices", "box"]),
     default="vertices",
     show_default=True,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 )
 @common
 @workers
-def command(spec: str, hand: str, options: Options) -> None:
+def command(spec: str, checked: str, options: Options) -> None:
     """Search for designs that meet a wish, for all devices and hands that they have to hold for.
 
     SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their ranges; [design.wish] the
@@ -49,7 +50,7 @@ def command(spec: str, hand: str, options: Options) -> None:
         from wavesweep.search.best import with_best
         from wavesweep.search.study import design
 
-        table = design(*specs, hand=hand, **work)
+        table = design(*specs, for_hands=checked, **work)
         return [table if options.to_stdout else with_best(table, specs[0])]
 
     produce(["design"], [spec], options, compute, asked=Spec.as_designed)

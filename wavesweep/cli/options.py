@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-if TYPE_CHECKING:
-    from wavesweep.sweep.hands import Hands
-
 STDOUT = "-"
 FORMATS = ("png", "svg", "pdf")
-_RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 
 
 @dataclass(frozen=True)
@@ -207,75 +202,14 @@ def refuse_equal_names(sources: Sequence[str]) -> None:
             raise click.UsageError(f"two specs are called {stem}; expected different file names, which label the curves")
 
 
-_HANDS = (
-    click.option(
-        "--hand",
-        type=click.Choice(["free", "passive", "box"]),
-        default="free",
-        show_default=True,
-        help=(
-            "The hands for which stability is guaranteed. free: the free device only. passive: add the intervals that are "
-            "stable with every passive hand, of any mass and stiffness, also if it moves within a tick; there are none "
-            "unless the device has enough damping and, with waves, Kp is above 0. box: add the intervals that are stable "
-            "with every hand whose mass, damping and stiffness are in --hand-box; the column settled is 1 if that is "
-            "proved, except for a thousandth of the interval at each end, and 0 if a search found no unstable hand. "
-            "Rows without a proof have certified 0."
-        ),
-    ),
-    click.option(
-        "--hand-box",
-        "hand_box",
-        metavar="RANGES",
-        help=(
-            "Ranges of the hands for --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). Default: "
-            "mass=0.005..0.6, damping=2..10, stiffness=100..1000, from a fingertip to an arm."
-        ),
-    ),
-    click.option(
-        "--passive",
-        is_flag=True,
-        help="Add the intervals in which the hand's port is passive if forces are held over a tick. This takes tenths of a "
-        "second per slice.",
-    ),
+# For the commands of stable intervals.
+for_hands = click.option(
+    "--for-hands",
+    "for_hands",
+    multiple=True,
+    metavar="WORD",
+    help="Add the intervals that are guaranteed for hands, in a table of its own. passive: stable with every passive hand, of "
+    "any mass and stiffness, also if it moves within a tick. box: stable with every hand between a fingertip and an arm, or "
+    "with ranges of your own, e.g. box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). port: the hand's port is "
+    "passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten seconds.",
 )
-
-
-def hand_options(body: Callable[..., None]) -> Callable[..., None]:
-    """Add the options for hands to a command; its body receives them as `hands`, None for the free device only."""
-
-    @wraps(body)
-    def gathered(hand: str, hand_box: str | None, passive: bool, **given: Any) -> None:
-        body(hands=_hands(hand, hand_box, passive), **given)
-
-    for option in reversed(_HANDS):
-        gathered = option(gathered)
-    return gathered
-
-
-def _hands(hand: str, hand_box: str | None, passive: bool) -> Hands | None:
-    if hand_box is not None and hand != "box":
-        raise click.UsageError(f"--hand-box needs --hand box, found --hand {hand}")
-    ranges = _ranges(hand_box) if hand_box is not None else {}
-    if hand == "free" and not passive:
-        return None
-    from wavesweep.sweep import hands_of
-
-    return hands_of(hand, ranges, passive)
-
-
-def _ranges(text: str) -> dict[str, tuple[float, float]]:
-    """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
-    found: dict[str, tuple[float, float]] = {}
-    for part in text.split(","):
-        matched = _RANGE.fullmatch(part)
-        try:
-            name, low, high = matched.groups() if matched else ("", "", "")
-            if name in found:
-                raise click.BadParameter(f"expected one range of {name}, found two", param_hint="--hand-box")
-            found[name] = (float(low), float(high))
-        except ValueError:
-            raise click.BadParameter(
-                f"expected ranges such as mass=0.1..0.5 (mass, damping, stiffness), found {part.strip()!r}",
-                param_hint="--hand-box",
-            ) from None
-    return found

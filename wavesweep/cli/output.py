@@ -23,9 +23,9 @@ from wavesweep.errors import UsageError
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
     from wavesweep.sweep import Table
-    from wavesweep.sweep.hands import Hands
 
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
+HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -47,7 +47,7 @@ def produce(
     from wavesweep import results, spec
     from wavesweep.sweep.table import digest_of
 
-    started = time.perf_counter()
+    started, command = time.perf_counter(), kinds[0].removesuffix(HANDS)
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
@@ -78,9 +78,9 @@ def produce(
         for table in tables[1:]:
             say(f"the table {table.kind} is left out, since stdout takes one; --out DIR writes it")
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
-    if notices := [line for each in specs for line in _without_effect(kinds[0], each, options.overrides)]:
+    if notices := [line for each in specs for line in _without_effect(command, each, options.overrides)]:
         finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
-    _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+    _report(command, specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
 
 
 def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractContextManager[None]:
@@ -154,22 +154,25 @@ def produce_intervals(
     source: str,
     options: Options,
     along: str | None = None,
-    hands: Hands | None = None,
+    for_hands: Sequence[str] = (),
     prove: bool = False,
 ) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
-    along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
-    itself. prove: compute columns in doubt again in ball arithmetic.
+    along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which go with the intervals of the
+    loop itself into a table KIND-hands. prove: compute columns in doubt again in ball arithmetic.
     """
     from wavesweep import results, sweep
 
+    hands = sweep.hands_of(for_hands)
+    kind += HANDS if hands else ""
+
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        if not options.to_stdout and not options.overwrite:
-            results.refuse_other_hands(kind, folder_of(specs, options), hands.facts() if hands else {})
+        if hands and not options.to_stdout and not options.overwrite:
+            results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
         return [replace(sweep.intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
 
-    produce([kind], [source], options, compute, name=f"{kind}{'-hands' if hands else ''}{'-proved' if prove else ''}")
+    produce([kind], [source], options, compute, name=f"{kind}{'-proved' if prove else ''}")
 
 
 def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:

@@ -40,7 +40,7 @@ def command(spec: str, options: Options, filters: bool, tolerance: float) -> Non
     is missing and channel_passive is 1.
 
     At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
-    necessary: see zwidth --hand passive.
+    necessary: see zwidth --for-hands passive.
 
     \b
     Example:

@@ -24,7 +24,7 @@ _HOMES = MappingProxyType(
         "compare_bode": "comparison", "design": "designs", "diagram": "wiring", "passivity": "margins",
         "passivity_filters": "margins",
         "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities",
-        "zwidth": "intervals",
+        "stability_region_hands": "intervals", "zwidth": "intervals", "zwidth_hands": "intervals",
     }
 )  # fmt: skip
 

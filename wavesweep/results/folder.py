@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,15 +58,14 @@ def _name(facts: Mapping[str, Any]) -> str:
     return f"{names}; " if names else ""
 
 
-def refuse_other_hands(kind: str, directory: str | Path, hands: Mapping[str, object]) -> None:
-    """Raise UsageError if the directory holds a table of this kind for other hands, see `Hands.facts`; {}: for none."""
+def refuse_other_hands(kind: str, directory: str | Path, words: Sequence[str]) -> None:
+    """Raise UsageError if the directory holds a table of this kind for other hands; words: see `Hands.facts`."""
     found = packaged_facts(Path(directory) / f"{kind}{SUFFIXES[-1]}")
-    if not found or all(found.get(name) == hands.get(name) for name in ("hands", "hand_box")):
-        return
-    options = "other options --hand, --hand-box or --passive"
-    raise UsageError(
-        f"{Path(directory) / kind}.*: found results of {options}; give --overwrite to replace them, or another --out"
-    )
+    if found and found.get("for_hands") != words:
+        other = f"other hands ({' '.join(map(str, found.get('for_hands') or ()))})"
+        raise UsageError(
+            f"{Path(directory) / kind}.*: found results for {other}; give --overwrite to replace them, or another --out"
+        )
 
 
 def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:

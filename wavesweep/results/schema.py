@@ -53,7 +53,7 @@ _INTERVALS = (
 
 _DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
 
-# Only in tables that have rows for hands; see `wavesweep zwidth --hand`.
+# Only in tables that have rows for hands; see `wavesweep zwidth --for-hands`.
 _HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
 _ENDS = (
     *(
@@ -190,6 +190,8 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "compare-bode": _BODE,
     "zwidth": _INTERVALS,
     "stability-region": _INTERVALS,
+    "zwidth-hands": _INTERVALS,
+    "stability-region-hands": _INTERVALS,
     "bode": _BODE,
     "simulate": _SIMULATE,
     "simulate-response": _SIMULATE_RESPONSE,

@@ -139,7 +139,7 @@ def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
     from wavesweep import sweep
     from wavesweep.spec import load
 
-    kind = package.name.removesuffix(SUFFIXES[-1])
+    kind = package.name.removesuffix(SUFFIXES[-1]).removesuffix("-hands")
     if kind in ("zwidth", "stability-region"):
         return _intervals(load(facts["spec"]), kind, facts)
     if kind == "bode":
@@ -165,11 +165,7 @@ def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
     from wavesweep.sweep import hands_of
     from wavesweep.sweep.interval_table import combinations, rows_again
 
-    known, hands = facts.get("hands"), None
-    if known:
-        box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
-        hands = hands_of(known["hand"], box, known["port"])
-    run = (spec, "K_VE" if kind == "zwidth" else None, hands)
+    run = (spec, "K_VE" if kind == "zwidth" else None, hands_of(facts.get("for_hands", ())))
     return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
 
 

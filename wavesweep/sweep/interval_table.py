@@ -70,9 +70,9 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None", *, prove: bo
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]
-    if free is not None and hands.hand != "free":
+    if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees()]
+    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees]
 
 
 def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
