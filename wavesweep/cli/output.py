@@ -134,11 +134,12 @@ def _report(
         )
     if options.quiet or options.as_json:
         return
-    for each in finished:
-        for line, warning in chain(((notice, False) for notice in each.notices), each.lines):
-            say(line, warning)
-    for line in facts.get("assumes", "").splitlines():
-        say(f"assumes: {line}")
+    from wavesweep.sweep.assumptions import FAVOURABLE
+
+    assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
+    lines = [line for each in finished for line in chain(((notice, False) for notice in each.notices), each.lines)]
+    for line, warning in [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]:
+        say(line, warning)
     for left in sorted(folder_of(specs, options).glob(f".{command}-*.parts")) if not options.to_stdout else ():
         say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
     if changed:
