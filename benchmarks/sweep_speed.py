@@ -47,7 +47,19 @@ def main() -> None:
 def run(spec, jobs, out):
     """Wall seconds of one sweep, in a process of its own."""
     started = time.perf_counter()
-    command = [sys.executable, "-m", "wavesweep", "zwidth", spec, "--out", str(out), "--jobs", str(jobs), "--quiet", "--force"]
+    command = [
+        sys.executable,
+        "-m",
+        "wavesweep",
+        "zwidth",
+        spec,
+        "--out",
+        str(out),
+        "--jobs",
+        str(jobs),
+        "--quiet",
+        "--overwrite",
+    ]
     subprocess.run(command, check=True)
     wall = time.perf_counter() - started
     facts = json.loads((out / "zwidth.datapackage.json").read_text())["wavesweep"]

@@ -97,7 +97,7 @@ def test_a_column_shares_what_is_known_of_its_table():
 
 def test_hands_are_an_option():
     table = wavesweep.zwidth(
-        SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}, hand="passive", jobs=1
+        SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}, for_hands="passive", jobs=1
     )
     assert set(table["hand"]) == {"free", "passive"}
 
@@ -138,22 +138,20 @@ def test_errors_can_be_caught_by_name():
         ),
         (lambda spec: wavesweep.zwidth(spec, jobs=1.5), "found 1.5"),
         (lambda spec: wavesweep.zwidth(spec, scheduler="tcp://there:8786"), "backend"),
-        (lambda spec: wavesweep.zwidth(spec, hand="nope"), "expected one of free, passive, box, found 'nope'"),
-        (lambda spec: wavesweep.zwidth(spec, hand="passive", hand_box={"mass": (0, 1)}), "hand_box"),
-        (lambda spec: wavesweep.zwidth(spec, hand="box", hand_box={"x": (0, 1)}), "mass, damping, stiffness, found x"),
+        (lambda spec: wavesweep.zwidth(spec, for_hands="nope"), "expected passive, box, port or box:RANGES, found 'nope'"),
+        (lambda spec: wavesweep.zwidth(spec, for_hands="passive:mass=0..1"), "found 'passive:mass=0..1'"),
+        (lambda spec: wavesweep.zwidth(spec, for_hands="box:x=0..1"), "(mass, damping, stiffness), found 'x=0..1'"),
         (lambda _: wavesweep.bode(), "at least one spec"),
         (lambda spec: wavesweep.zwidth(spec, jobs=True), "jobs: expected a whole number >= 1, found True"),
         (lambda _: wavesweep.design(WISHED, jobs=0), "jobs: expected a whole number >= 1, found 0"),
         (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a file, found 5"),
         (lambda _: wavesweep.design(WISHED, scheduler="tcp://there:8786"), 'expected backend = "dask"'),
-        (lambda _: wavesweep.design(WISHED, hand="nope"), "hand: expected one of vertices, box, found 'nope'"),
-        (lambda spec: wavesweep.zwidth(spec, passive="no"), "passive: expected True or False, found 'no'"),
-        (lambda spec: wavesweep.stability_region(spec, "b", passive=None), "passive: expected True or False, found None"),
+        (lambda _: wavesweep.design(WISHED, for_hands="nope"), "for_hands: expected one of vertices, box, found 'nope'"),
         (lambda spec: wavesweep.zwidth(spec, force="no"), "force: expected True or False, found 'no'"),
         (lambda spec: wavesweep.bode(spec, force=0), "force: expected True or False, found 0"),
         (lambda spec: wavesweep.passivity(spec, force="no"), "force: expected True or False, found 'no'"),
         (lambda _: wavesweep.design(WISHED, force="no"), "force: expected True or False, found 'no'"),
-        (lambda _: wavesweep.results.publish(None, ".", force="no"), "force: expected True or False, found 'no'"),
+        (lambda _: wavesweep.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
         (lambda _: wavesweep.results.publish(None, ".", locked=1), "locked: expected True or False, found 1"),
         (lambda _: wavesweep.results.at_work(["zwidth"], ".", wait=1).__enter__(), "wait: expected True or False, found 1"),
     ],
@@ -162,12 +160,6 @@ def test_arguments_that_mean_nothing_are_refused(call, says):
     spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "b": [20, 30]}}
     with pytest.raises(wavesweep.UsageError, match=re.escape(says)):
         call(spec)
-
-
-def test_a_switch_may_come_from_an_array():
-    direct = SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}
-    assert wavesweep.zwidth(direct, passive=np.False_, jobs=1).equals(wavesweep.zwidth(direct, jobs=1))
-    assert set(wavesweep.zwidth(direct, passive=np.True_, jobs=1)["hand"]) == {"free", "port"}
 
 
 def test_a_checkpoint_may_be_named_by_a_text(tmp_path):
@@ -220,14 +212,12 @@ def test_tables_that_contain_themselves_are_refused():
         lambda loop: loop.simulate(np.ones(3), wall="0.1"),
         lambda loop: loop.simulate(np.ones(3), wall=[0.1, 0.2]),
         lambda loop: wavesweep.passivity(loop.spec, tolerance=True),
-        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": ("0", "1")}),
-        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": (False, True)}),
+        lambda loop: wavesweep.zwidth(loop.spec, for_hands="box:mass=nan..1"),
+        lambda loop: wavesweep.zwidth(loop.spec, for_hands={"mass": (0, 1)}),
         lambda loop: loop.simulate("x"),
         lambda loop: wavesweep.zwidth(loop.spec, along=3.0),
-        lambda loop: wavesweep.zwidth(loop.spec, hand_box={"mass": (1, 2)}),
-        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": 1}),
-        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": "12"}),
-        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box=[1]),
+        lambda loop: wavesweep.zwidth(loop.spec, for_hands=1),
+        lambda loop: wavesweep.zwidth(loop.spec, for_hands=[["box"]]),
         lambda loop: wavesweep.passivity(loop.spec, tolerance="x"),
         lambda loop: wavesweep.filter_choices(loop.spec, tolerance=-1.0),
     ],

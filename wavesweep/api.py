@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
@@ -272,43 +272,28 @@ def _figure(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Map
 
 
 def zwidth(
-    source: Source,
-    along: str | None = "K_VE",
-    hand: str = "free",
-    hand_box: Mapping[str, tuple[float, float]] | None = None,
-    passive: bool = False,
-    **work: Unpack[Options],
+    source: Source, along: str | None = "K_VE", for_hands: str | Iterable[str] = (), **work: Unpack[Options]
 ) -> DataFrame:
     """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
 
-    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. hand: "free", "passive"
-    or "box", see `wavesweep zwidth --help`. hand_box: ranges of mass (kg), damping (N*s/m) and stiffness (N/m) of a box.
-    passive: adds the intervals in which the hand's port is passive. work: jobs, backend, scheduler, progress, checkpoint and
-    force, see `intervals`. Errors: UsageError, SpecError, WavesweepError.
+    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. for_hands: a word or
+    several, whose intervals are added: "passive", "box", "box:mass=0.1..0.4,damping=2..5", "port", see `wavesweep zwidth
+    --help`. work: jobs, backend, scheduler, progress, checkpoint and force, see `Options`. Errors: UsageError, SpecError,
+    WavesweepError.
     """
-    from wavesweep.given import boolean
     from wavesweep.sweep.hands import hands_of
 
-    passive = boolean("passive", passive)
-    if hand_box is not None and not (isinstance(hand, str) and hand == "box"):
-        raise UsageError(f'hand_box: expected hand="box" beside it, found hand={hand!r}')
-    hands = None if hand == "free" and not passive else hands_of(hand, hand_box or {}, passive)
-    return framed(intervals.intervals(_spec(source), along, hands, **work))
+    return framed(intervals.intervals(_spec(source), along, hands_of(for_hands), **work))
 
 
 def stability_region(
-    source: Source,
-    along: str | None = None,
-    hand: str = "free",
-    hand_box: Mapping[str, tuple[float, float]] | None = None,
-    passive: bool = False,
-    **work: Unpack[Options],
+    source: Source, along: str | None = None, for_hands: str | Iterable[str] = (), **work: Unpack[Options]
 ) -> DataFrame:
     """The same along the spec's own axis, as `wavesweep stability-region` computes them.
 
     source: a spec, a path, or nested tables. along: another axis than the spec's own. The rest is as for `zwidth`.
     """
-    return zwidth(source, along, hand, hand_box, passive, **work)
+    return zwidth(source, along, for_hands, **work)
 
 
 def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:

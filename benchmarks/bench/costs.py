@@ -66,7 +66,7 @@ def start_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
     """Time of whole processes, in comparison with the imports that they need at least. quick: the help only."""
     rounds = patience if quick else ROUNDS
     with tempfile.TemporaryDirectory() as out:
-        zwidth = ["-m", "wavesweep", "zwidth", str(SPECS / "fig4.toml"), "--quiet", "--force", "--out", out]
+        zwidth = ["-m", "wavesweep", "zwidth", str(SPECS / "fig4.toml"), "--quiet", "--overwrite", "--out", out]
         for name, arguments, yardstick in (
             ("wavesweep --help", ["-m", "wavesweep", "--help"], "import click"),
             ("wavesweep zwidth fig4.toml --no-plot", [*zwidth, "--no-plot"], _IMPORTS),

@@ -55,13 +55,20 @@ def test_the_examples_in_the_helps_are_valid(example, tmp_path):
         load(source, settings).as_simulated()
 
 
-@pytest.mark.parametrize("name", WITH_TABLES)
-def test_the_common_options_are_the_same_everywhere(name):
-    def described(command):
-        return {option.name: (option.opts, option.help) for option in command.params if option.param_type_name == "option"}
+@pytest.mark.parametrize("name", ["simulate", "why", "paper", "bench", "check", "export"])
+@pytest.mark.parametrize("option", ["--jobs=2", "--backend=loky", "--scheduler=a", "--restart"])
+def test_workers_are_options_only_of_the_commands_that_use_them(name, option, wavesweep, spec):
+    code, _, err = wavesweep(name, *([] if name in ("paper", "bench") else [spec]), option)
+    assert (code, option.partition("=")[0] in err, "No such option" in err) == (2, True, True)
 
-    # compare has no options of its own.
-    assert described(group.get_command(None, name)).items() >= described(group.get_command(None, "compare")).items()
+
+@pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2), ("--force", 3)])
+def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(option, asked, wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "results/wall").mkdir(parents=True)
+    (tmp_path / "results/wall/zwidth.csv").write_text("somebody's")
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", option)
+    assert (code, "give --overwrite to replace them" in err) == ((0, False) if asked & 1 else (2, True))
+    assert [given["force"] for _, given in sweep.seen] == ([asked > 1] if asked & 1 else [])
 
 
 @pytest.mark.parametrize("name", WITH_TABLES)
@@ -112,7 +119,8 @@ def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
 def test_a_setting_overrides_the_spec(wavesweep, sweep, spec):
     code, out, _ = wavesweep("check", spec, "--set", 'controller.kind="dc"', "--set", "b=40")
     assert code == 0
-    assert out.startswith("wall, dc: stable (spectral radius ")
+    assert out.startswith("assumes: ideal wall at the fast rate, exact velocity; kind default of device.velocity: ")
+    assert "\nwall, dc: stable (spectral radius " in out
     assert out.endswith("\nkind dc\n2 slices\n")
     assert [name for name, _ in sweep.seen] == ["plan"]
 
@@ -239,8 +247,8 @@ def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wa
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ([], 'engines usually integrate explicitly or semi-implicitly (both are "explicit" here), deliver'),
-        (["environment.delay=0"], "integration and velocity are the defaults, kind ones: engines usually integrate"),
+        ([], 'device.velocity: engines usually have "explicit", 20 and "difference"\n'),
+        (["environment.delay=0"], "kind defaults of environment.integration and device.velocity: engines usually have"),
         (
             ["environment.integration=explicit", "environment.delay=1", "device.velocity=difference"],
             "assumes: explicit integration of the wall, delay of 1 of 20 ticks, velocity from differences of position\n",
@@ -258,6 +266,7 @@ def test_the_summary_says_which_wall_it_is_for_and_what_the_defaults_are(setting
     assert said in err
     facts = json.loads(Path("results/wall/zwidth.datapackage.json").read_text())["wavesweep"]
     assert f"assumes: {facts['assumes']}\n" in err
+    assert err.startswith("assumes: ") == ("kind default" in err)
 
 
 def test_a_table_of_several_specs_goes_to_a_folder_of_all_their_names(wavesweep, sweep, spec, tmp_path):

@@ -75,7 +75,7 @@ def test_it_writes_two_tables_and_their_figures(compare):
     assert "direct: largest stable K_VE: " in err
     assert "; stiffest wall as the hand feels it: " in err
     assert "2 curves of 4 different frequencies\n" in err
-    assert "assumes: direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity; velocity" in err
+    assert "assumes: direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity; kind" in err
 
 
 def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
@@ -224,7 +224,7 @@ def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
     code, _, err = compare("--no-plot", specs=("waves.toml", "late.toml", "wheel.toml"))
     assert code == 0
     said = "low, high, felt_low, felt_high: N/m in waves and late, N*m/rad in wheel; each row has the unit of its spec\n"
-    assert err.startswith(said)
+    assert said in err
     lines = dict(line.split(": ", 1) for line in err.splitlines() if ": largest" in line)
     assert lines.keys() == {"waves", "late", "wheel"}
     assert "stable from" not in lines["late"] + lines["wheel"]

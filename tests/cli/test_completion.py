@@ -96,7 +96,7 @@ def test_keys_for_set_are_completed(complete):
         (("--set", "b", "=", "4", "--set", "sweep.device.m"), ["sweep.device.mass="]),
         (("--set", "device.mass", "="), []),
         (("--set", "nothing", "="), []),
-        (("--set", "b", "=", "4", "--forc"), ["--force"]),
+        (("--set", "b", "=", "4", "--overw"), ["--overwrite"]),
     ],
 )
 def test_bash_gets_the_part_behind_the_equals_sign(words, found, complete):

@@ -356,17 +356,15 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
 def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5], stiffness = [0, 300] }")
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
-    code, _, results = run("--no-plot", "--hand", "box", "--set", "design.generations=1")
+    code, _, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1")
     assert code == 0
     rows = read(results / "design.csv")
     assert (rows["z_width_box"] <= rows["z_width"]).all()
     spec, number = load(results / "best" / "design-01.toml"), 0
-    box = {"mass": (0, 0), "damping": (0, 5), "stiffness": (0, 300)}
     alone = spec.with_values({"operator.damping": 0.0, "operator.stiffness": 0.0})
     found = wavesweep.zwidth(
         {**alone.tables(), "sweep": {"K_VE": {"start": 0, "stop": float(rows["z_width"][number])}, "B_VE": [1, 5]}},
-        hand="box",
-        hand_box=box,
+        for_hands="box:mass=0..0,damping=0..5,stiffness=0..300",
     )
     guaranteed = found[(found.hand == "box")]
     assert rows["z_width_box"][number] == pytest.approx(guaranteed.high.min(), rel=1e-9)
@@ -386,7 +384,7 @@ def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeyp
     monkeypatch.setattr(Guarantee, "records", sooner)
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5] }")
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
-    code, text, results = run("--no-plot", "--hand", "box", "--set", "design.generations=1", "--jobs", "1")
+    code, text, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1", "--jobs", "1")
     rows = read(results / "design.csv")
     assert code == 0
     assert (
@@ -408,7 +406,7 @@ def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
     hand = SPEC.replace('"device.mass"', 'hand = { stiffness = [0, 300] }\n"device.mass"') if "z_width" in change[0] else SPEC
     lm = hand.replace('"pmw"', '"pmw-lm"') if "K_LM" in change[1] else hand
     (tmp_path / "mine.toml").write_text(lm.replace(*change), encoding="utf-8")
-    code, said, _ = run("--hand", "box")
+    code, said, _ = run("--for-hands", "box")
     assert (code, text in said) == (2, True), said
 
 

@@ -92,9 +92,9 @@ def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, s
         code, _, err = wavesweep(*several, "--no-plot", "--out", "here")
         assert code == 2
         assert "found results of another spec" in err
-        assert "--force" in err
+        assert "--overwrite" in err
     assert len(sweep.seen) == 1
-    code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--out", "here", "--force")
+    code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--out", "here", "--overwrite")
     assert code == 0
     assert "replaced" not in err
 
@@ -104,7 +104,7 @@ def test_results_of_several_other_specs_are_refused_before_the_work(wavesweep, s
     wavesweep("bode", spec, "--no-plot", "--out", "here")
     code, _, err = wavesweep("bode", spec, "other.toml", "--no-plot", "--out", "here")
     assert (code, len(sweep.seen)) == (2, 1)
-    assert "--force" in err
+    assert "--overwrite" in err
 
 
 def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
@@ -150,14 +150,14 @@ def test_a_mistyped_command_gets_the_nearest_one(typed, line, wavesweep):
 
 
 def test_a_mistyped_option_gets_the_nearest_one(wavesweep, spec):
-    code, _, err = wavesweep("zwidth", spec, "--forse")
+    code, _, err = wavesweep("zwidth", spec, "--overwrit3")
     assert code == 2
-    assert "--force" in err.splitlines()[-1]
+    assert "--overwrite" in err.splitlines()[-1]
 
 
 def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command_is_not(wavesweep, sweep, spec):
     with results.at_work(["zwidth"], "here"):
-        code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--force")
+        code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--overwrite")
         assert code == 1
         assert err.startswith(f"Error: here: another run is at work on zwidth here (process {os.getpid()} on ")
         assert err.endswith("; give --wait to wait for it, or another --out\n")
@@ -281,7 +281,7 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["zwidth", "wall.toml", "--hand", "box", "--hand-box", "mass=1..2,mass=3..4"], "one range of mass, found two"),
+        (["zwidth", "wall.toml", "--for-hands", "box:mass=1..2,mass=3..4"], "one range of mass, found two"),
         (["init", "--out", " "], "--out: expected the name of a file, found an empty text"),
         (["explore", "wall.toml", "--save", ""], "--save: expected the name of a file, found an empty text"),
         (["check", "wall.toml", "--format", "svg"], "--format: expected --plot"),
@@ -296,7 +296,7 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
         ),
         (["zwidth", "wall.toml", "--out", "nothing"], "is a link to nothing"),
         (
-            ["export", "wall.toml", "--to", "c", "--out", "there", "--force"],
+            ["export", "wall.toml", "--to", "c", "--out", "there", "--overwrite"],
             "vectors.csv: expected a file or none, found",
         ),
     ],

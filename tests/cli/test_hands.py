@@ -1,4 +1,4 @@
-"""`--hand`, `--hand-box` and `--passive` of the commands that find stable intervals."""
+"""`--for-hands` of the commands that find stable intervals."""
 
 import json
 
@@ -40,7 +40,7 @@ def held(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
 def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp_path):
-    assert wavesweep(kind, held, "--no-plot", "--hand", "free")[0] == 0
+    assert wavesweep(kind, held, "--no-plot")[0] == 0
     assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN + "\n")
 
 
@@ -48,30 +48,30 @@ def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
 def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, held, tmp_path):
-    code, out, err = wavesweep(kind, held, "--hand", "passive", "--passive")
+    code, out, err = wavesweep(kind, held, "--for-hands", "passive", "--for-hands", "port")
     assert (code, out) == (0, "")
     folder = tmp_path / "results/held"
-    assert (folder / f"{kind}.csv").read_text().startswith(WITH_HANDS + "\n")
-    assert (folder / f"{kind}.png").stat().st_size > 5000
+    assert (folder / f"{kind}-hands.csv").read_text().startswith(WITH_HANDS + "\n")
+    assert (folder / f"{kind}-hands.png").stat().st_size > 5000
     assert not list(folder.glob(".*"))
     for name in ("csv", "parquet"):
-        table = results.read(folder / f"{kind}.{name}")
+        table = results.read(folder / f"{kind}-hands.{name}")
         assert list(dict.fromkeys(table["hand"].tolist())) == ["free", "operator", "passive", "port"]
         assert table["high"][table["hand"] == "passive"] == pytest.approx([6000, 4000], rel=1e-6)
     assert "stable with every passive hand (passive): largest stable K_VE: 6000 N/m at B_VE = 0 N*s/m (the edge" in err
     assert "hand's port passive, forces held over a tick (port): largest passive K_VE: " in err
-    package = json.loads((folder / f"{kind}.datapackage.json").read_text())
+    package = json.loads((folder / f"{kind}-hands.datapackage.json").read_text())
     assert set(package["wavesweep"]["methods"]) == {"free", "operator", "passive", "port"}
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
-    code, _, err = wavesweep("zwidth", held, "--hand", "box", "--hand-box", "mass=0.1..0.4, stiffness=100..100")
+    code, _, err = wavesweep("zwidth", held, "--for-hands", "box:mass=0.1..0.4, stiffness=100..100")
     assert code == 0
-    text = (tmp_path / "results/held/zwidth.csv").read_text()
+    text = (tmp_path / "results/held/zwidth-hands.csv").read_text()
     assert text.startswith(",".join([WITH_HANDS.removesuffix(FELT), *ENDS, f"settled{FELT}"]) + "\n")
-    table = results.read(tmp_path / "results/held/zwidth.parquet")
+    table = results.read(tmp_path / "results/held/zwidth-hands.parquet")
     box = table["hand"] == "box"
     assert table["high_hand_stiffness"][box].tolist() == [100, 100]
     assert np.isnan(table["high_hand_mass"][~box]).all()
@@ -79,15 +79,15 @@ def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     assert " ended by a hand of 0.1 kg, 2 N*s/m, 100 N/m" in err
     assert ("every row of the box is proved (settled 1)" in err) == table["settled"][box].all()
     assert "not certified" not in err
-    facts = json.loads((tmp_path / "results/held/zwidth.datapackage.json").read_text())["wavesweep"]
-    assert facts["hand_box"] == {"mass": [0.1, 0.4], "damping": [2, 10], "stiffness": [100, 100]}
+    facts = json.loads((tmp_path / "results/held/zwidth-hands.datapackage.json").read_text())["wavesweep"]
+    assert facts["for_hands"] == ["box:mass=0.1..0.4,damping=2..10,stiffness=100..100"]
 
 
 @pytest.mark.parametrize(
     ("flag", "said"),
     [
-        ("--passive", "(port): nowhere passive in the swept range"),
-        ("--hand=passive", "(passive): nowhere stable with every passive hand in the swept range"),
+        ("--for-hands=port", "(port): nowhere passive in the swept range"),
+        ("--for-hands=passive", "(passive): nowhere stable with every passive hand in the swept range"),
     ],
 )
 def test_where_nothing_is_passive_it_is_not_called_unstable(flag, said, wavesweep, held):
@@ -101,29 +101,31 @@ def test_where_nothing_is_passive_it_is_not_called_unstable(flag, said, waveswee
 
 
 def test_a_dash_writes_the_same_table_to_stdout(wavesweep, held, tmp_path):
-    code, out, _ = wavesweep("zwidth", held, "--hand", "passive", "--out", "-")
+    code, out, _ = wavesweep("zwidth", held, "--for-hands", "passive", "--out", "-")
     assert code == 0
-    wavesweep("zwidth", held, "--hand", "passive", "--no-plot")
-    assert out == (tmp_path / "results/held/zwidth.csv").read_text()
+    wavesweep("zwidth", held, "--for-hands", "passive", "--no-plot")
+    assert out == (tmp_path / "results/held/zwidth-hands.csv").read_text()
 
 
 @pytest.mark.slow
 def test_a_figure_without_a_plane_has_a_bar_per_hand(wavesweep, held, tmp_path):
     (tmp_path / "bars.toml").write_text(SPEC.replace("B_VE = [0, 1]", "rates.fast_hz = [500, 1000]"))
-    assert wavesweep("zwidth", "bars.toml", "--hand", "passive")[0] == 0
-    assert (tmp_path / "results/bars/zwidth.png").stat().st_size > 5000
+    assert wavesweep("zwidth", "bars.toml", "--for-hands", "passive")[0] == 0
+    assert (tmp_path / "results/bars/zwidth-hands.png").stat().st_size > 5000
     assert held
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--hand", "strong"], "'strong' is not one of 'free', 'passive', 'box'"),
-        (["--hand-box", "mass=1..2"], "--hand-box needs --hand box, found --hand free"),
-        (["--hand", "box", "--hand-box", "mass=1"], "expected ranges such as mass=0.1..0.5"),
-        (["--hand", "box", "--hand-box", "weight=1..2"], "found 'weight=1..2'"),
-        (["--hand", "box", "--hand-box", "mass=2..1"], "mass expected 0 <= low <= high, found (2.0, 1.0)"),
-        (["--hand", "passive", "--set", "device.velocity=exact"], 'expected device.velocity = "difference"'),
+        (["--for-hands", "strong"], "hands: expected passive, box, port or box:RANGES, found 'strong'"),
+        (["--for-hands", "port:mass=1..2"], "found 'port:mass=1..2'"),
+        (["--for-hands", "box", "--for-hands", "box:mass=1..2"], "expected box once"),
+        (["--for-hands", "box:mass=1"], "expected ranges such as mass=0.1..0.5"),
+        (["--for-hands", "box:"], "expected ranges such as mass=0.1..0.5"),
+        (["--for-hands", "box:weight=1..2"], "found 'weight=1..2'"),
+        (["--for-hands", "box:mass=2..1"], "mass expected 0 <= low <= high, found (2.0, 1.0)"),
+        (["--for-hands", "passive", "--set", "device.velocity=exact"], 'expected device.velocity = "difference"'),
     ],
 )
 def test_what_makes_no_sense_is_a_usage_error(arguments, said, wavesweep, held):
@@ -140,16 +142,17 @@ def test_the_columns_of_hands_have_units():
 
 
 @pytest.mark.slow
-def test_results_for_other_hands_are_replaced_with_force_only(wavesweep, held):
-    passive = ["zwidth", held, "--no-plot", "--hand", "passive"]
-    for first, then in ((passive[:3], passive), (passive, passive[:3]), (passive, [*passive, "--passive"])):
-        out = ["--out", f"{len(first)}-{len(then)}"]
-        assert wavesweep(*first, *out)[0] == 0
-        code, _, err = wavesweep(*then, *out)
-        assert code == 2
-        assert "found results of other options --hand, --hand-box or --passive; give --force" in err
-        assert wavesweep(*first, *out)[0] == 0
-        assert wavesweep(*then, *out, "--force")[0] == 0
+def test_free_and_guaranteed_results_lie_side_by_side_and_those_for_other_hands_are_not_lost(wavesweep, held):
+    free = ["zwidth", held, "--no-plot"]
+    passive, both = [*free, "--for-hands", "passive"], [*free, "--for-hands", "passive", "--for-hands", "port"]
+    for run in (free, passive, free, passive):
+        assert wavesweep(*run)[0] == 0
+    code, _, err = wavesweep(*both)
+    assert (code, "found results for other hands (passive); give --overwrite" in err) == (2, True)
+    assert wavesweep(*both, "--overwrite")[0] == 0
+    code, out, _ = wavesweep("verify", "results/held")
+    assert (code, "zwidth.parquet: " in out, "zwidth-hands.parquet: 8 of 8 combinations" in out) == (0, True, True)
+    assert wavesweep("plot", "results/held/zwidth-hands.csv") == (0, "", "Wrote results/held/zwidth-hands.png\n")
 
 
 def test_a_checkpoint_for_other_hands_stays_and_disturbs_nothing(wavesweep, held, tmp_path):
@@ -157,7 +160,7 @@ def test_a_checkpoint_for_other_hands_stays_and_disturbs_nothing(wavesweep, held
     place = tmp_path / f"results/held/.zwidth-hands-{digest}.sqlite"
     box = FileCheckpoint(place, "box", {}, np.dtype(float), False, [])
     box.save(0, np.arange(3.0))
-    code, _, err = wavesweep("zwidth", held, "--no-plot", "--hand", "passive")
+    code, _, err = wavesweep("zwidth", held, "--no-plot", "--for-hands", "passive")
     assert (code, "Error" in err) == (0, False)
     assert finished_in(place) == [0]
     assert box.load(0).tolist() == [0, 1, 2]

@@ -140,9 +140,9 @@ def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeyp
     Path("pmw.toml").write_text("mine")
     code, out, err = wavesweep("init")
     assert (code, out) == (2, "")
-    assert err == "Error: pmw.toml: the file exists; expected another --out FILE, or --force to replace it\n"
+    assert err == "Error: pmw.toml: the file exists; expected another --out FILE, or --overwrite to replace it\n"
     assert Path("pmw.toml").read_text() == "mine"
-    assert wavesweep("init", "--force") == (0, "", "pmw.toml\n")
+    assert wavesweep("init", "--overwrite") == (0, "", "pmw.toml\n")
     assert load("pmw.toml").name == "pmw"
     assert [path.name for path in tmp_path.iterdir()] == ["pmw.toml"]
 

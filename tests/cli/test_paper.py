@@ -80,7 +80,7 @@ def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
     (tmp_path / "there/fig4.csv").write_text("mine\n")
     code, _, err = wavesweep("paper", "--out", "there")
     assert code == 2
-    assert "--force" in err
+    assert "--overwrite" in err
     assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"
 
 

@@ -154,11 +154,11 @@ def test_another_file_in_place_of_the_data_package_is_left_as_it_is(wavesweep, s
 @pytest.mark.parametrize(
     "words",
     [
-        ["init", "--force", "--out", "taken"],
-        ["explore", "SPEC", "--force", "--save", "taken"],
+        ["init", "--overwrite", "--out", "taken"],
+        ["explore", "SPEC", "--overwrite", "--save", "taken"],
         ["plot", "made/zwidth.csv", "--out", "figures"],
         ["check", "SPEC", "--plot", "--out", "figures"],
-        ["export", "SPEC", "--force", "--out", "figures"],
+        ["export", "SPEC", "--overwrite", "--out", "figures"],
     ],
     ids=lambda words: words[0],
 )
@@ -187,7 +187,7 @@ def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, 
 
 def test_a_page_does_not_replace_its_spec(wavesweep, spec):
     before = spec.read_text()
-    code, _, err = wavesweep("explore", spec, "--save", spec, "--force")
+    code, _, err = wavesweep("explore", spec, "--save", spec, "--overwrite")
     assert (code, spec.read_text()) == (2, before)
     assert "the file is the spec" in err
 

@@ -22,7 +22,7 @@ def simulate(wavesweep, spec):
     """Simulate the spec for half a second with the settings given, and give (exit code, stdout, stderr)."""
 
     def run(*settings, plot=False, force=False, out="there", device=None, **loop):
-        switches = ["--plot" if plot else "--no-plot", *(["--force"] if force else []), "--out", out]
+        switches = ["--plot" if plot else "--no-plot", *(["--overwrite"] if force else []), "--out", out]
         given = [word for setting in settings for word in ("--set", f"simulate.{setting}")]
         given += ["--set", f"device.preset={device}"] if device else []
         given += [word for name, value in loop.items() for word in ("--set", f"{KEYS.get(name, name)}={value}")]

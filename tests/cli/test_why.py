@@ -63,7 +63,7 @@ def test_another_axis_and_a_drawn_loop(wavesweep, hole, tmp_path):
     code, _, err = wavesweep("why", hole, "--along", "b", "--set", "sweep.b={start=5, stop=200}", "--no-plot")
     assert code == 0
     assert re.search(r"end, b = [\d.]+ N\*s/m: set by", err)
-    code, _, err = wavesweep("why", hole, "--along", "b", "--no-plot", "--force")
+    code, _, err = wavesweep("why", hole, "--along", "b", "--no-plot", "--overwrite")
     assert (code, "b has no span in [sweep]: searched from " in err) == (0, True)
     assert wavesweep("why", hole, "--along", "operator.mass")[0] == 2
     (tmp_path / "arm.toml").write_text(ARM)

@@ -222,7 +222,7 @@ def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
     assert capfd.readouterr() == ("", "mine.html\n")
     first = (tmp_path / "mine.html").read_text()
     assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2"]) == 2
-    assert "mine.html: the file exists; expected another name, or --force to replace it" in capfd.readouterr().err
+    assert "mine.html: the file exists; expected another name, or --overwrite to replace it" in capfd.readouterr().err
     assert (tmp_path / "mine.html").read_text() == first
-    assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2", "--force"]) == 0
+    assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2", "--overwrite"]) == 0
     assert data_of((tmp_path / "mine.html").read_text())["sliders"] != data_of(first)["sliders"]

@@ -57,4 +57,4 @@ def test_the_commands_of_figure_7_simulate_its_three_loops(monkeypatch):
 
 
 def test_one_command_makes_all_figures_where_they_are():
-    assert COMMANDS[0] == "wavesweep paper --out sweeps/paper/figures --force"
+    assert COMMANDS[0] == "wavesweep paper --out sweeps/paper/figures --overwrite"

@@ -180,7 +180,7 @@ def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():
             "device": {"velocity": "difference"},
             "sweep": {"K_VE": {"start": 0, "stop": 5000}, "B_VE": [1.0, 4.0]},
         },
-        hand="passive",
+        for_hands="passive",
     )
     (axes,) = plots.zwidth({name: table[name].to_numpy() for name in table}, {}).axes
     left, right = axes.get_xlim()

@@ -87,14 +87,14 @@ def test_parts_of_another_spec_are_protected(home, capfd):
         assert main(["bode", "other.toml", "--out", "o", "--no-plot", *more]) == 2
         assert "found results of another spec" in capfd.readouterr().err
     assert names(home / "o") == before
-    run("bode", "other.toml", "--out", "o", "--no-plot", "--force")
+    run("bode", "other.toml", "--out", "o", "--no-plot", "--overwrite")
     assert names(home / "o") == ["bode.csv", "bode.datapackage.json", "bode.parquet"]
 
 
 def test_a_folder_with_files_of_somebody_else_is_no_table_in_parts(home, capfd):
     run("bode", "mine.toml", "--out", "o", "--no-plot", "--partition", "4")
     (home / "o/bode.parquet/notes.txt").write_text("mine")
-    assert main(["bode", "mine.toml", "--out", "o", "--no-plot", "--force"]) == 2
+    assert main(["bode", "mine.toml", "--out", "o", "--no-plot", "--overwrite"]) == 2
     assert "expected a file of results or none, found a folder" in capfd.readouterr().err
     assert (home / "o/bode.parquet/notes.txt").read_text() == "mine"
     assert any("notes.txt is not in its list of files" in text for text in verify(home / "o").differences)

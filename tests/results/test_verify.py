@@ -46,11 +46,16 @@ ALONG_B = {"along": "b", "b": {"start": 5, "stop": 50}, "B_VE": [0.5, 1, 2]}
 
 def files_of(spec, kind):
     """The tables of a kind, computed."""
-    hands = hands_of("passive", {}, True)
+    hands = hands_of(["passive", "port"])
     short = replace(spec, name="short")
     calls = {
         "zwidth": lambda: [intervals(spec, "K_VE", jobs=1)],
-        "hands": lambda: [intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1)],
+        "hands": lambda: [
+            replace(
+                intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1),
+                kind="zwidth-hands",
+            )
+        ],
         "stability-region": lambda: [replace(intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")],
         "bode": lambda: [responses([short])],
         "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],

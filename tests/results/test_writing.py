@@ -132,13 +132,13 @@ def test_a_table_appears_after_the_files_beside_it_or_not_at_all(columns, facts,
     assert set(contents(tmp_path)) == {"one.toml", "zwidth.csv", "zwidth.parquet", "zwidth.datapackage.json"}
 
 
-def test_results_of_another_spec_stay_without_force(columns, facts, tmp_path):
+def test_results_of_another_spec_stay_without_overwrite(columns, facts, tmp_path):
     publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
     before, other = contents(tmp_path), {**facts, "spec_sha256": "cd" * 32}
-    with pytest.raises(UsageError, match="give --force"):
+    with pytest.raises(UsageError, match="give --overwrite"):
         publish(Table.of("zwidth", columns, other), tmp_path)
     assert contents(tmp_path) == before
-    publish(Table.of("zwidth", columns, other), tmp_path, force=True)
+    publish(Table.of("zwidth", columns, other), tmp_path, overwrite=True)
     # The old figure shows the other spec's results: it must not stand beside these.
     assert not (tmp_path / "zwidth.png").exists()
 

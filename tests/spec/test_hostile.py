@@ -179,7 +179,8 @@ def test_whole_commands_with_extreme_numbers_say_a_clear_line(tmp_path, monkeypa
         tomllib.loads(text)
         (tmp_path / "extreme.toml").write_text(text)
         command = ["zwidth", "stability-region", "bode", "passivity", "simulate", "check"][n % 6]
-        more = [] if command == "check" else ["--out", "out", "--jobs", "1", "--force", *(["--no-plot"] if n % 4 else [])]
+        more = [] if command == "check" else ["--out", "out", "--overwrite", *(["--no-plot"] if n % 4 else [])]
+        more += [] if command in ("check", "simulate") else ["--jobs", "1"]
         with warnings.catch_warnings():
             warnings.simplefilter("default")  # as at a user's terminal, and not errors as in the tests
             codes.append(main([command, "extreme.toml", *more]))

@@ -63,18 +63,18 @@ PARTS = ("--partition", "7")
 CASES = {
     "new folder": ([], ["zwidth", "a.toml", "--out", "out"]),
     "over the same results": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out"]),
-    "over another spec's": ([["zwidth", "b.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", "--force"]),
-    "for hands": ([], ["zwidth", "c.toml", "--out", "out", "--passive"]),
+    "over another spec's": ([["zwidth", "b.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", "--overwrite"]),
+    "for hands": ([], ["zwidth", "c.toml", "--out", "out", "--for-hands", "port"]),
     "responses": ([], ["bode", "a.toml", "--out", "out"]),
     "responses of two specs": ([], ["bode", "a.toml", "b.toml", "--out", "out"]),
     "passivity": ([], ["passivity", "c.toml", "--out", "out"]),
     "in parts over a single file": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", *PARTS]),
     "in parts over parts": (
         [["zwidth", "b.toml", "--out", "out", *PARTS]],
-        ["zwidth", "a.toml", "--out", "out", *PARTS, "--force"],
+        ["zwidth", "a.toml", "--out", "out", *PARTS, "--overwrite"],
     ),
     "a single file over parts": ([["zwidth", "a.toml", "--out", "out", *PARTS]], ["zwidth", "a.toml", "--out", "out"]),
-    "two tables": ([["simulate", "b.toml", "--out", "out"]], ["simulate", "a.toml", "--out", "out", "--force"]),
+    "two tables": ([["simulate", "b.toml", "--out", "out"]], ["simulate", "a.toml", "--out", "out", "--overwrite"]),
 }
 
 
@@ -235,7 +235,8 @@ def _be_a_run(home, arguments, shim, said, pipe):
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
         write = os.write
         shim.install()
-        code = main([*arguments, "--jobs", "1", *([] if arguments[0] == "zwidth" else ["--no-plot"])])
+        jobs = [] if arguments[0] == "simulate" else ["--jobs", "1"]
+        code = main([*arguments, *jobs, *([] if arguments[0] == "zwidth" else ["--no-plot"])])
         write(pipe, str(shim.count).encode())
     except BaseException as error:  # noqa: BLE001
         sys.stderr.write(f"{type(error).__name__}: {error}\n")

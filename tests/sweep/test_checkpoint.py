@@ -59,7 +59,7 @@ def test_a_run_goes_on_where_it_was_stopped(stopped, long, long_table, same):
 
 
 def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stopped, other, tmp_path):
-    with pytest.raises(CheckpointError, match=rf"{stopped}.* of another run, which differs in spec_sha256.*--force"):
+    with pytest.raises(CheckpointError, match=rf"{stopped}.* of another run, which differs in spec_sha256.*--restart"):
         intervals(other, jobs=1, checkpoint=stopped)
     assert finished_in(stopped) == [0, 1]
     run = intervals(other, jobs=1, checkpoint=stopped, force=True)
@@ -69,9 +69,9 @@ def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stop
     assert list(tmp_path.iterdir()) == []
 
 
-def test_force_keeps_a_checkpoint_of_the_same_run(stopped, long):
+def test_force_begins_the_same_run_anew(stopped, long):
     run = intervals(long, jobs=1, checkpoint=stopped, force=True)
-    assert run.facts["timings"]["slices_from_checkpoint"] == 8192
+    assert run.facts["timings"]["slices_from_checkpoint"] == 0
 
 
 FLIP = "UPDATE chunks SET records = CAST(substr(records, 1, 99) || x'2a' || substr(records, 101) AS BLOB) WHERE number = 1"
@@ -142,7 +142,7 @@ def test_a_checkpoint_of_another_version_is_refused_and_stays_as_it_is(stopped, 
     changed(stopped, "UPDATE runs SET digest = zeroblob(32), identity = json_set(identity, ?, '0.0.1')", f"$.{key}")
     for _ in range(2):
         with pytest.raises(
-            CheckpointError, match=rf"{stopped}.* differs in {key} \(0.0.1, not .*remove the file, or give --force"
+            CheckpointError, match=rf"{stopped}.* differs in {key} \(0.0.1, not .*remove the file, or give --restart"
         ):
             intervals(long, jobs=1, checkpoint=stopped)
     assert finished_in(stopped) == [0, 1]

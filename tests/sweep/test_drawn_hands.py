@@ -38,7 +38,9 @@ def built_in(ratio, velocity="difference"):
 
 
 def rows_of(spec, hand, box=None, port=False):
-    found = intervals(load(spec) if isinstance(spec, dict) else spec, hands=hands_of(hand, box, port)).columns
+    ranges = ",".join(f"{name}={low}..{high}" for name, (low, high) in (box or {}).items())
+    words = "port" if port else f"{hand}:{ranges}" if box else hand
+    found = intervals(load(spec) if isinstance(spec, dict) else spec, hands=hands_of(words)).columns
     own = "port" if port else hand
     return {name: column[found["hand"] == own] for name, column in found.items()}
 

@@ -31,26 +31,30 @@ def rows_of(run, hand):
     return {name: column[rows] for name, column in run.columns.items()}
 
 
+def worded(box):
+    return "box:" + ",".join(f"{name}={low:g}..{high:g}" for name, (low, high) in box.items())
+
+
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("operator", "hand", "port", "expected"),
+    ("operator", "words", "expected"),
     [
-        (None, "box", False, ["free", "box"]),
-        (OPERATOR, "box", True, ["free", "operator", "box", "port"]),
-        (OPERATOR, "passive", False, ["free", "operator", "passive"]),
-        (OPERATOR, "free", True, ["operator", "port"]),
-        (None, "free", True, ["free", "port"]),
+        (None, ["box:mass=0.1..0.1,damping=5..5,stiffness=100..300"], ["free", "box"]),
+        (OPERATOR, ["port", "box:mass=0.1..0.1,damping=5..5,stiffness=100..300"], ["free", "operator", "box", "port"]),
+        (OPERATOR, ["passive"], ["free", "operator", "passive"]),
+        (OPERATOR, ["port"], ["operator", "port"]),
+        (None, ["port"], ["free", "port"]),
     ],
 )
-def test_which_hands_have_rows(operator, hand, port, expected):
-    run = intervals(spec_of(operator=operator), hands=hands_of(hand, LINE if hand == "box" else {}, port))
+def test_which_hands_have_rows(operator, words, expected):
+    run = intervals(spec_of(operator=operator), hands=hands_of(words))
     assert list(dict.fromkeys(run.columns["hand"])) == expected
 
 
 def test_the_other_rows_are_those_of_the_plain_table(same):
     spec = spec_of(operator=OPERATOR, B_VE=[0.0, 1.0])
-    run = intervals(spec, hands=hands_of("passive", None, False))
+    run = intervals(spec, hands=hands_of("passive"))
     for hand, loop in (("operator", spec), ("free", spec_of(B_VE=[0.0, 1.0]))):
         rows = rows_of(run, hand)
         del rows["hand"]
@@ -59,7 +63,7 @@ def test_the_other_rows_are_those_of_the_plain_table(same):
 
 def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
     damping = np.array([0.0, 1.0, 2.9])
-    run = intervals(spec_of(B_VE=damping.tolist()), hands=hands_of("passive", None, False))
+    run = intervals(spec_of(B_VE=damping.tolist()), hands=hands_of("passive"))
     rows = rows_of(run, "passive")
     assert rows["certified"].all()
     assert rows["low"].tolist() == [0, 0, 0]
@@ -85,7 +89,7 @@ def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind,
 
 
 def test_what_nothing_proves_is_not_certified():
-    run = intervals(spec_of("pmw-lm", B_VE=[1.0]), hands=hands_of("passive", None, True))
+    run = intervals(spec_of("pmw-lm", B_VE=[1.0]), hands=hands_of(["passive", "port"]))
     assert rows_of(run, "passive")["intervals"].tolist() == [0]
     assert any("no damping is enough" in notice for notice in run.facts["notices"])
     for hand in ("passive", "port"):
@@ -94,7 +98,7 @@ def test_what_nothing_proves_is_not_certified():
 
 def test_along_another_number_the_least_damping_of_the_device_is_found():
     spec = spec_of(along="device.damping", **{"device.damping": {"start": 0, "stop": 20}, "B_VE": [0.0, 2.0]})
-    rows = rows_of(intervals(spec, hands=hands_of("passive", None, False)), "passive")
+    rows = rows_of(intervals(spec, hands=hands_of("passive")), "passive")
     expected = colgate_schenkel(500.0, np.array([0.0, 2.0]), 1e-3)
     assert rows["low"] == pytest.approx(expected, rel=1e-5)
     assert rows["high"].tolist() == [20, 20]
@@ -105,13 +109,13 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
 @pytest.mark.usefixtures("quick")
 def test_the_box_names_the_hand_that_ends_it():
     spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
-    run = intervals(spec, hands=hands_of("box", BOX, False))
+    run = intervals(spec, hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["certified"].any()
     assert rows["settled"].all()
     free = rows_of(run, "free")
     assert free["settled"].tolist() == free["certified"].tolist()
-    assert run.facts["hand_box"] == {name: list(ends) for name, ends in BOX.items()}
+    assert run.facts["for_hands"] == [worded(BOX)]
     for row in range(2):
         values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
         found = box_intervals(values, (0.0, 20000.0), HandBox(**BOX))
@@ -126,7 +130,7 @@ def test_the_box_names_the_hand_that_ends_it():
 @pytest.mark.usefixtures("quick")
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     monkeypatch.setattr(hand_box, "WORK", 1000)
-    run = intervals(spec_of("dc-slow"), hands=hands_of("box", BOX, False))
+    run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()
     tally = HandTally()
@@ -139,7 +143,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
 @pytest.mark.slow
 def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):
     spec = spec_of("dc-slow", **{"device.mass": [0.1, 0.2]})
-    hands = hands_of("box", LINE, True)
+    hands = hands_of([worded(LINE), "port"])
     alone = intervals(spec, hands=hands, jobs=1)
     monkeypatch.setattr(interval_table, "FEW", 1)
     monkeypatch.setattr(workers, "WORTH", -1.0)
@@ -159,7 +163,7 @@ def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatc
 
 def test_progress_counts_all_hands_together():
     seen = []
-    intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("free", None, True), progress=lambda *now: seen.append(now[:2]))
+    intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("port"), progress=lambda *now: seen.append(now[:2]))
     assert seen[-1] == (4, 4)
     assert {total for _, total in seen} == {4}
 
@@ -173,9 +177,9 @@ def test_progress_counts_all_hands_together():
 )
 def test_what_cannot_be_answered_is_refused(spec, hand, said):
     with pytest.raises(UsageError, match=said):
-        intervals(spec, hands=hands_of(hand, {}, False))
+        intervals(spec, hands=hands_of(hand))
 
 
 def test_an_empty_box_is_refused():
     with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found \(0.5, 0.1\)"):
-        hands_of("box", {"mass": (0.5, 0.1)}, False)
+        hands_of("box:mass=0.5..0.1")

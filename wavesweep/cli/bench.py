@@ -61,4 +61,4 @@ def _write(run, options: Options) -> list[Path]:
     from wavesweep.plots import drawn
     from wavesweep.results import publish
 
-    return publish(drawn(run), Path(options.out or FOLDER), options.force, options.formats, locked=True)
+    return publish(drawn(run), Path(options.out or FOLDER), options.overwrite, options.formats, locked=True)

@@ -2,13 +2,14 @@
 
 import click
 
-from wavesweep.cli.options import Options, common, partition, refuse_equal_names
+from wavesweep.cli.options import Options, common, partition, refuse_equal_names, workers
 
 
 @click.command("bode")
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
 @partition
 @common
+@workers
 def command(specs: tuple[str, ...], options: Options) -> None:
     """Compute transmitted admittance and impedance over frequency, one curve per spec.
 

@@ -110,6 +110,11 @@ def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path
 
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     """Yield the verdict on the spec's own design, in about eight lines."""
+    from wavesweep.sweep.assumptions import FAVOURABLE
+
+    first = FAVOURABLE in found["assumes"]
+    if first:
+        yield f"assumes: {found['assumes']}"
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
     known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
@@ -135,7 +140,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  slowest mode: {_slowest(found['slowest'])}"
     if found["channel_norm"] is not None:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
-    if found["assumes"]:
+    if found["assumes"] and not first:
         yield f"  assumes: {found['assumes']}"
 
 

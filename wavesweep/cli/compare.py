@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Options, common, refuse_equal_names
+from wavesweep.cli.options import Options, common, refuse_equal_names, workers
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 @click.command("compare")
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
 @common
+@workers
 def command(specs: tuple[str, ...], options: Options) -> None:
     """Compare the Z-width and the responses of several specs, in a figure and two tables.
 

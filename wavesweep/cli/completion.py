@@ -205,6 +205,13 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "along": axes,
     "name": keys,
     "kind": _among(CONTROLLERS),
+    "for_hands": _among(
+        {
+            "passive": "stable with every passive hand",
+            "box": "stable with every hand of ranges, e.g. box:mass=0.1..0.4",
+            "port": "the hand's port is passive for held forces",
+        }
+    ),
     "device": _among({name: device.title for name, device in DEVICES.items()}),
     "table": _files,
     "tables": _files,

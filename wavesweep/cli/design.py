@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, common, workers
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 @click.command("design")
 @click.argument("spec")
 @click.option(
-    "--hand",
+    "--for-hands",
+    "checked",
     type=click.Choice(["vertices", "box"]),
     default="vertices",
     show_default=True,
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     "z_width_box and box_settled say what is left and whether it is proved.",
 )
 @common
-def command(spec: str, hand: str, options: Options) -> None:
+@workers
+def command(spec: str, checked: str, options: Options) -> None:
     """Search for designs that meet a wish, for all devices and hands that they have to hold for.
 
     SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their ranges; [design.wish] the
@@ -48,7 +50,7 @@ def command(spec: str, hand: str, options: Options) -> None:
         from wavesweep.search.best import with_best
         from wavesweep.search.study import design
 
-        table = design(*specs, hand=hand, **work)
+        table = design(*specs, for_hands=checked, **work)
         return [table if options.to_stdout else with_best(table, specs[0])]
 
     produce(["design"], [spec], options, compute, asked=Spec.as_designed)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from wavesweep.cli.options import debug, override
+from wavesweep.cli.options import debug, override, overwriting
 from wavesweep.errors import UsageError
 
 
@@ -19,13 +19,15 @@ from wavesweep.errors import UsageError
 @click.option(
     "--save", metavar="FILE", help="Write the page with the results of the spec's sweep to a file, and serve nothing."
 )
-@click.option("--force", is_flag=True, help="Replace the file of --save if it exists.")
+@overwriting("Replace the file of --save if it exists.")
 @click.option(
     "--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port of the server [default: any free one]."
 )
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page, or only print its address.")
 @debug
-def command(spec: str, overrides: tuple[str, ...], save: str | None, force: bool, port: int, browser: bool, **_: bool) -> None:
+def command(
+    spec: str, overrides: tuple[str, ...], save: str | None, overwrite: bool, port: int, browser: bool, **_: bool
+) -> None:
     """Show the boundary of stability in a browser, and vary every number by a slider.
 
     SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable designs in the plane of two of
@@ -52,7 +54,7 @@ def command(spec: str, overrides: tuple[str, ...], save: str | None, force: bool
             raise click.UsageError(f"--save: expected no --{option} beside it, since nothing is served, found both")
     loaded = load(spec, overrides)
     if save is not None:
-        _save(loaded, spec, Path(save), force)
+        _save(loaded, spec, Path(save), overwrite)
         return
     from wavesweep.explore.page import Page
     from wavesweep.explore.server import Server
@@ -76,7 +78,7 @@ def _has_screen() -> bool:
     return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _save(spec, path: str, target: Path, force: bool) -> None:
+def _save(spec, path: str, target: Path, overwrite: bool) -> None:
     from wavesweep.cli.messages import progress
     from wavesweep.cli.output import refuse_no_folder, write_whole
     from wavesweep.explore.page import saved_page
@@ -84,8 +86,8 @@ def _save(spec, path: str, target: Path, force: bool) -> None:
     refuse_no_folder(target)
     if target.exists() and target.samefile(path):
         raise UsageError(f"{target}: the file is the spec; expected another name for the page")
-    if target.exists() and not force:
-        raise UsageError(f"{target}: the file exists; expected another name, or --force to replace it")
+    if target.exists() and not overwrite:
+        raise UsageError(f"{target}: the file exists; expected another name, or --overwrite to replace it")
     with progress(quiet=False) as report:
         text = saved_page(spec, report)
     write_whole((target, text))

@@ -8,7 +8,7 @@ from shlex import quote
 
 import click
 
-from wavesweep.cli.options import as_json, debug, folder, override, quiet
+from wavesweep.cli.options import as_json, debug, folder, override, overwriting, quiet
 from wavesweep.errors import UsageError
 
 
@@ -16,12 +16,12 @@ from wavesweep.errors import UsageError
 @click.argument("spec")
 @click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
 @folder("Folder for the files [default: results/<spec's name>/c].")
-@click.option("--force", is_flag=True, help="Replace existing files.")
+@overwriting("Replace existing files.")
 @override
 @as_json
 @quiet
 @debug
-def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[str, ...], **switches: bool) -> None:
+def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], **switches: bool) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
     SPEC is a TOML file. controller.h and controller.c have the controller with its state in one struct, without allocation and
@@ -29,7 +29,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     is the host's: example.c shows a host. vectors.csv has the experiment of the spec's [simulate] table, and make check
     compiles the controller, runs the vectors and compares every bit.
 
-    If one of the files exists, they are replaced only with --force.
+    If one of the files exists, they are replaced only with --overwrite.
 
     \b
     Example:
@@ -52,7 +52,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     found = exported(loaded)
     paths = [folder / name for name in found]
     refuse_other_things(*paths)
-    _refuse_existing(paths, force)
+    _refuse_existing(paths, overwrite)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(*zip(paths, found.values(), strict=True))
     simulated = loaded.as_simulated()
@@ -77,7 +77,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
         say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
 
 
-def _refuse_existing(paths: list[Path], force: bool) -> None:
+def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
     existing = [path for path in paths if path.exists()]
-    if existing and not force:
-        raise UsageError(f"{existing[0]}: the file exists; expected another --out DIR, or --force to replace the files")
+    if existing and not overwrite:
+        raise UsageError(f"{existing[0]}: the file exists; expected another --out DIR, or --overwrite to replace the files")

@@ -9,6 +9,7 @@ from textwrap import wrap
 import click
 
 from wavesweep.beside import beside
+from wavesweep.cli.options import overwriting
 from wavesweep.cli.output import refuse_no_folder, write_whole
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
@@ -51,14 +52,14 @@ AXES = {
 @click.option("--device", metavar="NAME", help=f"A device by name: {', '.join(DEVICES)}.")
 @click.option("--example", metavar="NAME", help="Write an example of the documents in place of KIND, e.g. first-hour.")
 @click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
-@click.option("--force", is_flag=True, help="Replace an existing file.")
+@overwriting("Replace an existing file.")
 @click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
-def command(kind: str, device: str | None, example: str | None, out: str | None, force: bool, **_: bool) -> None:
+def command(kind: str, device: str | None, example: str | None, out: str | None, overwrite: bool, **_: bool) -> None:
     """Write a commented spec to begin with.
 
     KIND is the controller: dc, dc-slow, dc-lm, pmw (the default) or pmw-lm. Each key that its loop reads is in the file with
     its unit and meaning; keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
-    an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --force.
+    an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
     """
     if example is not None:
         kind, text = example, _example(example)
@@ -75,8 +76,8 @@ def command(kind: str, device: str | None, example: str | None, out: str | None,
         click.echo(text, nl=False)
         return
     refuse_no_folder(target)
-    if target.exists() and not force:
-        raise UsageError(f"{target}: the file exists; expected another --out FILE, or --force to replace it")
+    if target.exists() and not overwrite:
+        raise UsageError(f"{target}: the file exists; expected another --out FILE, or --overwrite to replace it")
     write_whole((target, text))
     click.echo(str(target), err=True)
 

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-if TYPE_CHECKING:
-    from wavesweep.sweep.hands import Hands
-
 STDOUT = "-"
 FORMATS = ("png", "svg", "pdf")
-_RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 
 
 @dataclass(frozen=True)
@@ -26,17 +21,18 @@ class Options:
 
     out: str | None
     overrides: tuple[str, ...]
-    jobs: int
-    backend: str | None
-    scheduler: str | None
     plot: bool
     formats: tuple[str, ...]
-    force: bool
+    overwrite: bool
     as_json: bool
     wait: bool
     quiet: bool
     debug: bool
     partition: int | None = None
+    jobs: int = 1
+    backend: str | None = None
+    scheduler: str | None = None
+    restart: bool = False
 
     @property
     def to_stdout(self) -> bool:
@@ -90,7 +86,27 @@ formats = click.option(
     help="Format of the figure. May be repeated.",
 )
 
-_COMMON = (
+
+def _together(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Several options as one decorator; a help lists them in this order."""
+
+    def add(body: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            body = option(body)
+        return body
+
+    return add
+
+
+def overwriting(text: str) -> Callable[..., Any]:
+    """The option --overwrite of a command that writes files of its own, with its older name. text: its help."""
+    return _together(
+        click.option("--overwrite", is_flag=True, help=text),
+        click.option("--force", "overwrite", is_flag=True, hidden=True),
+    )
+
+
+_common = _together(
     click.option(
         "-o",
         "--out",
@@ -99,27 +115,14 @@ _COMMON = (
         help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout, and no file.",
     ),
     override,
-    click.option(
-        "-j",
-        "--jobs",
-        metavar="N",
-        type=click.IntRange(min=1),
-        default=2,
-        show_default=True,
-        help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
-    ),
-    click.option("--backend", metavar="NAME", help="Kind of the workers: loky (the default), threading, dask or ray."),
-    click.option(
-        "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
-    ),
     click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."),
     formats,
     click.option(
-        "--force",
+        "--overwrite",
         is_flag=True,
-        help="Replace results of another spec, and begin anew if an interrupted run cannot be continued. "
-        "Results of the same spec file are replaced without it.",
+        help="Replace results of another spec or of unknown origin. Those of the same spec file are replaced without it.",
     ),
+    click.option("--force", is_flag=True, hidden=True),  # what --overwrite and --restart were together
     click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."),
     as_json,
     quiet,
@@ -131,7 +134,8 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     """Add the common options to a command; its body receives them together as `options`."""
 
     @wraps(body)
-    def gathered(**given: Any) -> None:
+    def gathered(force: bool, **given: Any) -> None:
+        given |= dict.fromkeys({"overwrite", "restart"} & given.keys(), True) if force else {}
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
         drawn, asked = options.plot and not options.to_stdout, click.get_current_context().get_parameter_source("formats")
         if not drawn and asked is ParameterSource.COMMANDLINE:
@@ -149,9 +153,26 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
             raise click.UsageError("--partition writes a folder of Parquet files, and --out - the CSV; leave one of them out")
         body(options=options, **given)
 
-    for option in reversed(_COMMON):
-        gathered = option(gathered)
-    return gathered
+    return _common(gathered)
+
+
+# For the commands that work in chunks; beside `common`, which collects them.
+workers = _together(
+    click.option(
+        "-j",
+        "--jobs",
+        metavar="N",
+        type=click.IntRange(min=1),
+        default=2,
+        show_default=True,
+        help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
+    ),
+    click.option("--backend", metavar="NAME", help="Kind of the workers: loky (the default), threading, dask or ray."),
+    click.option(
+        "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
+    ),
+    click.option("--restart", is_flag=True, help="Begin anew, and throw away what an interrupted run has finished."),
+)
 
 
 # For the commands whose tables can be long; above `common`, which collects it.
@@ -181,75 +202,14 @@ def refuse_equal_names(sources: Sequence[str]) -> None:
             raise click.UsageError(f"two specs are called {stem}; expected different file names, which label the curves")
 
 
-_HANDS = (
-    click.option(
-        "--hand",
-        type=click.Choice(["free", "passive", "box"]),
-        default="free",
-        show_default=True,
-        help=(
-            "The hands for which stability is guaranteed. free: the free device only. passive: add the intervals that are "
-            "stable with every passive hand, of any mass and stiffness, also if it moves within a tick; there are none "
-            "unless the device has enough damping and, with waves, Kp is above 0. box: add the intervals that are stable "
-            "with every hand whose mass, damping and stiffness are in --hand-box; the column settled is 1 if that is "
-            "proved, except for a thousandth of the interval at each end, and 0 if a search found no unstable hand. "
-            "Rows without a proof have certified 0."
-        ),
-    ),
-    click.option(
-        "--hand-box",
-        "hand_box",
-        metavar="RANGES",
-        help=(
-            "Ranges of the hands for --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). Default: "
-            "mass=0.005..0.6, damping=2..10, stiffness=100..1000, from a fingertip to an arm."
-        ),
-    ),
-    click.option(
-        "--passive",
-        is_flag=True,
-        help="Add the intervals in which the hand's port is passive if forces are held over a tick. This takes tenths of a "
-        "second per slice.",
-    ),
+# For the commands of stable intervals.
+for_hands = click.option(
+    "--for-hands",
+    "for_hands",
+    multiple=True,
+    metavar="WORD",
+    help="Add the intervals that are guaranteed for hands, in a table of its own. passive: stable with every passive hand, of "
+    "any mass and stiffness, also if it moves within a tick. box: stable with every hand between a fingertip and an arm, or "
+    "with ranges of your own, e.g. box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). port: the hand's port is "
+    "passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten seconds.",
 )
-
-
-def hand_options(body: Callable[..., None]) -> Callable[..., None]:
-    """Add the options for hands to a command; its body receives them as `hands`, None for the free device only."""
-
-    @wraps(body)
-    def gathered(hand: str, hand_box: str | None, passive: bool, **given: Any) -> None:
-        body(hands=_hands(hand, hand_box, passive), **given)
-
-    for option in reversed(_HANDS):
-        gathered = option(gathered)
-    return gathered
-
-
-def _hands(hand: str, hand_box: str | None, passive: bool) -> Hands | None:
-    if hand_box is not None and hand != "box":
-        raise click.UsageError(f"--hand-box needs --hand box, found --hand {hand}")
-    ranges = _ranges(hand_box) if hand_box is not None else {}
-    if hand == "free" and not passive:
-        return None
-    from wavesweep.sweep.hands import hands_of
-
-    return hands_of(hand, ranges, passive)
-
-
-def _ranges(text: str) -> dict[str, tuple[float, float]]:
-    """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
-    found: dict[str, tuple[float, float]] = {}
-    for part in text.split(","):
-        matched = _RANGE.fullmatch(part)
-        try:
-            name, low, high = matched.groups() if matched else ("", "", "")
-            if name in found:
-                raise click.BadParameter(f"expected one range of {name}, found two", param_hint="--hand-box")
-            found[name] = (float(low), float(high))
-        except ValueError:
-            raise click.BadParameter(
-                f"expected ranges such as mass=0.1..0.5 (mass, damping, stiffness), found {part.strip()!r}",
-                param_hint="--hand-box",
-            ) from None
-    return found

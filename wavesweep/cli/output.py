@@ -22,11 +22,11 @@ from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.sweep.hands import Hands
     from wavesweep.tables.kind import Line
     from wavesweep.tables.table import Table
 
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
+HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -48,7 +48,7 @@ def produce(
     from wavesweep import results, spec
     from wavesweep.tables.table import digest_of
 
-    started = time.perf_counter()
+    started, command = time.perf_counter(), kinds[0].removesuffix(HANDS)
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
@@ -58,10 +58,10 @@ def produce(
         plots.refuse_settings()
     with alone(kinds, directory, options):
         # Before the work as well as after it: a refusal should not cost a long run.
-        for kind in kinds if not (options.force or options.to_stdout) else ():
+        for kind in kinds if not (options.overwrite or options.to_stdout) else ():
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler", "force")}
+        work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler")} | {"force": options.restart}
         kept = None if options.to_stdout else checkpoint_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
             tables = compute(specs, **work, progress=report, checkpoint=kept)
@@ -79,9 +79,9 @@ def produce(
         for table in tables[1:]:
             say(f"the table {table.kind} is left out, since stdout takes one; --out DIR writes it")
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
-    if notices := [line for each in specs for line in _without_effect(kinds[0], each, options.overrides)]:
+    if notices := [line for each in specs for line in _without_effect(command, each, options.overrides)]:
         finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
-    _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+    _report(command, specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
 
 
 def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractContextManager[None]:
@@ -137,11 +137,12 @@ def _report(
         )
     if options.quiet or options.as_json:
         return
-    for each in finished:
-        for line, warning in chain(((notice, False) for notice in each.notices), each.lines):
-            say(line, warning)
-    for line in facts.get("assumes", "").splitlines():
-        say(f"assumes: {line}")
+    from wavesweep.sweep.assumptions import FAVOURABLE
+
+    assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
+    lines = [line for each in finished for line in chain(((notice, False) for notice in each.notices), each.lines)]
+    for line, warning in [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]:
+        say(line, warning)
     for left in sorted(folder_of(specs, options).glob(f".{command}-*{SUFFIX}")) if not options.to_stdout else ():
         say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
     if changed:
@@ -157,23 +158,27 @@ def produce_intervals(
     source: str,
     options: Options,
     along: str | None = None,
-    hands: Hands | None = None,
+    for_hands: Sequence[str] = (),
     prove: bool = False,
 ) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
-    along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
-    itself. prove: compute columns in doubt again in ball arithmetic.
+    along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which go with the intervals of the
+    loop itself into a table KIND-hands. prove: compute columns in doubt again in ball arithmetic.
     """
     from wavesweep import results
+    from wavesweep.sweep.hands import hands_of
     from wavesweep.tables.intervals import intervals
 
+    hands = hands_of(for_hands)
+    kind += HANDS if hands else ""
+
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        if not options.to_stdout and not options.force:
-            results.refuse_other_hands(kind, folder_of(specs, options), hands.facts() if hands else {})
+        if hands and not options.to_stdout and not options.overwrite:
+            results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
         return [replace(intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
 
-    produce([kind], [source], options, compute, name=f"{kind}{'-hands' if hands else ''}{'-proved' if prove else ''}")
+    produce([kind], [source], options, compute, name=f"{kind}{'-proved' if prove else ''}")
 
 
 def checkpoint_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
@@ -236,7 +241,7 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
 
             table = drawn(table, notices.append)
         rows = options.partition if main else None
-        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, True, rows)
+        paths = results.publish(table.watched(tally.add), directory, options.overwrite, options.formats, True, rows)
     elif main:
         try:
             results.stream(table.watched(tally.add), sys.stdout.buffer)

@@ -22,7 +22,7 @@ def command(options: Options) -> None:
     figure for each of Figures 2, 4, 5, 6, 7 and 8; the table open-choices, with the values that the paper leaves open; the
     table passive-bank, with filter banks whose returned waves pass a passive map; and the table statements, with a verdict
     and its numbers for each statement. The last three are also written as Markdown. With --out - the statements go to
-    stdout. No worker processes are used.
+    stdout.
     """
     from wavesweep.beside import program
     from wavesweep.cli.messages import progress, say, show_json, where
@@ -39,7 +39,7 @@ def command(options: Options) -> None:
         started = time.perf_counter()
         for table in paper.tables(report):
             if not options.to_stdout:
-                written = publish(table, directory, options.force, options.formats, locked=table.kind == LAST)
+                written = publish(table, directory, options.overwrite, options.formats, locked=table.kind == LAST)
                 files += written
                 said.append(where(written, time.perf_counter() - started))
             started = time.perf_counter()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Options, common, partition
+from wavesweep.cli.options import Options, common, partition, workers
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 )
 @partition
 @common
+@workers
 def command(spec: str, options: Options, filters: bool, tolerance: float) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
@@ -39,7 +40,7 @@ def command(spec: str, options: Options, filters: bool, tolerance: float) -> Non
     is missing and channel_passive is 1.
 
     At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
-    necessary: see zwidth --hand passive.
+    necessary: see zwidth --for-hands passive.
 
     \b
     Example:

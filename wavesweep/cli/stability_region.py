@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
-from wavesweep.cli.options import Options, common, hand_options, partition, prove
-
-if TYPE_CHECKING:
-    from wavesweep.sweep.hands import Hands
+from wavesweep.cli.options import Options, common, for_hands, partition, prove, workers
 
 
 @click.command("stability-region")
 @click.argument("spec")
-@hand_options
+@for_hands
 @prove
 @partition
 @common
-def command(spec: str, options: Options, hands: Hands | None, prove: bool) -> None:
+@workers
+def command(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
     such as "device.damping"), and its [sweep] table the range of that axis and the values of the others. The columns are
-    those of zwidth.
+    those of zwidth; with --for-hands the files are stability-region-hands.*.
 
     \b
     Examples:
@@ -32,4 +28,4 @@ def command(spec: str, options: Options, hands: Hands | None, prove: bool) -> No
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("stability-region", spec, options, hands=hands, prove=prove)
+    produce_intervals("stability-region", spec, options, for_hands=for_hands, prove=prove)

@@ -70,7 +70,7 @@ def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return picture.draw(facts)
 
 
-stability_region = zwidth
+stability_region = zwidth_hands = stability_region_hands = zwidth
 
 
 class Picture(Kept):
@@ -153,7 +153,7 @@ def _own_points(
 ) -> tuple[list[float], list[float]]:
     """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it; view: see `_view`."""
     spec = spec_of(facts)
-    if spec is None or (layout.x is None and facts.get("hands")):  # bars of hands are none of designs
+    if spec is None or (layout.x is None and facts.get("for_hands")):  # bars of hands are none of designs
         return [], []
     bars = layout.bars[0] if layout.x is None else ()
     names = (along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)

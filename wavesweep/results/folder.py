@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,9 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str 
     if found is None or found.get("spec_sha256") == sha256 or (place and found.get("spec_place") == place):
         return
     maker = f"another spec ({_name(found)}SHA-256 {found['spec_sha256'][:12]}…)" if found else "an unknown origin"
-    raise UsageError(f"{Path(directory) / kind}.*: found results of {maker}; give --force to replace them, or another --out")
+    raise UsageError(
+        f"{Path(directory) / kind}.*: found results of {maker}; give --overwrite to replace them, or another --out"
+    )
 
 
 def _name(facts: Mapping[str, Any]) -> str:
@@ -56,13 +58,14 @@ def _name(facts: Mapping[str, Any]) -> str:
     return f"{names}; " if names else ""
 
 
-def refuse_other_hands(kind: str, directory: str | Path, hands: Mapping[str, object]) -> None:
-    """Raise UsageError if the directory holds a table of this kind for other hands, see `Hands.facts`; {}: for none."""
+def refuse_other_hands(kind: str, directory: str | Path, words: Sequence[str]) -> None:
+    """Raise UsageError if the directory holds a table of this kind for other hands; words: see `Hands.facts`."""
     found = packaged_facts(Path(directory) / f"{kind}{SUFFIXES[-1]}")
-    if not found or all(found.get(name) == hands.get(name) for name in ("hands", "hand_box")):
-        return
-    options = "other options --hand, --hand-box or --passive"
-    raise UsageError(f"{Path(directory) / kind}.*: found results of {options}; give --force to replace them, or another --out")
+    if found and found.get("for_hands") != words:
+        other = f"other hands ({' '.join(map(str, found.get('for_hands') or ()))})"
+        raise UsageError(
+            f"{Path(directory) / kind}.*: found results for {other}; give --overwrite to replace them, or another --out"
+        )
 
 
 def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:

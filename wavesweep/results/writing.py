@@ -30,7 +30,7 @@ OWN_FACTS = ("timings", "warnings", "spec_place")  # facts of one run, which dif
 def publish(
     table: Table,
     directory: str | Path,
-    force: bool = False,
+    overwrite: bool = False,
     formats: Iterable[str] = ("png",),
     locked: bool = False,
     partition: int | None = None,
@@ -44,7 +44,7 @@ def publish(
     table      its facts need `spec_sha256`; those of OWN_FACTS stay out of the Parquet file, so that equal runs give equal
                bytes in any folder
     directory  made if it is missing
-    force      replace results of another spec; those of the same file (`spec_place`) are replaced in any case
+    overwrite  replace results of another spec; those of the same file (`spec_place`) are replaced in any case
     formats    of the figure: png, svg, pdf
     locked     the caller is `at_work` on this table; if not, the call waits until no other run is
     partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
@@ -52,13 +52,13 @@ def publish(
     Raises UsageError if the directory holds results of another spec or `partition` is no number of rows, WavesweepError if the
     columns do not fit the fields or a number is infinite, OSError if a file cannot be written.
     """
-    force, locked = boolean("force", force), boolean("locked", locked)
+    overwrite, locked = boolean("overwrite", overwrite), boolean("locked", locked)
     if partition is not None and not (isinstance(partition, Integral) and partition >= 1):
         raise UsageError(f"partition: expected a whole number of rows >= 1, found {partition!r:.60}")
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):
-        if not force:
+        if not overwrite:
             refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
         folder = new_folder(table.kind, directory)
         try:

@@ -168,19 +168,19 @@ class DesignTask:
 
 def design(
     spec: Spec,
-    hand: str = "vertices",
+    for_hands: str = "vertices",
     **given: Any,
 ) -> Table:
     """Search for the designs that meet the wishes of a spec's [design].
 
-    Returns the front if some wishes have no bound, otherwise the best design, as a table. hand: "box" to check the front for
-    every hand between the ends of the ranges as well, "vertices" for finer values alone. given: jobs, backend, scheduler,
+    Returns the front if some wishes have no bound, otherwise the best design, as a table. for_hands: "box" to check the front
+    for every hand between the ends of the ranges as well, "vertices" for finer values alone. given: jobs, backend, scheduler,
     progress, checkpoint and force, see `Work`. The result depends on the seed and not on the workers.
     Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
     run.
     """
     started, work = time.perf_counter(), Work.of(given)
-    job = job_of(spec, hand)
+    job = job_of(spec, for_hands)
     run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
     run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_seconds, job))
     asked, settings = spec.design, spec.design.settings
@@ -233,10 +233,10 @@ METHODS = {
 }
 
 
-def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
-    """Return the job of a spec's [design]; hand: see `design`. Errors: UsageError if it cannot be done."""
-    if not (isinstance(hand, str) and hand in ("vertices", "box")):
-        raise UsageError(f"hand: expected one of vertices, box, found {hand!r:.60}")
+def job_of(spec: Spec, for_hands: str = "vertices") -> DesignJob:
+    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
+    if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
+        raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
     asked = spec.as_designed().design
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
@@ -262,7 +262,7 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
     finest = scenarios_of(grid.spec, between) if between else finer
     return DesignJob(
-        grid, chunks, {}, {}, scenarios_of(grid.spec), finer, finest, stop, box_of(spec) if hand == "box" else None
+        grid, chunks, {}, {}, scenarios_of(grid.spec), finer, finest, stop, box_of(spec) if for_hands == "box" else None
     )
 
 

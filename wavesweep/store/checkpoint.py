@@ -72,7 +72,7 @@ class FileCheckpoint:
 
     place: path of the file; None for one without a name, which ends with this object or its process. name: of the job among
     those of the file. identity: what the chunks depend on, JSON-able; chunks of jobs that differ in any of it are never mixed.
-    dtype: of the records. force: begin anew if the file holds a job of this name with another identity. warnings: receives a
+    dtype: of the records. force: begin anew, whatever the file holds of a job of this name. warnings: receives a
     sentence for whatever turns out to be damaged.
     Raises CheckpointError if the file holds such a job, which may be a night of work, or something else is in its place;
     OSError if it cannot be used.
@@ -161,10 +161,10 @@ class FileCheckpoint:
             self.close()
             self._prepare(sqlite3, "&nolock=1")  # a file system without locks
         found = self._db.execute("SELECT digest, identity FROM runs WHERE name = ?", [self._name]).fetchall()
-        if found and found[0][0] != self._digest and found[0][1] != self._identity:
-            if not self._force:
-                raise self._of_another_run(found[0][1])
+        if self._force:
             self._forget()
+        elif found and found[0][0] != self._digest and found[0][1] != self._identity:
+            raise self._of_another_run(found[0][1])
         self._db.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", (self._name, self._digest, self._identity))
 
     def _prepare(self, sqlite3, options):
@@ -200,5 +200,5 @@ class FileCheckpoint:
             names = ["words that cannot be read"]
         return CheckpointError(
             f"{self.place}: cannot go on from this checkpoint: it is of another run, which differs in {', '.join(names)}; "
-            "remove the file, or give --force to begin anew"
+            "remove the file, or give --restart to begin anew"
         )

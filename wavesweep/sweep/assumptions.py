@@ -8,6 +8,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.resolving import longest_delay
 
+FAVOURABLE = "kind default"  # in a sentence of `assumes` that rests on some
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
 
@@ -60,14 +61,9 @@ def _wall(values, read):
 
 
 def _defaults(kept, ratio):
-    usual = {
-        INTEGRATION: 'integrate explicitly or semi-implicitly (both are "explicit" here)',
-        DELAY: f"deliver their results a frame late (delay = {ratio})",
-        VELOCITY: 'take velocity from the encoder ("difference")',
-    }
-    names = _listed([path.rpartition(".")[2] for path in kept])
-    verb = "is the default, a kind one" if len(kept) == 1 else "are the defaults, kind ones"
-    return f"{names} {verb}: engines usually {_listed([usual[path] for path in kept])}"
+    usual = {INTEGRATION: '"explicit"', DELAY: str(ratio), VELOCITY: '"difference"'}
+    names = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
+    return f"{names}: engines usually have {_listed([usual[path] for path in kept])}"
 
 
 def _listed(words):

@@ -1,6 +1,7 @@
 """Intervals guaranteed for hands: for every passive hand, for every hand of a box, for every held force at the port."""
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -29,7 +30,7 @@ from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.interval_job import IntervalJob
 from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, felt_at_ends
 
-HANDS = ("free", "passive", "box")
+_RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
     "box": "exact intervals of the hands found to matter, intersected; where settled, a cover of the box by pieces, each "
@@ -50,6 +51,12 @@ class Guarantee:
         """How the intervals are found, in a line."""
         return METHODS[self.kind]
 
+    @property
+    def word(self) -> str:
+        """The guarantee as a word that `hands_of` reads."""
+        ranges = (f"{field.name}={_text(getattr(self.box, field.name))}" for field in fields(HandBox) if self.box)
+        return ":".join(filter(None, [self.kind, ",".join(ranges)]))
+
     def task(self, along: str, span: tuple[float, float], parts: tuple) -> "HandTask":
         """The task for loops with these guarantees; see `HandTask`."""
         return HandTask(self, along, span, parts)
@@ -68,6 +75,10 @@ class Guarantee:
         found = any_hand_walls(loop, span, along)
         convex = is_affine(loop, along)
         return _from_ends(found, span, lambda at: damping_needed(loop.changed({along: at})), certified=convex)
+
+
+def _text(ends: tuple[float, float]) -> str:
+    return "..".join(repr(float(end)).removesuffix(".0") for end in ends)
 
 
 def _from_ends(found, span, measure, certified=False) -> np.ndarray:
@@ -119,43 +130,41 @@ def _blank(low, high) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Hands:
-    """Hands whose intervals are added to those of the spec's own loop.
+    """Guarantees whose intervals are added to those of the spec's own loop; at most one of each kind."""
 
-    hand: "free" (the free device only), "passive" (adds the intervals guaranteed for every passive hand) or "box" (adds
-    those for every hand of `box`). port: whether to add the intervals in which the port is passive for held forces.
-    """
+    guarantees: tuple[Guarantee, ...]
 
-    hand: str = "free"
-    box: HandBox | None = None
-    port: bool = False
+    @property
+    def box(self) -> HandBox | None:
+        """The hands of the box, if there is one."""
+        return next((each.box for each in self.guarantees if each.box), None)
 
-    def guarantees(self) -> list[Guarantee]:
-        """The guarantees for these hands."""
-        asked = [] if self.hand == "free" else [Guarantee(self.hand, self.box)]
-        return asked + ([Guarantee("port")] if self.port else [])
+    @property
+    def replaced(self) -> list[str]:
+        """The guarantees for which other hands are in the place of the spec's operator."""
+        return [each.kind for each in self.guarantees if each.kind != "port"]
 
-    def facts(self) -> dict[str, object]:
-        """The hands as facts of a run, JSON-able: `hands` (hand and port) and, if there is a box, its ranges as `hand_box`."""
-        box = (
-            {"hand_box": {name: list(getattr(self.box, name)) for name in ("mass", "damping", "stiffness")}} if self.box else {}
-        )
-        return {"hands": {"hand": self.hand, "port": self.port}} | box
+    def facts(self) -> dict[str, list[str]]:
+        """The guarantees as a fact of a run: words, which `hands_of` reads."""
+        return {"for_hands": [each.word for each in self.guarantees]}
 
     def refuse(self, job: IntervalJob) -> None:
         """Raise UsageError if the spec's own job leaves no answer for these hands."""
         swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in HAND]
-        if self.hand != "free" and swept:
-            raise UsageError(f"hand {self.hand}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well")
+        if self.replaced and swept:
+            raise UsageError(
+                f"hand {self.replaced[0]}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well"
+            )
         spec = job.grid.spec
-        if self.guarantees() and (missing := spec.without_hand() if spec.drawing else None):
+        if missing := spec.without_hand() if spec.drawing else None:
             raise SpecError(missing)
         loop = held_loop(*own_loop(spec, job.axis.path))
-        if self.hand != "free" and loop.device is None:
+        if self.replaced and loop.device is None:
             raise UsageError(
-                f"hand {self.hand}: expected a hand whose force acts on one block mass and on nothing else, and whose "
+                f"hand {self.replaced[0]}: expected a hand whose force acts on one block mass and on nothing else, and whose "
                 "displacement is the position of that block, found another one"
             )
-        if self.hand == "passive" and reads_velocity(loop):
+        if "passive" in self.replaced and reads_velocity(loop):
             raise UsageError(
                 'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
                 "anything at no cost in energy, so no damping answers for what its feedback does"
@@ -172,33 +181,47 @@ class Hands:
     def notices(self, job: IntervalJob) -> Iterator[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
         spec = job.grid.spec
-        if self.hand != "passive" or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
+        if "passive" not in self.replaced or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
             return
         swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.axis))
         if not swept and spec.values["controller.Kp"] == 0:
             yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
 
 
-def hands_of(hand: str, box: Mapping[str, tuple[float, float]] | None, port: bool) -> Hands:
-    """Hands from the options of a command.
+def hands_of(words: str | Iterable[str]) -> Hands | None:
+    """Hands from the words of `--for-hands`; None without any.
 
-    hand: "free", "passive" or "box". box: ranges in place of those of the literature. port: also the intervals in which the
-    hand's port is passive. Raises UsageError for another hand, ranges without a box, or a range that is empty or unknown.
+    words: "passive", "port", "box", and a box with ranges in place of those of the literature, such as
+    "box:mass=0.1..0.4,damping=2..5". Raises UsageError for another word, one that is there twice, or a range that is empty.
     """
-    if hand not in HANDS:
-        raise UsageError(f"hand: expected one of {', '.join(HANDS)}, found {hand!r}")
-    if box is not None and not isinstance(box, Mapping):
-        raise UsageError(f'hand_box: expected ranges such as {{"mass": (0.1, 0.5)}}, found {box!r}')
-    unknown = sorted(set(box or {}) - {field.name for field in fields(HandBox)})
-    if unknown or (box and hand != "box"):
-        expected = f"{', '.join(field.name for field in fields(HandBox))}" if hand == "box" else 'hand = "box" beside it'
-        raise UsageError(f"hand_box: expected {expected}, found {', '.join(unknown) or repr(hand)}")
-    if hand != "box":
-        return Hands(hand, None, port)
-    try:
-        return Hands(hand, replace(HOLDING_A_DEVICE, **(box or {})), port)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    words, found = (words,) if isinstance(words, str) else words, {}
+    for word in words if isinstance(words, Iterable) else (words,):
+        kind, colon, ranges = word.partition(":") if isinstance(word, str) else ("", "", "")
+        if kind not in METHODS or (colon and kind != "box"):
+            raise UsageError(f"hands: expected {', '.join(METHODS)} or box:RANGES, found {word!r:.60}")
+        if kind in found:
+            raise UsageError(f"hands: expected {kind} once, found it twice")
+        box = HOLDING_A_DEVICE if kind == "box" else None
+        try:
+            found[kind] = Guarantee(kind, replace(box, **_ranges(ranges)) if colon else box)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+    return Hands(tuple(found[kind] for kind in METHODS if kind in found)) if found else None
+
+
+def _ranges(text: str) -> dict[str, tuple[float, float]]:
+    """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
+    found: dict[str, tuple[float, float]] = {}
+    for part in text.split(","):
+        name, low, high = matched.groups() if (matched := _RANGE.fullmatch(part)) else ("", "", "")
+        if name in found:
+            raise UsageError(f"hand box: expected one range of {name}, found two")
+        try:
+            found[name] = (float(low), float(high))
+        except ValueError:
+            expected = "ranges such as mass=0.1..0.5 (mass, damping, stiffness)"
+            raise UsageError(f"hand box: expected {expected}, found {part.strip()!r:.60}") from None
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

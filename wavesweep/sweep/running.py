@@ -46,7 +46,7 @@ class Work:
     jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
     scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
     certified ones, None if no slice can be. checkpoint: file for finished chunks, from which a run of the same spec goes on;
-    by default they stay in memory. force: begin anew if it is of another run. part: of the checkpoint, if several runs keep
+    by default they stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs keep
     their chunks in one. Errors: UsageError.
     """
 

@@ -19,6 +19,8 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "compare-bode": "comparison",
         "zwidth": "intervals",
         "stability-region": "intervals",
+        "zwidth-hands": "intervals",
+        "stability-region-hands": "intervals",
         "bode": "responses",
         "simulate": "simulation",
         "simulate-response": "simulation",

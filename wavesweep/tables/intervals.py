@@ -37,7 +37,7 @@ FELT = tuple(
     Field(f"felt_{end}", "number", OF_WALL, f"static stiffness that the hand feels at {end}; missing without an interval")
     for end in ("low", "high")
 )
-HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port", optional=True)
+HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
 ABOUT_ENDS = (
     *(
         Field(f"{end}_hand_{part}", "number", unit, f"{part} of the hand that sets {end}; missing where none does", True)
@@ -82,7 +82,7 @@ def intervals(
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
     facts = _with_proofs(facts, stages[0], found) if prove else facts
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
-    return Table("zwidth", partial(_rows, stages, found, hands), facts, axes, forget=found.forget)
+    return Table("zwidth-hands" if hands else "zwidth", partial(_rows, stages, found, hands), facts, axes, forget=found.forget)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +108,9 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]
-    if free is not None and hands.hand != "free":
+    if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees()]
+    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees]
 
 
 def _guaranteed(own: IntervalJob, guarantee: Guarantee) -> IntervalJob:
@@ -159,7 +159,7 @@ def _finished(block, hand, hands) -> Columns:
         missing = {name: np.full(rows, np.nan) for name in about} | {"settled": block["certified"]}
         block = missing | block | {"hand": np.full(rows, hand, dtype=object)}
         block = {name: column for name, column in block.items() if hands.box or name not in about}
-    return KINDS[0].completed(block)
+    return KINDS[2 if hands else 0].completed(block)
 
 
 def _linear(axis) -> Iterator[str]:
@@ -196,21 +196,19 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     from wavesweep.spec import load
     from wavesweep.sweep.hands import hands_of
 
-    spec, known, hands = load(facts["spec"]), facts.get("hands"), None
-    if known:
-        box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
-        hands = hands_of(known["hand"], box, known["port"])
-    run = spec, along, hands
+    spec = load(facts["spec"])
+    run = spec, along, hands_of(facts.get("for_hands", ()))
     return Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
 
 
-KINDS = tuple(
-    Kind(
-        name,
-        (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT),
-        tally=lambda table: HandTally(table.axes, table.facts),
-        figure=f"intervals.{name.replace('-', '_')}",
-        again=partial(_again, along),
-    )
-    for name, along in (("zwidth", "K_VE"), ("stability-region", None))
+def _kind(name: str, along: str | None, fields: tuple[Field, ...], figure: str) -> Kind:
+    return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), figure, partial(_again, along))
+
+
+COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT)
+KINDS = (
+    _kind("zwidth", "K_VE", COLUMNS, "intervals.zwidth"),
+    _kind("stability-region", None, COLUMNS, "intervals.stability_region"),
+    _kind("zwidth-hands", "K_VE", WITH_HANDS, "intervals.zwidth"),
+    _kind("stability-region-hands", None, WITH_HANDS, "intervals.stability_region"),
 )
