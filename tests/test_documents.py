@@ -50,7 +50,7 @@ def test_nothing_is_missing_in_the_reference(reference):
     marks = [mark[1] for text in PAGES.values() for mark in reference.MARK.finditer(text)]
     assert set(marks) == set(reference.MADE)
     for made, names in {
-        "commands": [*COMMANDS, "--set", "--hand-box", "--to"],
+        "commands": [*COMMANDS, "--set", "--for-hands", "--to"],
         "keys": [*KEYS, "simulate.wall", "sweep.along", "design.seed", *WISHES],
         "devices": [name for name in DEVICES if DEVICES[name].numbers],
         "tables": [each.name for fields in reference.columns().values() for each in fields],
