@@ -81,15 +81,20 @@ def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, un
     for killed, moment in enumerate(0.2 + share):
         out = tmp_path / f"out{killed}"
         process = start(out, *options)
-        time.sleep(moment)
+        if killed % 2:  # among the chunks, and not before them
+            wait_for_parts(process, out, 1)
+        time.sleep(moment - 0.2 * (killed % 2))
         os.killpg(process.pid, signal.SIGKILL)
         finish(process)
+        kept = len(finished(out)) if out.exists() else 0
         if (out / "zwidth.csv").exists():
             # Put in place one by one: whichever is there is whole.
             assert (out / "zwidth.csv").read_bytes() == undisturbed[0]
         code, said = finish(start(out, *options))
         assert (code, said.count("Error")) == (0, 0)
         assert contents(out) == undisturbed
+        timings = json.loads((out / "zwidth.datapackage.json").read_text())["wavesweep"]["timings"]
+        assert timings["slices_from_checkpoint"] >= 4000 * kept
         assert sorted(file.name for file in out.iterdir()) == sorted([*FILES, "zwidth.datapackage.json"])
 
 

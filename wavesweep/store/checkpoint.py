@@ -116,6 +116,8 @@ class FileCheckpoint:
         others = self._do("SELECT name FROM runs WHERE name != ?", self._name)
         if others:
             self._forget()
+        else:
+            self._do("PRAGMA synchronous = OFF")  # what is removed need not be on the disk
         self.close()
         for path in () if others else self._files():
             path.unlink(missing_ok=True)
@@ -170,6 +172,7 @@ class FileCheckpoint:
     def _prepare(self, sqlite3, options):
         address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
         self._db = sqlite3.connect(address, PATIENCE, isolation_level=None, check_same_thread=False, uri=True)
+        self._db.execute("PRAGMA synchronous = OFF")  # there are no chunks yet
         if self._db.execute("PRAGMA page_count").fetchall() == [(0,)]:
             self._db.execute("PRAGMA page_size = 65536")  # chunks have hundreds of kB
             self._db.executescript(TABLES)
