@@ -135,7 +135,7 @@ def test_what_makes_no_sense_is_a_usage_error(arguments, said, wavesweep, held):
 
 
 def test_the_columns_of_hands_have_units():
-    fields = {field.name: field for field in results.fields("zwidth", ["B_VE"], "K_VE", ["hand", *ENDS, "settled"])}
+    fields = {field.name: field for field in results.fields("zwidth-hands", ["B_VE"], "K_VE", [*ENDS, "settled"])}
     assert (fields["hand"].kind, fields["hand"].unit) == ("string", "")
     assert [fields[name].unit for name in ENDS[:3]] == ["kg", "N*s/m", "N/m"]
     assert all(field.description for field in fields.values())

@@ -63,7 +63,7 @@ def test_a_dash_writes_the_statements_to_stdout_and_no_file(wavesweep, tmp_path)
 def test_the_common_options_are_those_of_the_other_commands():
     options = [
         {option.name for option in group.get_command(None, name).params if option.param_type_name == "option"}
-        for name in ("paper", "compare")
+        for name in ("paper", "simulate")
     ]
     assert options[0] == options[1]
 
