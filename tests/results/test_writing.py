@@ -10,7 +10,7 @@ import pytest
 
 from wavesweep import results
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results import publish, stream
+from wavesweep.results import placing, publish, stream
 from wavesweep.results.files import GROUP_ROWS
 from wavesweep.sweep import Table
 
@@ -121,15 +121,24 @@ def test_a_run_that_fails_half_way_keeps_the_old_results(columns, facts, tmp_pat
     assert contents(tmp_path) == before
 
 
-def test_a_table_appears_after_the_files_beside_it_or_not_at_all(columns, facts, tmp_path):
-    def full(directory):
-        raise OSError(28, "No space left on device", str(directory / "best"))
+def test_a_table_appears_together_with_the_files_beside_it_or_not_at_all(columns, facts, tmp_path, monkeypatch):
+    facts |= {"best": ["best/one-01.toml"]}
+    publish(Table.of("zwidth", columns, facts, beside={"best/one-01.toml": b"old"}), tmp_path)
+    (tmp_path / "best/own.toml").write_bytes(b"a user's")
+    new = Table.of("zwidth", columns, facts | {"best": ["best/one-02.toml"]}, beside={"best/one-02.toml": b"new"})
 
-    with pytest.raises(OSError, match="No space left"):
-        publish(Table.of("zwidth", columns, facts, beside=full), tmp_path)
-    assert contents(tmp_path) == {}
-    publish(Table.of("zwidth", columns, facts, beside=lambda directory: draw(directory / "one.toml")), tmp_path)
-    assert set(contents(tmp_path)) == {"one.toml", "zwidth.csv", "zwidth.parquet", "zwidth.datapackage.json"}
+    def full(path):
+        raise OSError(28, "No space left on device", str(path))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(placing, "sync", full)
+        with pytest.raises(OSError, match="No space left"):
+            publish(new, tmp_path)
+    assert sorted(path.name for path in (tmp_path / "best").iterdir()) == ["one-01.toml", "own.toml"]
+    assert not list(tmp_path.glob(".*"))
+    publish(new, tmp_path)
+    assert sorted(path.name for path in (tmp_path / "best").iterdir()) == ["one-02.toml", "own.toml"]
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_results_of_another_spec_stay_without_overwrite(columns, facts, tmp_path):

@@ -35,21 +35,23 @@ def command(spec: str, checked: str, options: Options) -> None:
     and ratios, of which the worst counts. With two wishes without a bound the result is their front, with one the best design,
     and if all have bounds the design that keeps the tightest of them by the largest share.
 
-    A row of the table is a design, the best first, with the worst value of each wish and what sets it. best/*.toml are specs of
-    up to ten of them, which every other command takes. If no design meets all bounds, the exit code is 1, and the message names
-    the nearest miss and the wishes that stand against each other. An interrupted search goes on where it stopped.
+    A row of the table is a design, the best first, with the worst value of each wish and what sets it. best/SPEC-*.toml are
+    specs of up to ten of them, which every other command takes. If no design meets all bounds, the exit code is 1, and the
+    message names the nearest miss and the wishes that stand against each other. An interrupted search goes on where it stopped.
 
     \b
     Example:
       wavesweep design sweeps/design/front.toml
     """
-    from wavesweep.cli.output import produce
+    from wavesweep.cli.output import folder_of, produce
     from wavesweep.spec import Spec
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        from wavesweep.search.best import with_best
+        from wavesweep.search.best import refuse_others, with_best
         from wavesweep.search.study import design
 
+        if not options.to_stdout:
+            refuse_others(folder_of(specs, options), specs[0])
         table = design(*specs, for_hands=checked, **work)
         return [table if options.to_stdout else with_best(table, specs[0])]
 

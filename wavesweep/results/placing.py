@@ -26,6 +26,7 @@ from wavesweep.results.folder import FIGURES, PARTS, SUFFIXES, are_parts, existi
 JOURNAL = "journal.json"
 REPLACED = "replaced"  # the name, in the folder of new files, of a folder of parts whose place is needed
 ORDER = (*SUFFIXES[:-1], ".md", SUFFIXES[-1])  # the package last: its hashes then vouch for files that are in place
+BEST, DESIGN = "best", re.compile(r"[^/]+\.toml")  # the folder of specs beside a table of designs
 NEW, PUT = "new", "put"
 
 
@@ -42,23 +43,27 @@ def abandon(kind: str, folder: Path) -> None:
         for parts in (folder / f"{kind}.parquet", folder / REPLACED):
             if is_folder(parts):
                 remove_folder(parts, PARTS)
+        remove_folder(folder / BEST, DESIGN)
         remove_folder(folder, _ours(kind))
 
 
-def put_in_place(kind: str, folder: Path, directory: Path, sha256: str) -> list[Path]:
-    """Move the files of a table to their places and give their paths.
+def put_in_place(kind: str, folder: Path, directory: Path, sha256: str, beside: Iterable[str] = ()) -> list[Path]:
+    """Move the files of a table, and those beside it, to their places and give the paths of the former.
 
-    Figures of another spec (not `sha256`) are removed, and a CSV if the new table has none.
+    Figures of another spec (not `sha256`) are removed, a CSV if the new table has none, and what was beside the old table.
     """
     files = [f"{kind}{suffix}" for suffix in ORDER if (folder / f"{kind}{suffix}").exists()]
-    other = (existing_facts(kind, directory) or {}).get("spec_sha256") != sha256
-    stale = [name for suffix in (".csv", *(FIGURES if other else ())) if (name := f"{kind}{suffix}") not in files]
-    (folder / JOURNAL).write_text(json.dumps({"place": files, "remove": stale}), encoding="utf-8")
-    for name in (*files, JOURNAL):
+    found, places = existing_facts(kind, directory) or {}, [*beside, *files]
+    figures = FIGURES if found.get("spec_sha256") != sha256 else ()
+    old = [*(f"{kind}{suffix}" for suffix in (".csv", *figures)), *found.get("best", ())]
+    stale = [name for name in old if name not in places]
+    (folder / JOURNAL).write_text(json.dumps({"place": places, "remove": stale}), encoding="utf-8")
+    for name in (*places, JOURNAL):
         for part in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
             sync(part)
         sync(folder / name)
-    sync(folder)
+    for each in (*(folder / BEST for _ in beside), folder):
+        sync(each)
     decided = folder.with_name(folder.name.replace(f".{NEW}-", f".{PUT}-"))
     folder.rename(decided)
     try:
@@ -91,12 +96,14 @@ def _finish(kind, decided, directory):
     """Do the rest of the steps in the journal; a folder without a journal is removed if it is empty."""
     try:
         journal = json.loads(read_file(decided / JOURNAL))
-        place, stale = ([name for name in journal[verb] if _ours(kind).fullmatch(name)] for verb in ("place", "remove"))
+        ours = re.compile(f"{_ours(kind).pattern}|{BEST}/{DESIGN.pattern}")
+        place, stale = ([name for name in journal[verb] if ours.fullmatch(name)] for verb in ("place", "remove"))
     except (FileNotFoundError, ValueError, KeyError, TypeError, RecursionError):
         place, stale = [], []
     sync(directory)
     for name in place:
         if os.path.lexists(decided / name):
+            (directory / name).parent.mkdir(exist_ok=True)
             _make_way(decided, directory / name)
             (decided / name).replace(directory / name)
     for name in stale:
@@ -107,6 +114,8 @@ def _finish(kind, decided, directory):
     with suppress(OSError):  # it holds files of somebody else, or may not be removed: tried again by the next run
         if is_folder(decided / REPLACED):
             remove_folder(decided / REPLACED, PARTS)
+        if is_folder(decided / BEST):
+            (decided / BEST).rmdir()
         decided.rmdir()
 
 

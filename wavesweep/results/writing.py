@@ -64,9 +64,10 @@ def publish(
             _write_all(stem, table, fields, blocks, formats, partition)
             package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
-            if table.beside is not None:
-                table.beside(directory)
-            return put_in_place(table.kind, folder, directory, facts["spec_sha256"])
+            for name, content in table.beside.items():
+                (folder / name).parent.mkdir(exist_ok=True)
+                (folder / name).write_bytes(content)
+            return put_in_place(table.kind, folder, directory, facts["spec_sha256"], table.beside)
         except OSError as error:
             raise _of_folder(error, directory) from error
         finally:

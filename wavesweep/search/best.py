@@ -1,11 +1,15 @@
 """Write some designs of a front as specs, which every other command accepts."""
 
+import os
 from dataclasses import replace
+from glob import escape
 from pathlib import Path
 
 import numpy as np
 
-from wavesweep.disk import make_folders, write_file
+from wavesweep.disk import is_folder
+from wavesweep.errors import UsageError
+from wavesweep.results.placing import BEST
 from wavesweep.search.study import wish_units
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import name_of
@@ -58,20 +62,20 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     return f"{HEADER}{said}, at their worst.\n{left}{as_toml(tables | {'sweep': sweep})}"
 
 
+def refuse_others(directory: Path, spec: Spec) -> None:
+    """Raise UsageError if a file of somebody else, or a link, is in the place of one of the specs of designs."""
+    folder = directory / BEST
+    if os.path.lexists(folder) and not is_folder(folder):
+        raise UsageError(f"{folder}: expected a folder or none, found a file or a link; move it away, or give another --out")
+    for path in sorted(folder.glob(f"{escape(spec.name)}-[0-9][0-9]*.toml")):
+        if path.is_symlink() or not path.read_bytes().startswith(HEADER.encode()):
+            raise UsageError(f"{path}: expected a spec that wavesweep wrote, found another file; move it away, or rename it")
+
+
 def with_best(table: Table, spec: Spec) -> Table:
     """Return the table with the specs of some of its designs beside it, in the folder `best`."""
-    columns = table.columns
-    rows = chosen(len(columns["certified"]))
-    names = [f"best/design-{number + 1:02d}.toml" for number in rows]
-    stop = table.facts["stop"]
-
-    def write(directory: Path) -> None:
-        make_folders(directory / "best")
-        for name, number in zip(names, rows, strict=True):
-            row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
-            write_file(directory / name, text_of(spec, row, stop).encode())
-        for old in (directory / "best").glob("design-*.toml"):
-            if f"best/{old.name}" not in names and old.read_text(encoding="utf-8", errors="replace").startswith(HEADER):
-                old.unlink()
-
-    return replace(table, facts=table.facts | {"best": names}, beside=write)
+    columns, found = table.columns, {}
+    for number in chosen(len(columns["certified"])):
+        row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
+        found[f"{BEST}/{spec.name}-{number + 1:02d}.toml"] = text_of(spec, row, table.facts["stop"]).encode()
+    return replace(table, facts=table.facts | {"best": list(found)}, beside=found)

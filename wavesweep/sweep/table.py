@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,8 @@ class Table:
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
     leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
     `results` does not know the kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
-    Markdown. beside: writes further files into the folder of the results, before the table appears there. forget: removes the
-    checkpoint that the rows are read from, once they are safe elsewhere.
+    Markdown. beside: the content of further files by their names, such as best/mine-01.toml, which appear together with the
+    table. forget: removes the checkpoint that the rows are read from, once they are safe elsewhere.
     """
 
     kind: str
@@ -34,7 +34,7 @@ class Table:
     fields: tuple | None = None
     figure: Callable[[Path], None] | None = None
     text: str | None = None
-    beside: Callable[[Path], None] | None = None
+    beside: Mapping[str, bytes] = field(default_factory=dict)
     forget: Callable[[], None] = lambda: None
 
     @classmethod
