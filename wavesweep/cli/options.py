@@ -63,8 +63,8 @@ override = click.option(
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]'. "
-    "May be repeated.",
+    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
+    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated.",
 )
 quiet = click.option("-q", "--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
 # Read by the entry, before any command runs; declared here so that each help lists it.
