@@ -409,8 +409,8 @@ def test_control_characters_of_foreign_files_are_shown_and_not_sent(wavesweep, s
 @pytest.mark.parametrize("unit", ["=HYPERLINK(1)", "\\u001b[31mkg", "kg\\n"])
 def test_a_unit_that_a_terminal_or_a_spreadsheet_would_run_is_refused(unit, wavesweep, tmp_path):
     text = f'[rates]\ntick_hz = 1000\n[numbers]\nk = {{ value = 1, unit = "{unit}" }}\n'
-    (tmp_path / "drawn.toml").write_text(text + '[block]\nm = { type = "mass", mass = 1 }\n[wire]\n"m.f" = "-k*m.x"\n')
-    code, _, err = wavesweep("check", "drawn.toml")
+    (drawn := tmp_path / "drawn.toml").write_text(text + '[block]\nm = { type = "mass" }\n[wire]\n"m.f" = "-k*m.x"\n')
+    code, _, err = wavesweep("check", str(drawn))
     assert (code, "numbers.k.unit: expected a string that is printable" in err) == (2, True)
 
 
