@@ -74,7 +74,7 @@ def test_the_front_is_that_of_the_other_commands(run):
     assert (np.diff(rows["transparency"]) <= 0).all()
     package = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))
     names = package["wavesweep"]["best"]
-    assert names[0] == "best/design-01.toml"
+    assert names[0] == "best/mine-01.toml"
     for name in names:
         row = int(name[-7:-5]) - 1
         found = wavesweep.zwidth(results / name)
@@ -360,7 +360,7 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
     assert code == 0
     rows = read(results / "design.csv")
     assert (rows["z_width_box"] <= rows["z_width"]).all()
-    spec, number = load(results / "best" / "design-01.toml"), 0
+    spec, number = load(results / "best" / "mine-01.toml"), 0
     alone = spec.with_values({"operator.damping": 0.0, "operator.stiffness": 0.0})
     found = wavesweep.zwidth(
         {**alone.tables(), "sweep": {"K_VE": {"start": 0, "stop": float(rows["z_width"][number])}, "B_VE": [1, 5]}},
@@ -487,7 +487,7 @@ def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_
     package = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))
     units = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
     assert [units[name] for name in ("kd", "settling", "port")] == ["N*m*s/rad", "s", "rad/(N*m)"]
-    spec = load(results / "best" / "design-01.toml")
+    spec = load(results / "best" / "mine-01.toml")
     assert spec.values["numbers.kd"] == rows["kd"][0]
     assert spec.tables()["block"]["pd"]["k"] == rows["block.pd.k"][0]
     assert {axis.name: axis.values for axis in spec.sweep if axis.values} == {"n": (2, 7), "I": (0.02, 0.04)}

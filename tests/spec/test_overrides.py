@@ -71,7 +71,7 @@ def test_the_frequencies_are_replaced():
     [
         ("controller.b=4x", '--set controller.b=4x: controller.b: expected a number > 0, found "4x"'),
         ("b=nan", "--set b=nan: controller.b: expected a finite number > 0, found nan"),
-        ("b=", '--set b=: controller.b: expected a number > 0, found ""'),
+        ("b=", "--set b=: controller.b: expected a value, or a key of the spec to leave out, found neither"),
         ("b=1\nKp=2", '--set b=1 Kp=2: controller.b: expected a number > 0, found "1\\nKp=2"'),
         ("b", "--set b: expected key=value, found no `=`"),
         ("", "--set : expected key=value, found no `=`"),
@@ -108,3 +108,10 @@ def test_a_key_of_the_file_broken_by_an_override_is_placed_where_it_stands(tmp_p
     with pytest.raises(SpecError) as error:
         load(path, ["rates.ratio=10"])
     assert str(error.value).startswith(f"{path}:4:9: environment.delay: expected a whole number <= 10 (rates.ratio)")
+
+
+def test_an_override_without_a_value_leaves_the_key_out():
+    tables = {"controller": {"kind": "pmw", "b": 40.0}, "sweep": {"b": [20, 30], "device.mass": [0.1, 0.2]}}
+    spec = load(tables, ["b=", "sweep.device.mass="])
+    assert spec.values["controller.b"] == 25.0
+    assert [axis.name for axis in spec.sweep] == ["b"]

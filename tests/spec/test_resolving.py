@@ -150,11 +150,9 @@ def test_edges_that_no_double_can_tell_apart_need_a_very_high_order(case):
     ("slow_hz", "nearest"),
     [
         (60.123456, "62.5 Hz, ratio = 16 and 58.8235 Hz, ratio = 17"),
-        (1500, "1000 Hz, ratio = 1"),
         (600, "1000 Hz, ratio = 1 and 500 Hz, ratio = 2"),
         (0.3, "1 Hz, ratio = 1000"),
         (1e-300, "1 Hz, ratio = 1000"),
-        (1e300, "1000 Hz, ratio = 1"),
     ],
 )
 def test_a_refused_rate_names_the_nearest_and_they_work(slow_hz, nearest):

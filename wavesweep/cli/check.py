@@ -57,28 +57,29 @@ def command(
     """
     _refuse_at_odds(plot, out)
     from wavesweep import spec as specs
-    from wavesweep.cli.messages import patience
-    from wavesweep.sweep.assumptions import over_preset
+    from wavesweep.cli.messages import patience, printable
+    from wavesweep.sweep.assumptions import over_preset, unusual
     from wavesweep.sweep.planning import plan
     from wavesweep.sweep.verdict import verdict
 
     loaded = specs.load(spec, overrides)
-    words = f"{loaded.name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
+    words = f"{loaded.name}: still at work on the ranges of its numbers; long delays take minutes"
     with nullcontext() if switches["quiet"] else patience(words):
         found, lines = verdict(loaded), plan(loaded)
         if loaded.design:
             from wavesweep.search import study
 
             lines += study.plan(loaded)
+    notices = [*unusual(loaded), *over_preset(loaded)]
     pictures = _picture(loaded, out, formats) if plot else []
     if switches["as_json"]:
         from wavesweep.cli.messages import show_json
 
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
         files = {"files": [str(path) for path in pictures]} if plot else {}
-        show_json(summary | {"verdict": found, "plan": lines, "notices": list(over_preset(loaded))} | files)
+        show_json(summary | {"verdict": found, "plan": lines, "notices": notices} | files)
     elif not switches["quiet"]:
-        click.echo("\n".join([*verdict_lines(loaded, found), *(f"  {line}" for line in over_preset(loaded)), *lines]))
+        click.echo(printable("\n".join([*verdict_lines(loaded, found), *(f"  {line}" for line in notices), *lines])))
         if pictures:
             from wavesweep.cli.messages import say
 

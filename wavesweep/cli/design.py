@@ -35,9 +35,9 @@ def command(spec: str, checked: str, options: Options) -> None:
     and ratios, of which the worst counts. With two wishes without a bound the result is their front, with one the best design,
     and if all have bounds the design that keeps the tightest of them by the largest share.
 
-    A row of the table is a design, the best first, with the worst value of each wish and what sets it. best/*.toml are specs of
-    up to ten of them, which every other command takes. If no design meets all bounds, the exit code is 1, and the message names
-    the nearest miss and the wishes that stand against each other. An interrupted search goes on where it stopped.
+    A row of the table is a design, the best first, with the worst value of each wish and what sets it. best/SPEC-*.toml are
+    specs of up to ten of them, which every other command takes. If no design meets all bounds, the exit code is 1, and the
+    message names the nearest miss and the wishes that stand against each other. An interrupted search goes on where it stopped.
 
     \b
     Example:

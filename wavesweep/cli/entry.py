@@ -206,9 +206,11 @@ def _exit_code(error: BaseException) -> int:
 
 
 def _say(text: str) -> None:
-    """Write to stderr, if it can be written; control characters, which a file's name may have, are shown and not sent."""
+    """Write to stderr, if it can be written."""
+    from wavesweep.cli.messages import printable
+
     with suppress(OSError):
-        click.echo("".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text), err=True)
+        click.echo(printable(text), err=True)
 
 
 def _with_notes(text: str, error: BaseException) -> str:

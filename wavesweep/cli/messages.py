@@ -24,12 +24,17 @@ def show_json(summary: Mapping[str, Any]) -> None:
     click.echo(json.dumps(summary, allow_nan=False))
 
 
+def printable(text: str) -> str:
+    """The text with control characters, which names and foreign files may have, shown and not sent to the terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 def say(text: str, warning: bool = False) -> None:
     """Write a line to stderr; if that is impossible, the message is dropped, since the results matter more.
 
     A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
     """
-    plain = not warning or os.environ.get("NO_COLOR")
+    text, plain = printable(text), not warning or os.environ.get("NO_COLOR")
     with suppress(OSError):
         click.echo(text if plain else click.style(text, fg="yellow"), err=True)
 

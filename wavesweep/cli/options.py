@@ -63,8 +63,8 @@ override = click.option(
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]'. "
-    "May be repeated.",
+    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
+    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated.",
 )
 quiet = click.option("-q", "--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
 # Read by the entry, before any command runs; declared here so that each help lists it.
@@ -120,7 +120,7 @@ _common = _together(
     click.option(
         "--overwrite",
         is_flag=True,
-        help="Replace results of another spec or of unknown origin. Those of the same spec file are replaced without it.",
+        help="Replace results of another spec, for other hands or of unknown origin. Those of the same spec need no option.",
     ),
     click.option("--force", is_flag=True, hidden=True),  # what --overwrite and --restart were together
     click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."),

@@ -46,6 +46,7 @@ def produce(
     main table's; there is none if the table goes to stdout.
     """
     from wavesweep import results, spec
+    from wavesweep.sweep.assumptions import unusual
     from wavesweep.tables.table import digest_of
 
     started, command = time.perf_counter(), kinds[0].removesuffix(HANDS)
@@ -79,7 +80,7 @@ def produce(
         for table in tables[1:]:
             say(f"the table {table.kind} is left out, since stdout takes one; --out DIR writes it")
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
-    if notices := [line for each in specs for line in _without_effect(command, each, options.overrides)]:
+    if notices := [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]:
         finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
     _report(command, specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
 

@@ -22,7 +22,7 @@ def command(directory: str, *, as_json: bool, quiet: bool, **_: bool) -> int:
     Example:
       wavesweep verify results/mine
     """
-    from wavesweep.cli.messages import say, show_json
+    from wavesweep.cli.messages import printable, say, show_json
     from wavesweep.results.verify import verify
 
     found = verify(directory)
@@ -30,7 +30,7 @@ def command(directory: str, *, as_json: bool, quiet: bool, **_: bool) -> int:
         show_json({"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences})
     else:
         if found.checked and not quiet:
-            click.echo("\n".join(found.checked))
+            click.echo(printable("\n".join(found.checked)))
         for difference in found.differences:
             say(f"differs: {difference}", warning=True)
     return 1 if found.differences else 0

@@ -148,7 +148,7 @@ def are_parts(folder: Path) -> bool:
 
 
 BEST = "best"  # the folder of specs beside the table `design`
-DESIGNS = re.compile(r"design-\d\d\.toml")  # their names
+DESIGNS = re.compile(r"[^/]+-\d\d\.toml")  # their names
 HEADER = "# A design that wavesweep found: "  # which they begin with
 
 

@@ -61,7 +61,7 @@ def with_best(table: Table, spec: Spec) -> Table:
     """Return the table with the specs of some of its designs beside it, in the folder BEST."""
     columns = table.columns
     rows = chosen(len(columns["certified"]))
-    names = [f"{BEST}/design-{number + 1:02d}.toml" for number in rows]
+    names = [f"{BEST}/{spec.name}-{number + 1:02d}.toml" for number in rows]
     stop = table.facts["stop"]
 
     def write(folder: Path) -> None:

@@ -11,7 +11,7 @@ from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import DrawnBlock, keys_of_block
 from wavesweep.spec.expressions import Fault, Terms, Tree, linear, names_in, parse, unknown
 from wavesweep.spec.keys import Key
-from wavesweep.spec.reading import VALUE_WORDS, Leaf, Place
+from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
@@ -46,9 +46,12 @@ class KeyReader:
         self.mistakes.append(Mistake(leaf.place.inside(fault.offset), path, fault.expected, fault.found, fault.suggestion))
 
     def word(self, path: str, leaf: Leaf | None) -> str:
-        if leaf is None or isinstance(leaf.value, str):
-            return leaf.value if leaf else ""
-        self.refuse(leaf, path, "a string", show(leaf.value), of_key=False)
+        if leaf is None:
+            return ""
+        if isinstance(leaf.value, str) and leaf.value.isprintable() and not leaf.value[:-1].startswith(FORMULA):
+            return leaf.value
+        expected = "a string that is printable and does not begin with = + - @, which spreadsheets run as formulas"
+        self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
         return ""
 
     def read_number(self, path: str, key: Key, leaf: Leaf) -> Tree | None:

@@ -91,7 +91,12 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict
         else:
             if (*path, "value") in leaves:  # a number that has a unit keeps it
                 path = (*path, "value")
-            leaves = _override(leaves, normal_path(path), dict(leaves_of(_nested(path, value), where)))
+            path, known = normal_path(path), len(leaves)
+            leaves = _override(leaves, path, {} if value == "" else dict(leaves_of(_nested(path, value), where)))
+            if value == "" and len(leaves) == known:
+                mistakes.append(
+                    Mistake(where.location(), ".".join(path), "a value, or a key of the spec to leave out", "neither")
+                )
     return leaves, mistakes
 
 

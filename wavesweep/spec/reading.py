@@ -27,7 +27,7 @@ MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
 VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # in any case of letters
-_FORMULA = ("=", "+", "-", "@")
+FORMULA = ("=", "+", "-", "@")
 _BLANK = r"(?:[ \t\n]|#[^\n]*)*"
 _STRING = (
     r'"""(?:\\.|[^\\])*?"""(?:"{0,2})'
@@ -248,7 +248,7 @@ def file_stem(path: str) -> str:
     another value, or that is no text.
     """
     stem = os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - pathlib takes half of the time of loading
-    if stem.startswith(_FORMULA) or not stem.isprintable():
+    if stem.startswith(FORMULA) or not stem.isprintable():
         found = ascii(stem)
         expected = "a name that is printable and does not begin with = + - @, which spreadsheets run as formulas"
         raise UsageError(f"the spec's file name: expected {expected}, found {found}; rename the file")

@@ -111,6 +111,9 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake
     ratio = _ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
     if ratio is None:
         fast_hz = values["rates.fast_hz"]
+        if checked["rates.slow_hz"] > fast_hz:
+            expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
+            return [leaf.mistake("rates.slow_hz", expected, show(leaf.value))]
         expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of at "
         expected += f"least 2 after which both are in step again within {LONGEST_FRAME} ticks"
         expected += f" (the nearest: {_nearest_rates(fast_hz, checked['rates.slow_hz'])})"

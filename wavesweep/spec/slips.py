@@ -38,11 +38,12 @@ def slip_in(text: str, message: str, name: str) -> Mistake:
     what = _lower(match["what"]).removeprefix("found ")
     lines = text.split("\n")
     before, after = lines[line - 1][: column - 1], lines[line - 1][column - 1 :]
-    plain = Slip(line, column, "a TOML file", f"none: {what}" if what.startswith("expected") else what)
+    plain = Slip(line, column, "a TOML file", f"other text: {what}" if what.startswith("expected") else what)
     slip = plain
     if len(lines[line - 1]) <= LONGEST_LINE:
         slip = (
-            _twice(lines, line, before, what)
+            _stray_comma(line, column, after, what)
+            or _twice(lines, line, before, what)
             or _in_number(line, before, after, what)
             or _in_text(line, column, before, after, what)
             or _in_value(line, column, after, what)
@@ -55,6 +56,13 @@ def slip_in(text: str, message: str, name: str) -> Mistake:
 
 def _lower(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:]
+
+
+def _stray_comma(line: int, column: int, after: str, what: str) -> Slip | None:
+    """A comma behind a value, as other formats have it between keys."""
+    if what.startswith("expected newline") and re.fullmatch(r",\s*(#.*)?", after):
+        return Slip(line, column, "the end of the line behind the value", "a comma")
+    return None
 
 
 def _twice(lines: list[str], line: int, before: str, what: str) -> Slip | None:

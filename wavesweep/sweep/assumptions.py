@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from wavesweep.loops.controllers import keys_of_page
-from wavesweep.spec import Spec
+from wavesweep.spec import KEYS, Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.resolving import longest_delay
 
@@ -32,6 +32,18 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
     return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
+
+
+# Ranges in which the numbers of devices and hands lie, in the unit of the key.
+USUAL = MappingProxyType({"device.mass": (1e-3, 20.0), "device.damping": (0.0, 200.0), "operator.mass": (0.0, 20.0)})
+
+
+def unusual(spec: Spec) -> Iterator[str]:
+    """Yield a sentence for each number of the spec that is so far from those of devices that its unit may be wrong."""
+    for path, (low, high) in USUAL.items():
+        if path in spec.given and not low <= spec.values[path] <= high:
+            unit, value = KEYS[path].unit, spec.values[path]
+            yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
 
 
 def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})) -> Iterator[str]:

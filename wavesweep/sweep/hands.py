@@ -153,7 +153,8 @@ class Hands:
         swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in HAND]
         if self.replaced and swept:
             raise UsageError(
-                f"hand {self.replaced[0]}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well"
+                f"hand {self.replaced[0]}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well; "
+                f"--set sweep.{swept[0]}= leaves it out"
             )
         spec = job.grid.spec
         if missing := spec.without_hand() if spec.drawing else None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ class Table:
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
     leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
-    they are not those of its kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
+        they are not those of its kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
     Markdown. beside: writes further files, which appear together with the table, into a folder. forget: removes the
     checkpoint that the rows are read from, once they are safe elsewhere.
     """
@@ -31,7 +31,7 @@ class Table:
     fields: tuple | None = None
     figure: Callable[[Path], None] | None = None
     text: str | None = None
-    beside: Callable[[Path], None] | None = None
+    beside: Mapping[str, bytes] = field(default_factory=dict)
     forget: Callable[[], None] = lambda: None
 
     @classmethod
