@@ -120,7 +120,7 @@ _common = _together(
     click.option(
         "--overwrite",
         is_flag=True,
-        help="Replace results of another spec, for other hands or of unknown origin. Those of the same spec need no option.",
+        help="Replace results of another spec, for other hands or of unknown origin. The same spec file needs no option.",
     ),
     click.option("--force", is_flag=True, hidden=True),  # what --overwrite and --restart were together
     click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."),
