@@ -3,7 +3,6 @@
 import json
 import re
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +19,6 @@ from wavesweep.search.genes import designs_of
 from wavesweep.search.study import DesignTask, box_of, job_of
 from wavesweep.search.verdicts import miss
 from wavesweep.spec import load
-from wavesweep.spec.design import WISHES
-from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint
 from wavesweep.sweep import running, workers
 from wavesweep.sweep.hands import Guarantee
@@ -141,12 +138,6 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
     assert run("--no-plot", "--jobs", "1", "--out", "three")[0] == 0
     assert (tmp_path / "three/design.parquet").read_bytes() == one
     assert not list((tmp_path / "three").glob(".design-*"))
-
-
-def test_documents_name_the_stiffest_wall_that_is_searched():
-    assert f"of sweep.K_VE or {K_VE_SPAN[1]:g}" in str(WISHES["z_width"])
-    readme = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
-    assert f"walls are searched up to the end of `sweep.K_VE`, by default {K_VE_SPAN[1]:g} N/m" in readme
 
 
 def test_bounds_that_no_design_meets_name_the_nearest_miss(run):

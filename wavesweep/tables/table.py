@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ class Table:
     fields: tuple | None = None
     figure: Callable[[Path], None] | None = None
     text: str | None = None
-    beside: Mapping[str, bytes] = field(default_factory=dict)
+    beside: Callable[[Path], None] | None = None
     forget: Callable[[], None] = lambda: None
 
     @classmethod
