@@ -41,7 +41,7 @@ def held(tmp_path, monkeypatch):
 @pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
 def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp_path):
     assert wavesweep(kind, held, "--no-plot")[0] == 0
-    assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN + "\n")
+    assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN)
 
 
 @pytest.mark.sample(1)
@@ -51,7 +51,7 @@ def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, he
     code, out, err = wavesweep(kind, held, "--for-hands", "passive", "--for-hands", "port")
     assert (code, out) == (0, "")
     folder = tmp_path / "results/held"
-    assert (folder / f"{kind}-hands.csv").read_text().startswith(WITH_HANDS + "\n")
+    assert (folder / f"{kind}-hands.csv").read_text().startswith(WITH_HANDS)
     assert (folder / f"{kind}-hands.png").stat().st_size > 5000
     assert not list(folder.glob(".*"))
     for name in ("csv", "parquet"):
@@ -70,7 +70,7 @@ def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     code, _, err = wavesweep("zwidth", held, "--for-hands", "box:mass=0.1..0.4, stiffness=100..100")
     assert code == 0
     text = (tmp_path / "results/held/zwidth-hands.csv").read_text()
-    assert text.startswith(",".join([WITH_HANDS.removesuffix(FELT), *ENDS, f"settled{FELT}"]) + "\n")
+    assert text.startswith(",".join([WITH_HANDS.removesuffix(FELT), *ENDS, f"settled{FELT}"]))
     table = results.read(tmp_path / "results/held/zwidth-hands.parquet")
     box = table["hand"] == "box"
     assert table["high_hand_stiffness"][box].tolist() == [100, 100]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.tables import same
+from support.tables import rows_of, same
 
 HARD = [
     0.1,
@@ -40,22 +40,23 @@ def facts():
 def columns():
     """A `zwidth` table with an axis of floats and one of whole numbers."""
     length = len(HARD)
-    return {
-        "B_VE": np.array([*HARD[:-1], 3.0]),
-        "environment.delay": np.arange(length),
-        "along": np.full(length, "K_VE", dtype=object),
-        "intervals": np.arange(length) % 3,
-        "interval": np.zeros(length, dtype=np.int64),
-        "low": np.array(HARD[::-1]),
-        "high": np.array(HARD),
-        "low_omega": np.full(length, np.nan),
-        "high_omega": np.arange(length, dtype=float),
-        "certified": np.arange(length) % 2 == 0,
-        "residual": np.full(length, 1e-16),
-        "doubt": np.array(["", "rounding"] * (length // 2), dtype=object),
-        "felt_low": np.array(HARD[::-1]),
-        "felt_high": np.array(HARD[::-1]),
-    }
+    return rows_of(
+        "zwidth",
+        length,
+        **{"B_VE": [*HARD[:-1], 3.0], "environment.delay": np.arange(length)},
+        along=["K_VE"] * length,
+        intervals=np.arange(length) % 3,
+        interval=np.zeros(length, dtype=np.int64),
+        low=HARD[::-1],
+        high=HARD,
+        low_omega=np.full(length, np.nan),
+        high_omega=np.arange(length, dtype=float),
+        certified=np.arange(length) % 2 == 0,
+        residual=np.full(length, 1e-16),
+        doubt=["", "rounding"] * (length // 2),
+        felt_low=HARD[::-1],
+        felt_high=HARD[::-1],
+    )
 
 
 @pytest.fixture(name="same")

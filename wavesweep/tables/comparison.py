@@ -11,7 +11,7 @@ from wavesweep.rows import Columns, joined
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.running import Options
 from wavesweep.tables.interval_tally import SpecTally
-from wavesweep.tables.intervals import ALONG, FELT, FOUND, intervals
+from wavesweep.tables.intervals import COLUMNS, intervals
 from wavesweep.tables.kind import Kind
 from wavesweep.tables.responses import BODE, METHODS, BodeTally, responses
 from wavesweep.tables.table import Table, facts_of, with_unlike_units
@@ -78,7 +78,7 @@ def _notices(specs, facts) -> Iterator[str]:
 KINDS = (
     Kind(
         "compare",
-        (BODE[0], ALONG, *FOUND, *FELT),
+        (BODE[0], *COLUMNS),
         lambda table: SpecTally(table.facts),
         figure="comparison.compare",
         before=1,
