@@ -142,11 +142,12 @@ def _loky(workers):
             executor.submit(os.getpid)  # starts all workers
     except (ImportError, OSError) as error:  # no semaphores, no /dev/shm
         raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
-    processes = list(executor._processes.values())  # noqa: SLF001 - loky has no public name for them
+    processes, manager = list(executor._processes.values()), executor._executor_manager_thread  # noqa: SLF001 - no public names
 
     def look():
         # A worker that dies while it writes a result leaves half of it in the pipe, and loky waits for the rest for ever.
-        if any(process.exitcode for process in processes):
+        # So it does if its own thread has ended, for example by a warning that Python was told to raise.
+        if any(process.exitcode for process in processes) or not manager.is_alive():
             raise WavesweepError(DIED)
 
     try:
