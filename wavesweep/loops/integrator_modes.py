@@ -85,8 +85,13 @@ class Numbers:
     def to_double(self, number) -> float:
         """The nearest double, but for a few roundings."""
         if len(self.squares) == 1:
-            return float(number)
-        return sum(float(number[i, 0]) * sqrt(abs(float(square))) for i, square in enumerate(self.squares))
+            return _double(number)
+        return sum(_double(number[i, 0]) * sqrt(abs(_double(square))) for i, square in enumerate(self.squares))
+
+
+def _double(number) -> float:
+    """The nearest double of a rational or whole number; python-flint before 0.9 has no `float` of them."""
+    return int(number.p) / int(number.q) if hasattr(number, "q") else float(int(number))
 
 
 def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()) -> list[dict[str, float]]:
