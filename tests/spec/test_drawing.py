@@ -140,7 +140,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
             [("mass = 0.2", 'mass = "1/(kd - 3)"')],
             "12:8: block.arm.mass",
             "a finite number",
-            '"1/(kd - 3)": a division by zero, a root of a negative number or an overflow',
+            '"1/(kd - 3)": a division by zero, a root or logarithm of a negative number or an overflow',
         ),
         (
             [("mass = 0.2", 'mass = "2*arm.x"')],

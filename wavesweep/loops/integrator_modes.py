@@ -1,11 +1,13 @@
 """Loops whose signals do not change: their equations in exact numbers, and the shifts of states that fulfil them.
 
 The numbers of a spec count as the decimals that they are written as, and numbers of arrays as doubles. Square roots are exact
-too: numbers then are matrices, those by which they multiply the products of the roots.
+too: numbers then are matrices, those by which they multiply the products of the roots. Values of other functions count as
+doubles; these are fractions to which no sum of others comes by chance.
 """
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
@@ -16,7 +18,7 @@ import numpy as np
 from wavesweep.loops.block import Block
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.spec.drawing import Drawing, scalars
-from wavesweep.spec.expressions import Tree, names_in
+from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
 
 MOST_ROOTS = 3  # that are independent
 HIGHEST = 64  # power that is multiplied out
@@ -300,6 +302,8 @@ class _Equations:
         first, *others = map(self._value, parts)
         if operation == "sqrt":
             return self.numbers.root(first, simple=not any(name in self.varied for name, _ in names_in(tree)))
+        if operation in FUNCTIONS:
+            return self.numbers.double(getattr(math, operation)(self.numbers.to_double(first)))
         return -first if operation == "negative" else self._joined(operation, first, others[0], tree)
 
     def _joined(self, operation, first, second, tree):

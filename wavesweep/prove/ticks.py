@@ -6,18 +6,28 @@ A number of the loop may be a ball that holds a whole range of it, real or compl
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache, reduce
+from functools import lru_cache, partial, reduce
 from math import lcm
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from flint import acb_mat, arb, arb_mat, ctx
+from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from wavesweep.prove.blocks import matrices
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing, DrawnBlock, scalars
 from wavesweep.spec.exact import constants_of, named
-from wavesweep.spec.expressions import Tree, evaluate, names_in, value_of
+from wavesweep.spec.expressions import FUNCTIONS, Tree, evaluate, names_in, value_of
+
+# Balls of roots and logarithms that meet a cut are not finite.
+_LIBRARIES = {
+    arb: arb,
+    acb: SimpleNamespace(
+        **{name: getattr(acb, name) for name in FUNCTIONS}
+        | {name: partial(getattr(acb, name), analytic=True) for name in ("sqrt", "log")}
+    ),
+}
 
 
 class UndecidedError(Exception):
@@ -121,9 +131,10 @@ class Loop:
         ball = type(number)
         known = {constant: constant for constant in constants_of(tree)}
         known |= {name: self.values[name] for name, _ in names_in(tree) if name != self.number}
-        root = arb.sqrt if ball is arb else lambda value: value.sqrt(analytic=True)
         try:
-            return ball(evaluate(named(tree), {name: ball(v) for name, v in known.items()} | {self.number: number}, root))
+            return ball(
+                evaluate(named(tree), {name: ball(v) for name, v in known.items()} | {self.number: number}, _LIBRARIES[ball])
+            )
         except ZeroDivisionError:
             return ball("nan")
 

@@ -158,7 +158,7 @@ class Drawing:
                 continue  # a number that has a mistake itself
             value = _value(tree, numbers)
             if value is None:
-                yield path, "a finite number", "a division by zero, a root of a negative number or an overflow"
+                yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
             else:
                 found.setdefault(path, value)
         tick_hz = found.get(RATE)

@@ -1,5 +1,6 @@
 """Values of expressions from 60 decimal digits, where doubles lose some: terms may be thirty powers of ten apart."""
 
+import cmath
 import decimal
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
@@ -10,6 +11,7 @@ from wavesweep.spec.expressions import Tree, evaluate, is_constant
 # What has no value is NaN or infinite, and raises nothing.
 _CONTEXT = decimal.Context(prec=60, Emax=decimal.MAX_EMAX, Emin=decimal.MIN_EMIN, traps=[])
 _NOTHING = Decimal(0)
+_TERMS = 50  # of a Taylor series of a number whose size is at most 1/2: fewer than 60 digits remain
 _WHOLE = 2**53  # from here on doubles are no whole numbers that somebody meant
 
 
@@ -21,7 +23,7 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     """
     known = {constant: constant for constant in constants_of(tree)} | dict(numbers)
     with decimal.localcontext(_CONTEXT):
-        found = evaluate(named(tree), {name: _Decimals.of(number) for name, number in known.items()}, _Decimals.sqrt)
+        found = evaluate(named(tree), {name: _Decimals.of(number) for name, number in known.items()}, _Decimals)
         return complex(found) if found.im else float(found.re)
 
 
@@ -108,3 +110,46 @@ class _Decimals:
         other = abs(self.im) / (2 * size)
         re, im = (size, other) if self.re >= 0 else (other, size)
         return _Decimals(re, -im if self.im < 0 else im)
+
+    def exp(self):
+        """The real part by the library, the angle by `exp(i a) = exp(i a/2^k)^(2^k)`."""
+        halvings = max(0, self.im.adjusted() * 4 + 8) if self.im else 0
+        turned = self.of(1) + _Decimals(_NOTHING, self.im / 2**halvings).series(1, 1)
+        for _ in range(halvings):
+            turned = turned * turned
+        return turned * _Decimals(self.re.exp())
+
+    def series(self, start, step):
+        """Terms `x^n/n!` for n = start, start + step, ..., whose signs alternate if step is 2."""
+        total = term = self if start else self.of(1)
+        for n in range(start + 1, start + step * _TERMS, step):
+            term = term * (
+                self * _Decimals(Decimal(1) / n) if step == 1 else self * self * _Decimals(Decimal(-1) / (n * (n + 1)))
+            )
+            total = total + term
+        return total
+
+    def sin(self):
+        """The sine (angle in rad), in all digits also next to 0."""
+        if abs(self.re) + abs(self.im) < 1:
+            return self.series(1, 2)
+        up, down = (_Decimals(-sign * self.im, sign * self.re).exp() for sign in (1, -1))
+        return (up - down) * _Decimals(_NOTHING, Decimal("-0.5"))
+
+    def cos(self):
+        """The cosine (angle in rad)."""
+        up, down = (_Decimals(-sign * self.im, sign * self.re).exp() for sign in (1, -1))
+        return (up + down) * _Decimals(Decimal("0.5"))
+
+    def tan(self):
+        """The tangent (angle in rad)."""
+        return self.sin() / self.cos()
+
+    def log(self):
+        """The principal logarithm; of numbers that are not positive, Newton's method from that of doubles."""
+        if self.im == 0 < self.re or not complex(self):
+            return _Decimals(self.re.ln())
+        found = self.of(cmath.log(complex(self)))
+        for _ in range(2):  # 16 digits, 32, all
+            found = found + self * (-found).exp() - self.of(1)
+        return found
