@@ -84,7 +84,7 @@ TYPES = MappingProxyType(
             _other("B", "rows", "input matrix", ()),
             _other("C", "rows", "output matrix", ()),
             _other("D", "rows", "direct terms; zeros if absent", ()),
-            _other("inputs", "ports", "names of the input ports", ("u",)),
+            _other("inputs", "ports", "names of the input ports; none for a recursion by itself", ("u",)),
             _other("outputs", "ports", "names of the output ports", ("y",)),
             _DISCRETE,
             plant="continuous",

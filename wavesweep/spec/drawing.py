@@ -16,7 +16,7 @@ from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 
-MARKS = ("numbers", "block", "wire", "ports")  # a spec that has one of these draws its loop
+MARKS = ("numbers", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
 OF_NUMBERS = "numbers."  # begins the paths of numbers; trees have the rest as a name, and of other keys the whole path
 STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop is built
@@ -355,8 +355,10 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
             found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
-        if table in ("wire", "ports"):
-            found[(table, rest) if table == "wire" else tuple(path.split("."))] = leaf.value
+        if table == "wire":
+            found[table, rest] = leaf.value
+        elif table in ("signals", "ports") or (table == "numbers" and isinstance(leaf.value, str)):
+            found[tuple(path.split("."))] = leaf.value
     return found
 
 

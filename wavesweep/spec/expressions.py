@@ -22,6 +22,7 @@ Tree = tuple
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
 LONGEST = 400  # tokens
+MOST_PARTS = 2000  # of a tree, whose names may stand for other trees; its depth is LONGEST / 2 at most, as that of one text is
 DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
 RESERVED = ("pi", *FUNCTIONS)
@@ -347,9 +348,29 @@ def is_constant(tree: Tree) -> bool:
 
 def with_number(tree: Tree, name: str, number: float) -> Tree:
     """Return the tree with a number in place of a name."""
-    if tree[:2] == ("name", name):
-        return ("number", number, tree[2])
-    return tuple(with_number(part, name, number) if isinstance(part, tuple) else part for part in tree)
+    return with_trees(tree, {name: ("number", number, 0)})
+
+
+def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
+    """Return the tree with other trees in place of names, each at the offset of its name."""
+    if tree[0] == "name" and tree[1] in meanings:
+        return (*meanings[tree[1]][:-1], tree[2])
+    return tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree)
+
+
+def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+    """Return how many parts a tree has and how deep it is, if names stand for trees of such extents."""
+    if tree[0] == "name":
+        return of_names.get(tree[1], (1, 1))
+    parts = [extent(part, of_names) for part in tree[1:-1] if isinstance(part, tuple)]
+    return 1 + sum(size for size, _ in parts), 1 + max((depth for _, depth in parts), default=0)
+
+
+def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
+    """Raise Fault for a tree that is too large or too deep with what its names stand for."""
+    size, depth = extent(tree, of_names)
+    if size > MOST_PARTS or depth > LONGEST // 2:
+        raise Fault(0, f"at most {MOST_PARTS} parts, {LONGEST // 2} within each other, with those of its names", "more")
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
