@@ -437,7 +437,8 @@ DERIVED = (
 def test_numbers_may_follow_from_others_and_signals_have_names(write):
     spec = load(write(changed(ARM, *DERIVED)), ["m=2*mass"])
     assert [name for name, *_ in spec.drawing.numbers] == ["kp", "kd", "mass", "c"]
-    assert spec.tables()["numbers"]["m"] == "2*mass"
+    assert spec.tables()["numbers"]["m"] == {"value": "2*mass", "unit": "", "description": ""}
+    assert spec.tables()["numbers"]["cc"] == {"value": "c", "unit": "N*s/m", "description": ""}
     plain, named = (dict(each.drawing.wires)["arm.f"] for each in (load(write(ARM)), spec))
     values = {s: value_of(gain, {"kp": 7, "kd": 3, "c": 2, "mass": 1}) for s, gain in named}
     assert values == {"net.y": -7, "arm.v": -1, "hand": 1}

@@ -110,11 +110,9 @@ def _takes(key: Key) -> str:
 
 
 def _default(key: Key) -> str:
-    return (
-        "required"
-        if key.required
-        else f"by default {show(list(key.default) if isinstance(key.default, tuple) else key.default)}"
-    )
+    if key.required or key.default is None:
+        return "required" if key.required else "absent by default"
+    return f"by default {show(list(key.default) if isinstance(key.default, tuple) else key.default)}"
 
 
 def _common() -> Iterator[str]:

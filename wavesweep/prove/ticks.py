@@ -41,15 +41,15 @@ class Loop:
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
-        self.drawing, self.number, self._kept = drawing, number, {}
+        self.drawing, self.blocks, self.number, self._kept = drawing, drawing.cores, number, {}
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
-        every = [int(value_of(block.every, self.values)) for block in drawing.blocks]
-        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in drawing.blocks]
+        every = [int(value_of(block.every, self.values)) for block in self.blocks]
+        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
         self.every, self.phases, self.ticks = every, phases, lcm(*every)
         rhythms = list(enumerate(zip(every, phases, strict=True)))
         self.kinds = tuple(tuple(i for i, (n, phases) in rhythms if t % n in phases) for t in range(self.ticks))
         self.inputs, self.outputs = (
-            [(i, f"{block.name}.{port}") for i, block in enumerate(drawing.blocks) for port in block.ports[side]]
+            [(i, f"{block.name}.{port}") for i, block in enumerate(self.blocks) for port in block.ports[side]]
             for side in (0, 1)
         )
         self.at = {signal: j for j, (_, signal) in enumerate(self.outputs)}
@@ -77,7 +77,7 @@ class Loop:
 
     def _ticks(self, number):
         """The map of each kind of tick, and the determinant of its algebraic loops."""
-        blocks = [self._block(i, block, number) for i, block in enumerate(self.drawing.blocks)]
+        blocks = [self._block(i, block, number) for i, block in enumerate(self.blocks)]
         W = [[0] * len(self.outputs) for _ in self.inputs]
         for row, (_, port) in zip(W, self.inputs, strict=True):
             for signal, gain in self.wires.get(port, ()):
@@ -87,7 +87,7 @@ class Loop:
             arb_mat if isinstance(number, arb) else acb_mat,
             [i for i, block in enumerate(blocks) for _ in block[0]],
         )
-        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.drawing.blocks]
+        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
         A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
         return {kind: self._tick(set(kind), matrix, owners, matrix(W), A, B, C, D) for kind in set(self.kinds)}
 

@@ -24,6 +24,7 @@ from wavesweep.spec.expressions import (
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import VALUE_WORDS, Leaf, Place
 
+LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
 
@@ -166,8 +167,9 @@ class KeyReader:
         keys = keys_of_block(kind)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
-                known = ("type", *keys)
-                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), "an unknown key", nearest(key, known))
+                known, limits = ("type", *keys), any(word in key for word in LIMITS)
+                found = "a limit, with which no block is linear" if limits else "an unknown key"
+                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), found, "" if limits else nearest(key, known))
         found = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
         if len(self.mistakes) > before:
             if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
@@ -176,7 +178,7 @@ class KeyReader:
         every, phase = found.pop("every"), found.pop("phase")
         if found.get("inputs") == ():  # nothing comes in: a recursion by itself
             found["B"] = found["B"] or ((),) * len(found["A"])
-        block = DrawnBlock(name, kind, tuple(found.items()), every, phase)
+        block = DrawnBlock(name, kind, tuple((key, value) for key, value in found.items() if value is not None), every, phase)
         wrong = _shape_fault(block)
         if wrong:
             self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
@@ -215,7 +217,7 @@ class KeyReader:
         if key.required:
             named = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
             self.refuse(self.leaf(path.rpartition(".")[0]), path, named, "nothing (it has no default)")
-        elif key.type in ("number", "integer"):
+        elif key.type in ("number", "integer") and key.default is not None:
             return self.number(path, key.default)
         return key.default
 
@@ -262,6 +264,8 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
         return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
+    if block.type == "lowpass" and len(keys) != 1:
+        return "cutoff_hz", "either a or cutoff_hz", "both" if keys else "neither"
     if block.type != "ss":
         return None
     n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])

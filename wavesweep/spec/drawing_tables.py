@@ -149,6 +149,7 @@ class _TableReader(KeyReader):
             self.leaves[path] = leaf
             if isinstance(leaf.value, str):
                 derived[name] = path, leaf
+                self.leaves |= {f"{path}.{part}": parts[part] for part in ("unit", "description") if part in parts}
                 continue
             try:
                 value = check(Key(path, "number", None, "", ""), leaf.value)

@@ -11,7 +11,7 @@ from wavesweep.spec.expressions import Tree, evaluate, is_constant
 # What has no value is NaN or infinite, and raises nothing.
 _CONTEXT = decimal.Context(prec=60, Emax=decimal.MAX_EMAX, Emin=decimal.MIN_EMIN, traps=[])
 _NOTHING = Decimal(0)
-_TERMS = 50  # of a Taylor series of a number whose size is at most 1/2: fewer than 60 digits remain
+_REST = Decimal("1e-62")  # relative, of a Taylor series
 _WHOLE = 2**53  # from here on doubles are no whole numbers that somebody meant
 
 
@@ -114,32 +114,28 @@ class _Decimals:
     def exp(self):
         """The real part by the library, the angle by `exp(i a) = exp(i a/2^k)^(2^k)`."""
         halvings = max(0, self.im.adjusted() * 4 + 8) if self.im else 0
-        turned = self.of(1) + _Decimals(_NOTHING, self.im / 2**halvings).series(1, 1)
+        part = self.im / 2**halvings
+        turned = _Decimals(_series(Decimal(1), -part * part, 1), _series(part, -part * part, 2))
         for _ in range(halvings):
             turned = turned * turned
         return turned * _Decimals(self.re.exp())
 
-    def series(self, start, step):
-        """Terms `x^n/n!` for n = start, start + step, ..., whose signs alternate if step is 2."""
-        total = term = self if start else self.of(1)
-        for n in range(start + 1, start + step * _TERMS, step):
-            term = term * (
-                self * _Decimals(Decimal(1) / n) if step == 1 else self * self * _Decimals(Decimal(-1) / (n * (n + 1)))
-            )
-            total = total + term
-        return total
-
     def sin(self):
         """The sine (angle in rad), in all digits also next to 0."""
-        if abs(self.re) + abs(self.im) < 1:
-            return self.series(1, 2)
-        up, down = (_Decimals(-sign * self.im, sign * self.re).exp() for sign in (1, -1))
-        return (up - down) * _Decimals(_NOTHING, Decimal("-0.5"))
+        if not self.im:
+            return _Decimals(_series(self.re, -self.re * self.re, 2) if abs(self.re) < 1 else self._turned().im)
+        even, odd = _halves(self.im)
+        along = _Decimals(self.re)
+        return _Decimals(along.sin().re * even, along.cos().re * odd)
 
     def cos(self):
         """The cosine (angle in rad)."""
-        up, down = (_Decimals(-sign * self.im, sign * self.re).exp() for sign in (1, -1))
-        return (up + down) * _Decimals(Decimal("0.5"))
+        along = self._turned()
+        even, odd = _halves(self.im)
+        return _Decimals(along.re * even, -along.im * odd)
+
+    def _turned(self):
+        return _Decimals(_NOTHING, self.re).exp()
 
     def tan(self):
         """The tangent (angle in rad)."""
@@ -153,3 +149,21 @@ class _Decimals:
         for _ in range(2):  # 16 digits, 32, all
             found = found + self * (-found).exp() - self.of(1)
         return found
+
+
+def _series(term, factor, n):
+    """The sum of a term and those that follow it, each `factor/(n (n + 1))` times the one before, n two more each time."""
+    total = term
+    while abs(term) > _REST * abs(total):
+        term *= factor / (n * (n + 1))
+        total += term
+        n += 2
+    return total
+
+
+def _halves(x):
+    """The hyperbolic cosine and sine, the latter in all digits also next to 0."""
+    up, down = x.exp(), (-x).exp()
+    if abs(x) > 1:
+        return (up + down) / 2, (up - down) / 2
+    return (up + down) / 2, _series(x, x * x, 2)
