@@ -149,3 +149,24 @@ def test_a_spacing_of_a_range_that_is_searched_gets_a_notice():
         for each in (K, K | {"num": 3})
     ]
     assert [any("scale" in notice for notice in notices) for notices in said] == [True, False]
+
+
+def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
+    columns = {
+        "b": np.array([1.0, 2.0]),
+        "along": np.full(2, "K_VE", object),
+        "intervals": np.ones(2, int),
+        "interval": np.zeros(2, int),
+        "low": np.array([300.0, 100.0]),
+        "high": np.array([1e6, 1e6]),
+        "high_omega": np.full(2, np.nan),
+        "certified": np.ones(2, bool),
+        "doubt": np.full(2, "", object),
+        "felt_low": np.full(2, np.nan),
+        "felt_high": np.full(2, np.nan),
+    }
+    tally = IntervalTally()
+    tally.add(columns)
+    assert tally.least() == "least stable K_VE: 100 N/m at b = 2 N*s/m"
+    tally.add(columns | {"low": np.zeros(2)})
+    assert (tally.least(), tally.numbers()["least"]) == ("", None)

@@ -13,6 +13,8 @@ from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
 from wavesweep.spec.block_types import TYPES as BLOCKS
 from wavesweep.spec.drawing import OF_PLANT
+from wavesweep.spec.drawing_keys import NAME
+from wavesweep.spec.expressions import value_of
 from wavesweep.tables import kind_named
 
 
@@ -140,7 +142,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
             [("mass = 0.2", 'mass = "1/(kd - 3)"')],
             "12:8: block.arm.mass",
             "a finite number",
-            '"1/(kd - 3)": a division by zero, a root of a negative number or an overflow',
+            '"1/(kd - 3)": a division by zero, a root or logarithm of a negative number or an overflow',
         ),
         (
             [("mass = 0.2", 'mass = "2*arm.x"')],
@@ -192,7 +194,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[device]\nmass = 1\n[sweep]")],
             "27:2: device",
-            "one of the tables rates, numbers, block, wire, ports, sweep, bode, simulate, design",
+            "one of the tables rates, numbers, block, signals, wire, ports, sweep, bode, simulate, design",
             "an unknown table",
         ),
         ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),
@@ -206,7 +208,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [('displacement = "arm.x"', 'displacement = "arm.y"')],
             "25:42: ports.hand.displacement",
-            SOURCE,
+            "an output of arm: arm.v or arm.x",
             'an unknown name "arm.y"; did you mean `net.y`?',
         ),
         ([(', displacement = "arm.x"', "")], "25:1: ports.hand", "both force and displacement", "no displacement"),
@@ -333,7 +335,7 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
 def test_what_other_programs_take_for_a_value_is_no_name(word, write):
     expected = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
     number = changed(ARM, ("kd*", f"{word}*"), ("kd = ", f"{word} = "))
-    more = ", and neither pi nor sqrt nor the name of a column"
+    more = ", and neither pi nor a function nor the name of a column"
     assert mistakes(write(number)) == [f'a.toml:7:1: numbers.{word}: expected {expected}{more}, found "{word}"']
     block = changed(ARM, ("net.", f"{word}."), ("[block.net]", f"[block.{word}]"))
     assert mistakes(write(block)) == [f'a.toml:15:2: block.{word}: expected {expected}, found "{word}"']
@@ -424,3 +426,89 @@ def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():
     assert spec.tick_hz == 10000.0
     assert spec.names.find("rates.tick_hz") is None
     assert wavesweep.compile(tables).stable_intervals(span=(0, 20), kp=[60.0]).certified.all()
+
+
+DERIVED = (
+    ("kd = 3.0", 'kd = 3.0\nw = "sqrt(kp/m)"\nm = "1*mass"\nmass = 0.2\ncc = { value = "c", unit = "N*s/m" }'),
+    ("mass = 0.2\ndamping", 'mass = "m"\ndamping'),
+    ("[wire]", '[signals]\nspeed = "arm.v"\nbraking = "kd*speed + w*slow"\nslow = "0*net.y"\n\n[wire]'),
+    ("kd*arm.v + c*arm.v", "braking + cc*speed"),
+)
+
+
+def test_numbers_may_follow_from_others_and_signals_have_names(write):
+    spec = load(write(changed(ARM, *DERIVED)), ["m=2*mass"])
+    assert [name for name, *_ in spec.drawing.numbers] == ["kp", "kd", "mass", "c"]
+    assert spec.tables()["numbers"]["m"] == {"value": "2*mass", "unit": "", "description": ""}
+    assert spec.tables()["numbers"]["cc"] == {"value": "c", "unit": "N*s/m", "description": ""}
+    plain, named = (dict(each.drawing.wires)["arm.f"] for each in (load(write(ARM)), spec))
+    values = {s: value_of(gain, {"kp": 7, "kd": 3, "c": 2, "mass": 1}) for s, gain in named}
+    assert values == {"net.y": -7, "arm.v": -1, "hand": 1}
+    assert [signal for signal, _ in plain] == [signal for signal, _ in named]
+    assert load(spec.tables()).sha256 == spec.sha256
+
+
+@pytest.mark.parametrize(
+    ("changes", "place", "expected", "found"),
+    [
+        (
+            [("1*mass", "1*w")],
+            "8:5: numbers.w",
+            "an expression whose names do not stand for each other in a circle",
+            '"sqrt(kp/m)"',
+        ),
+        (
+            [("1*mass", "1*mess")],
+            "9:8: numbers.m",
+            "the name of a number in [numbers]",
+            'an unknown name "mess"; did you mean `mass`?',
+        ),
+        (
+            [('"arm.v"\nb', '"braking"\nb')],
+            "25:9: signals.speed",
+            "an expression whose names do not stand for each other in a circle",
+            '"braking"',
+        ),
+        ([("w*slow", "w*slow*slow")], "26:29: signals.braking", LINEAR, "the product of the signals net.y and net.y"),
+        ([("+ w*slow", "")], "27:1: signals.slow", "a signal that an expression reads", "one that nothing reads"),
+        ([("slow", "mass")], "27:1: signals.mass", f"{NAME}, and no number, function or force either", '"mass"'),
+        ([('"0*net.y"', "0")], "27:8: signals.slow", "an expression in quotes", "0"),
+        (
+            [('"arm.v"\nb', '"arm.pos"\nb')],
+            "25:10: signals.speed",
+            "an output of arm: arm.v or arm.x",
+            'an unknown name "arm.pos"; did you mean `arm.x`?',
+        ),
+    ],
+)
+def test_each_mistake_of_what_names_stand_for_is_one_line(changes, place, expected, found, write):
+    lines = mistakes(write(changed(changed(ARM, *DERIVED), *changes)))
+    assert f"a.toml:{place}: expected {expected}, found {found}" in lines
+    assert len(lines) <= 3  # of a circle each name, and what is not read any more
+
+
+def test_names_that_stand_for_ever_more_are_refused(write):
+    chain = "\n".join(f'w{i} = "{"+".join([f"w{i - 1}"] * 9)}"' for i in range(1, 9))
+    text = changed(ARM, ("kd = 3.0", f"kd = 3.0\nw0 = 1\n{chain}"), ("c*arm.v", "w8*c*arm.v"))
+    assert "at most 2000 parts, 200 within each other, with those of its names, found more" in mistakes(write(text))[0]
+
+
+def test_a_recursion_by_itself_needs_no_input_and_no_port(write):
+    text = """
+[rates]
+tick_hz = 1
+[numbers]
+a = 0.5
+[block.r]
+type = "ss"
+inputs = []
+outputs = ["y"]
+A = [["a", 1], [0, 0.5]]
+discrete = true
+C = [[1, 0]]
+[sweep]
+along = "a"
+a = { start = -3, stop = 3 }
+"""
+    found = wavesweep.compile(load(write(text))).stable_intervals()
+    assert found[["low", "high", "certified"]].to_numpy().tolist() == [[pytest.approx(-1), pytest.approx(1), True]]

@@ -19,8 +19,10 @@ LISTS = {
 }
 TABLES = {
     "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "
-    'and so may a number in a block, "block.NAME.KEY"',
-    "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port") and the force of the hand',
+    'and so may a number in a block, "block.NAME.KEY"; NAME = "expression" follows from other numbers, which may be axes',
+    "signals": 'names of signals: NAME = "expression", for wires and ports',
+    "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
+    "the force of the hand",
     "ports": (
         "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
         "passivity and simulate; it turns if they are a torque and an angle; "
@@ -108,11 +110,9 @@ def _takes(key: Key) -> str:
 
 
 def _default(key: Key) -> str:
-    return (
-        "required"
-        if key.required
-        else f"by default {show(list(key.default) if isinstance(key.default, tuple) else key.default)}"
-    )
+    if key.required or key.default is None:
+        return "required" if key.required else "absent by default"
+    return f"by default {show(list(key.default) if isinstance(key.default, tuple) else key.default)}"
 
 
 def _common() -> Iterator[str]:

@@ -13,6 +13,7 @@ from wavesweep.loops.filters import butterworth as sections
 from wavesweep.loops.wave import avatar as cut_avatar
 from wavesweep.loops.wave import local_model as closed_model
 from wavesweep.spec.keys import AHEAD
+from wavesweep.spec.words import DELTA
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
@@ -50,11 +51,23 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     written as 0 are delays. rests: the parts of the coefficients that rounding has taken.
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
+    if discrete == DELTA:
+        return _tf_in_delta_form(name, num, den)
     if discrete:
         return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
     n, (A, B, C, D) = len(den) - 1, _controllable([numbers(each) for each in num], [numbers(each) for each in den])
     block = ss(name, period, A if n else [], B if n else [], C, D, ("u",), ("y",))
     return replace(block, at_rest=(*block.at_rest[:2], _matrix([_over(num, den)[1:]], (1, n)), 0 * block.D)) if n else block
+
+
+def _tf_in_delta_form(name, num, den):
+    """Transfer function from coefficients of descending powers of z - 1."""
+    num, den = ([numbers(each) for each in some] for some in (num, den))
+    n, own, (A, B, C, D) = len(den) - 1, _over(num, den), _controllable(num, den)
+    block = _block(name, ("u",), ("y",), tuple(f"x{i}" for i in range(n)), A, B, C, D)
+    of_C = [[abs(b) + abs(a / den[0] * own[0]) for a, b in zip(den[1:], own[1:], strict=True)]]
+    terms = np.abs(block.E), np.abs(block.B), matrix(of_C), np.abs(block.D)
+    return replace(block, terms=terms, at_rest=(block.E, block.B, matrix([own[1:]]), 0 * block.D))
 
 
 def _over(num, den):
@@ -152,6 +165,12 @@ def delay(name, period, steps=1) -> Block:
     return _block(
         name, ("u",), ("y",), tuple(f"u{i + 1}" for i in range(steps)), np.eye(steps, k=-1) - np.eye(steps), B, C, [[0]]
     )
+
+
+def mean(name, period, n) -> Block:
+    """Mean of `u` in the last n runs."""
+    block = delay(name, period, n - 1)
+    return replace(block, C=np.full((1, n - 1), 1 / n), D=[[1 / n]])
 
 
 def difference(name, period) -> Block:

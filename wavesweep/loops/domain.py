@@ -8,6 +8,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import values_of
+from wavesweep.spec.block_types import BELOW_HALF
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
@@ -178,13 +179,14 @@ def _guards(drawing):
     yield RATE, drawing.tick_hz, None
     for block in drawing.blocks:
         keys = dict(block.keys)
-        for name in ("mass", "b", "cutoff_hz"):
+        for name in ("mass", "b", "cutoff_hz", "frequency_hz", "zero_hz", "pole_hz", "q", "a"):
             if name in keys:
                 yield f"block.{block.name}.{name}", keys[name], None
-        if block.type == "butterworth":
-            twice = ("*", ("number", 2.0, 0), ("*", keys["cutoff_hz"], block.every, 0), 0)
-            yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0), None
-        if block.type == "tf":
-            yield f"block.{block.name}.den", keys["den"][0], None
+        for name in BELOW_HALF.get(block.type, ()):
+            twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)
+            yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0), None
+        if block.type in ("tf", "pid"):
+            path = f"block.{block.name}.{'den' if block.type == 'tf' else 'tau'}"
+            yield path, dict(block.core(drawing.tick_hz).keys)["den"][0], None
         if block.type == "local_model":
             yield f"block.{block.name}.K", block.divisor(drawing.tick_hz), None

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from zlib import crc32
 
 import numpy as np
@@ -13,9 +13,10 @@ from wavesweep.loops.block import numbers
 from wavesweep.loops.integrator_modes import equations_of
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.loops.values import rest_of, values_of
-from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, name_of, scalars
-from wavesweep.spec.expressions import degree, names_in, with_number
+from wavesweep.spec.block_types import BELOW_HALF, TYPES
+from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, decides, name_of, scalars
+from wavesweep.spec.expressions import ONE, degree, evaluate, names_in, with_number
+from wavesweep.spec.words import FORMULAS
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
@@ -92,15 +93,20 @@ def _with_numbers(block, known, tick):
     every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
     kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
     keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
+    period = every * tick if not block.phases else every * tick / len(block.phases)
+    if block.type in FORMULAS:  # whose sums do not cancel, if those of its keys do not
+        of_names = block.core(ONE, named=True)
+        block = block.core(ONE)
+        keys = {name: [evaluate(tree, {**keys, "T": period}, np) for tree in each] for name, each in of_names.keys[:2]}
+        keys["discrete"] = of_names.keys[2][1]
     if block.type == "ss" and not keys["D"]:
         keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
-    if keys.get("discrete"):
+    if keys.get("discrete") is True:
         trees = dict(block.keys)
         if block.type == "tf":
             keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
         else:
             keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
-    period = every * tick if not block.phases else every * tick / len(block.phases)
     return ScheduledBlock(getattr(blocks, block.type)(block.name, period, **keys), every, block.phases or phase)
 
 
@@ -121,17 +127,40 @@ def _key(kind, value, known):
 def _take_out(drawing, placed, sums, known, out):
     """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a gain, in its block."""
     table, _, place = scalar_place(drawing, out).partition(".")
-    block = place.partition(".")[0]
+    block = place.rpartition(".")[0]
     if table == "wire":
         parts = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
         sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in parts.items()}
         sums[FACTOR] = _factor(dict(drawing.wires)[place], known, out)
         return placed
-    constant, slope = _parts(dict(next(each.keys for each in drawing.blocks if each.name == block))["k"], known, out)
-    sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
+    keys = dict(next(each.keys for each in drawing.cores if each.name == block))
     sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
-    both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
+    if "k" in keys:
+        constant, slope = _parts(keys["k"], known, out)
+        sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
+        both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
+    else:
+        parts, den = [_parts(tree, known, out) for tree in keys["num"]], [values_of(tree, known) for tree in keys["den"]]
+        sums[FACTOR] = {f"{block}.factor": 1.0}
+        both = _opened(*(blocks.tf(block, 1.0, [each[i] for each in parts], den, keys["discrete"]) for i in (0, 1)))
     return tuple(replace(each, block=both) if each.block.name == block else each for each in placed)
+
+
+def _opened(constant, slope):
+    """A transfer function with the product as an input too, and what the number multiplies as the output `factor`."""
+
+    def wider(E, B, C, D, c, d):
+        one, none = np.ones_like(D), np.zeros_like(D)
+        rows = (np.concatenate(np.broadcast_arrays(*row), -1) for row in ((D, one), (d, none)))
+        C, D = (np.concatenate(np.broadcast_arrays(*each), -2) for each in ((C, c), rows))
+        return E, np.concatenate([B, np.zeros_like(B)], -1), C, D
+
+    E, B, C, D = wider(*(getattr(constant, part) for part in "EBCD"), slope.C, slope.D)
+    terms, at_rest = (
+        each and wider(*each, *more[2:]) for each, more in ((constant.terms, slope.terms), (constant.at_rest, slope.at_rest))
+    )
+    ports = {"inputs": ("u", PRODUCT), "outputs": ("y", "factor")}
+    return replace(constant, **ports, E=E, B=B, C=C, D=D, terms=terms, at_rest=at_rest)
 
 
 def _factor(terms, known, out):
@@ -148,16 +177,25 @@ def _parts(gain, known, out):
 
 @lru_cache(maxsize=256)  # a compiled loop is asked again and again
 def scalar_place(drawing: Drawing, number: str) -> str:
-    """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty.
+    """The path of the only wire, of the factor of the only gain, or of the output of the only word of firmware that reads a
+    number, if it is linear in it; else empty.
 
     The hand's port may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
-    readers = {path for path in _readers(drawing, number) if not path.startswith(HAND)}
+    words = {
+        f"block.{block.name}": dict(block.core(drawing.tick_hz).keys) for block in drawing.blocks if block.type in FORMULAS
+    }
+    paths = [path for path in _readers(drawing, number) if not path.startswith(HAND)]
+    readers = {
+        f"{path.rpartition('.')[0]}.y" if path.rpartition(".")[0] in words and not decides(path) else path for path in paths
+    }
     if len(readers) != 1:
         return ""
     path = readers.pop()
     is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
     trees = [tree for each, tree in drawing.trees() if each == path]
+    if word := words.get(path.removesuffix(".y")):
+        is_gain, trees = not any(number == name for tree in word["den"] for name, _ in names_in(tree)), word["num"]
     return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
 
 
@@ -251,16 +289,17 @@ def _unsuitable_alone(drawing, items, others):
         return any(bool(np.any(check(known))) for names, check in _checked(drawing) if not names & others)
 
 
-def _out_of_range(tree, low, above_low, known):
+def _out_of_range(tree, low, above_low, high, known):
     found = values_of(tree, known)
-    return np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low))
+    return np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low) & (found <= high))
 
 
 def _without_block(drawing, block, known):
     """Whether numbers that are accepted by themselves make no such block together."""
     keys = dict(block.keys)
-    if block.type == "butterworth" and values_of(keys["order"], known):
-        return ~(values_of(keys["cutoff_hz"], known) < values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2)
+    if block.type in BELOW_HALF and values_of(keys.get("order", ONE), known):
+        half = values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2
+        return np.logical_not(reduce(np.logical_and, (values_of(keys[name], known) < half for name in BELOW_HALF[block.type])))
     if block.type == "tf":
         return np.abs(values_of(keys["den"][0], known)) < LEAST
     if block.type == "local_model":
@@ -277,9 +316,10 @@ def _checked(drawing):
         limited = table == "block" and rest[1] not in ("every", "phase")
         key = TYPES[types[rest[0]]].keys[rest[1]] if limited else None
         low = 0.0 if path == RATE else -np.inf if key is None or key.low is None else key.low
+        high = np.inf if key is None or key.high is None else key.high
         if any(names_in(tree)):
             names = frozenset(name for name, _ in names_in(tree))
-            found.append((names, partial(_out_of_range, tree, low, path == RATE or bool(key and key.above_low))))
+            found.append((names, partial(_out_of_range, tree, low, path == RATE or bool(key and key.above_low), high)))
     for block in drawing.blocks:
         own = [tree for path, tree in drawing.trees() if path.startswith(f"block.{block.name}.")]
         names = frozenset(name for tree in (drawing.tick_hz, *own) for name, _ in names_in(tree))

@@ -1,11 +1,13 @@
 """Loops whose signals do not change: their equations in exact numbers, and the shifts of states that fulfil them.
 
 The numbers of a spec count as the decimals that they are written as, and numbers of arrays as doubles. Square roots are exact
-too: numbers then are matrices, those by which they multiply the products of the roots.
+too: numbers then are matrices, those by which they multiply the products of the roots. Values of other functions count as
+doubles; these are fractions to which no sum of others comes by chance.
 """
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
@@ -16,7 +18,8 @@ import numpy as np
 from wavesweep.loops.block import Block
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.spec.drawing import Drawing, scalars
-from wavesweep.spec.expressions import Tree, names_in
+from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
+from wavesweep.spec.words import DELTA
 
 MOST_ROOTS = 3  # that are independent
 HIGHEST = 64  # power that is multiplied out
@@ -272,7 +275,7 @@ class _Equations:
     """
 
     def __init__(self, drawing, values, varied, out, numbers):
-        self.types = {block.name: block for block in drawing.blocks}
+        self.types = {block.name: block for block in drawing.cores}
         self.wires, self.varied, self.numbers = dict(drawing.wires), varied, numbers
         self.known = {name: value for name, value in scalars(values).items() if isinstance(value, (int, float))}
         self.known |= {out: 0.0} if out else {}
@@ -305,6 +308,8 @@ class _Equations:
         first, *others = map(self._value, parts)
         if operation == "sqrt":
             return self.numbers.root(first, simple=not any(name in self.varied for name, _ in names_in(tree)))
+        if operation in FUNCTIONS:
+            return self.numbers.double(getattr(math, operation)(self.numbers.to_double(first)))
         return -first if operation == "negative" else self._joined(operation, first, others[0], tree)
 
     def _joined(self, operation, first, second, tree):
@@ -353,10 +358,11 @@ class _Equations:
         names, later = ([name for name in own.states if name.startswith(kind)] for kind in "xu")
         last, n = num[len(num) - len(later) :], len(names)
         if keys["discrete"]:
-            above, below = (sum(each[1:], each[0]) for each in (num, den))
+            about = (lambda each: each) if keys["discrete"] == DELTA else _about_one
+            above, below = about(num)[-1], about(den)[-1]
             if below:
                 return [], {"y": {"u": above * self.numbers.inverse(below)}}, self._settled(own)
-            num, den = _about_one(num[: n + 1]), _about_one(den[: n + 1])
+            num, den = about(num[: n + 1]), about(den[: n + 1])
         share = self.numbers.inverse(den[0])
         if not n:
             return [], {"y": {"u": num[0] * share}}, {}
@@ -377,6 +383,8 @@ class _Equations:
 
     def _delay(self, _, own):
         return [], {"y": {"u": 1}}, {state: {"u": 1} for state in own.states}
+
+    _mean = _delay
 
     def _difference(self, _, own):
         return [], {"y": {}}, {state: {"u": 1} for state in own.states}

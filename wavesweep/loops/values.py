@@ -27,7 +27,7 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
             without.append(lost)
 
     with np.errstate(all="ignore"):
-        rough = evaluate(tree, numbers, np.sqrt, watch)
+        rough = evaluate(tree, numbers, np, watch)
     if not without:
         return rough
     lost = np.logical_or.reduce(np.broadcast_arrays(*without)) & np.isfinite(rough)

@@ -11,6 +11,7 @@ from typing import Any
 from flint import acb_mat, arb, arb_mat
 
 from wavesweep.spec.keys import AHEAD
+from wavesweep.spec.words import DELTA
 
 SENT = {"explicit": 1.0, "implicit": 1.0, "trapezoidal": 0.5}  # share of an avatar's step in the position that it sends back
 
@@ -35,6 +36,10 @@ def matrices(kind: str, T: Any, keys: dict[str, Any]) -> Matrices:  # noqa: C901
             n = keys["steps"]
             A = [[int(i == j + 1) for j in range(n)] for i in range(n)]
             return A, [[int(i == 0)] for i in range(n)], [[int(i == n - 1) for i in range(n)]], [[int(n == 0)]]
+        case "mean":
+            n = keys["n"]
+            A, B, _, _ = matrices("delay", T, {"steps": n - 1})
+            return A, B, [[1 / type(T)(n)] * (n - 1)], [[1 / type(T)(n)]]
         case "difference":
             return [[0]], [[1]], [[-1 / T]], [[1 / T]]
         case "integrator":
@@ -80,10 +85,11 @@ def _state_space(A, B, C, D, inputs, outputs, discrete):
 
 def _transfer_function(num, den, discrete):
     """The controllable form of coefficients of descending powers."""
-    del discrete
     n, lead = len(den) - 1, den[0]
     a, b = [each / lead for each in den[1:]], [0] * (n + 1 - len(num)) + [each / lead for each in num]
     A = [[-each for each in a]] + [[int(i == j) for j in range(n)] for i in range(n - 1)]
+    if discrete == DELTA:
+        A = [[each + int(i == j) for j, each in enumerate(row)] for i, row in enumerate(A)]
     C = [[each - factor * b[0] for each, factor in zip(b[1:], a, strict=True)]]
     return A[:n], [[int(i == 0)] for i in range(n)], C, [[b[0]]]
 

@@ -157,7 +157,7 @@ def _degree(loop: Loop) -> float:
     """
     number, total, of_blocks = loop.number, 0, []
     wires = {port: max((degree(gain, number) for _, gain in terms), default=0) for port, terms in loop.wires.items()}
-    for block in loop.drawing.blocks:
+    for block in loop.blocks:
         keys = dict(block.keys)
         own = sum(wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
         if block.type == "gain":
@@ -165,6 +165,8 @@ def _degree(loop: Loop) -> float:
         elif block.type == "ss" and keys["discrete"]:
             rows = (row for name in "ABCD" for row in keys[name])  # rows side by side have the larger degree of both
             own += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
+        elif block.type == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
+            own += max(degree(tree, number) for tree in keys["num"])
         elif any(reads(tree, number) for _, tree in block.trees()):
             own = inf
         of_blocks.append(own)

@@ -6,18 +6,28 @@ A number of the loop may be a ball that holds a whole range of it, real or compl
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache, reduce
+from functools import lru_cache, partial, reduce
 from math import lcm
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from flint import acb_mat, arb, arb_mat, ctx
+from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from wavesweep.prove.blocks import matrices
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing, DrawnBlock, scalars
 from wavesweep.spec.exact import constants_of, named
-from wavesweep.spec.expressions import Tree, evaluate, names_in, value_of
+from wavesweep.spec.expressions import FUNCTIONS, Tree, evaluate, names_in, value_of
+
+# Balls of roots and logarithms that meet a cut are not finite.
+_LIBRARIES = {
+    arb: arb,
+    acb: SimpleNamespace(
+        **{name: getattr(acb, name) for name in FUNCTIONS}
+        | {name: partial(getattr(acb, name), analytic=True) for name in ("sqrt", "log")}
+    ),
+}
 
 
 class UndecidedError(Exception):
@@ -31,15 +41,15 @@ class Loop:
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
-        self.drawing, self.number, self._kept = drawing, number, {}
+        self.drawing, self.blocks, self.number, self._kept = drawing, drawing.cores, number, {}
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
-        every = [int(value_of(block.every, self.values)) for block in drawing.blocks]
-        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in drawing.blocks]
+        every = [int(value_of(block.every, self.values)) for block in self.blocks]
+        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
         self.every, self.phases, self.ticks = every, phases, lcm(*every)
         rhythms = list(enumerate(zip(every, phases, strict=True)))
         self.kinds = tuple(tuple(i for i, (n, phases) in rhythms if t % n in phases) for t in range(self.ticks))
         self.inputs, self.outputs = (
-            [(i, f"{block.name}.{port}") for i, block in enumerate(drawing.blocks) for port in block.ports[side]]
+            [(i, f"{block.name}.{port}") for i, block in enumerate(self.blocks) for port in block.ports[side]]
             for side in (0, 1)
         )
         self.at = {signal: j for j, (_, signal) in enumerate(self.outputs)}
@@ -67,7 +77,7 @@ class Loop:
 
     def _ticks(self, number):
         """The map of each kind of tick, and the determinant of its algebraic loops."""
-        blocks = [self._block(i, block, number) for i, block in enumerate(self.drawing.blocks)]
+        blocks = [self._block(i, block, number) for i, block in enumerate(self.blocks)]
         W = [[0] * len(self.outputs) for _ in self.inputs]
         for row, (_, port) in zip(W, self.inputs, strict=True):
             for signal, gain in self.wires.get(port, ()):
@@ -77,7 +87,7 @@ class Loop:
             arb_mat if isinstance(number, arb) else acb_mat,
             [i for i, block in enumerate(blocks) for _ in block[0]],
         )
-        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.drawing.blocks]
+        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
         A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
         return {kind: self._tick(set(kind), matrix, owners, matrix(W), A, B, C, D) for kind in set(self.kinds)}
 
@@ -121,9 +131,10 @@ class Loop:
         ball = type(number)
         known = {constant: constant for constant in constants_of(tree)}
         known |= {name: self.values[name] for name, _ in names_in(tree) if name != self.number}
-        root = arb.sqrt if ball is arb else lambda value: value.sqrt(analytic=True)
         try:
-            return ball(evaluate(named(tree), {name: ball(v) for name, v in known.items()} | {self.number: number}, root))
+            return ball(
+                evaluate(named(tree), {name: ball(v) for name, v in known.items()} | {self.number: number}, _LIBRARIES[ball])
+            )
         except ZeroDivisionError:
             return ball("nan")
 

@@ -134,6 +134,50 @@ def _section(passes, s, *, real):
     return p, g, d * at_zero**2 / (1j * p.imag) / g, d
 
 
+def lowpass(period: float, a: float = 0.0, cutoff_hz: float = 0.0) -> Law:
+    """`y += a (u - y)`; a cutoff gives `a = dt/(dt + RC)`, `RC = 1/(2 pi cutoff)`."""
+    a = a or period / (period + 1 / (2 * math.pi * cutoff_hz))
+    return Law({"step": ((1.0, "u"), (-1.0, "before")), "y": ((1.0, "before"), (a, "step"))}, {"before": ((1.0, "y"),)})
+
+
+def pi(period: float, kp: float, ki: float, method: str) -> Law:
+    """`y = kp u + ki integral of u`."""
+    total = integrator(period, method)
+    return Law({"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}, total.keeps)
+
+
+def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str) -> Law:
+    """The same and `kd slope`, `slope = (tau last slope + change of u)/(tau + T)`."""
+    most, share = pi(period, kp, ki, method), 1 / (tau + period)
+    slope = {"change": ((1.0, "u"), (-1.0, "before")), "slope": ((tau * share, "last"), (share, "change"))}
+    gives = {**most.gives, **slope, "y": (*most.gives["y"], (kd, "slope"))}
+    return Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
+
+
+def lead(period: float, zero_hz: float, pole_hz: float) -> Law:
+    """`(1 + s/z)/(1 + s/p)` by the bilinear transform, each corner prewarped."""
+    num, den = ([1 + 1 / w, 1 - 1 / w] for w in (math.tan(math.pi * hz * period) for hz in (zero_hz, pole_hz)))
+    return tf(period, num, den, discrete=True)
+
+
+def notch(period: float, frequency_hz: float, q: float, depth: float) -> Law:
+    """The notch of R. Bristow-Johnson's cookbook, of which a part of the frequency may be left."""
+    angle = 2 * math.pi * frequency_hz * period
+    alpha, middle = math.sin(angle) / (2 * q), -2 * math.cos(angle)
+    return tf(period, [1 + depth * alpha, middle, 1 - depth * alpha], [1 + alpha, middle, 1 - alpha], discrete=True)
+
+
+def biquad(period: float, b0: float, b1: float, b2: float, a1: float, a2: float) -> Law:
+    """`(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)`."""
+    return tf(period, [b0, b1, b2], [1.0, a1, a2], discrete=True)
+
+
+def mean(period: float, n: int) -> Law:
+    """Mean of `u` in the last n runs."""
+    past = delay(period, n - 1).moves
+    return Law({"y": tuple((1 / n, name) for name in ("u", *(past[0][1] if past else ())))}, moves=past)
+
+
 def wave(period: float, b: float, gives: str) -> Law:
     """End of a wave line of impedance b (N s/m): `force = b v - sqrt(2b) in`, `out = sqrt(2b) v - in`, or solved for `v`."""
     del period
@@ -199,6 +243,9 @@ def _sum(factors, names) -> Sum:
 LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
     {
         each.__name__: each
-        for each in (mass, ss, tf, gain, hold, delay, difference, integrator, butterworth, wave, avatar, local_model)
+        for each in (
+            *(mass, ss, tf, gain, hold, delay, difference, integrator, butterworth, wave, avatar, local_model),
+            *(lowpass, pi, pid, lead, notch, biquad, mean),
+        )
     }
 )

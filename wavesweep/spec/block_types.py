@@ -13,6 +13,8 @@ from types import MappingProxyType
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
 
 LONGEST_DELAY = 1000  # of a delay, each of which is a state
+# Frequencies below half the block's own rate, unless its order is 0.
+BELOW_HALF = MappingProxyType({"butterworth": ("cutoff_hz",), "lead": ("zero_hz", "pole_hz"), "notch": ("frequency_hz",)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +42,10 @@ class BlockType:
         return not keys["discrete"] if self.plant == "continuous" else bool(self.plant)
 
 
-def _number(name: str, unit: str, description: str, default: float | None = None, *, positive: bool = False) -> Key:
-    low = 0.0 if positive else None
+def _number(
+    name: str, unit: str, description: str, default: float | None = None, *, positive: bool = False, low: float | None = None
+) -> Key:
+    low = 0.0 if positive else low
     return Key(name, "number", default, unit, description, low=low, above_low=positive, required=default is None)
 
 
@@ -61,6 +65,9 @@ _DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; 
 _B = _number("b", "N*s/m", "wave impedance", positive=True)
 _INTEGRATION = _word("integration", "how the velocity is integrated", INTEGRATIONS, "implicit")
 _U_Y = (("u",), ("y",))
+_METHOD = _word("method", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS, "implicit")
+_KP = _number("kp", "", "gain")
+_KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
 
 def _type(description: str, ports: object, *keys: Key, by: str = "", plant: bool | str = False) -> BlockType:
@@ -84,7 +91,7 @@ TYPES = MappingProxyType(
             _other("B", "rows", "input matrix", ()),
             _other("C", "rows", "output matrix", ()),
             _other("D", "rows", "direct terms; zeros if absent", ()),
-            _other("inputs", "ports", "names of the input ports", ("u",)),
+            _other("inputs", "ports", "names of the input ports; none for a recursion by itself", ("u",)),
             _other("outputs", "ports", "names of the output ports", ("y",)),
             _DISCRETE,
             plant="continuous",
@@ -113,6 +120,45 @@ TYPES = MappingProxyType(
             _number("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate", positive=True),
             _word("pass", "which side passes", ("low", "high"), "low"),
         ),
+        "lowpass": _type(
+            "y += a (u - y); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz times the block's period, as firmware has it",
+            _U_Y,
+            Key("a", "number", None, "1", "share of the difference that a run takes", low=0.0, high=1.0, above_low=True),
+            Key("cutoff_hz", "number", None, "Hz", "in place of a: 1/(2 pi time constant)", low=0.0, above_low=True),
+        ),
+        "pi": _type("y = kp u + ki integral of u, without limits or anti-windup", _U_Y, _KP, _KI, _METHOD),
+        "pid": _type(
+            "y = kp u + ki integral of u + kd d, d + tau d' = u' by backward differences, without limits or anti-windup",
+            _U_Y,
+            _KP,
+            _KI,
+            _number("kd", "", "gain of the derivative, in the unit of kp times s", 0.0),
+            _number("tau", "s", "time constant of the derivative's filter; 0 for none", 0.0, low=0.0),
+            _METHOD,
+        ),
+        "lead": _type(
+            "(1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz)) by the bilinear transform, each corner prewarped",
+            _U_Y,
+            _number("zero_hz", "Hz", "corner of the numerator, below half the block's own rate", positive=True),
+            _number("pole_hz", "Hz", "corner of the denominator, below half the block's own rate", positive=True),
+        ),
+        "notch": _type(
+            "(s^2 + depth w s/q + w^2)/(s^2 + w s/q + w^2), w = 2 pi frequency_hz, by the bilinear transform prewarped there",
+            _U_Y,
+            _number("frequency_hz", "Hz", "frequency that is taken out, below half the block's own rate", positive=True),
+            _number("q", "", "quality: the frequency over the width between the -3 dB points", positive=True),
+            _number("depth", "", "gain that is left at the frequency", 0.0, low=0.0),
+        ),
+        "biquad": _type(
+            "(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)",
+            _U_Y,
+            *(
+                _number(name, "", "coefficient of the numerator", default)
+                for name, default in (("b0", 1.0), ("b1", 0.0), ("b2", 0.0))
+            ),
+            *(_number(name, "", "coefficient of the denominator", 0.0) for name in ("a1", "a2")),
+        ),
+        "mean": _type("mean of u in the last n runs of the block", _U_Y, _whole("n", "runs of the block", 1, LONGEST_DELAY)),
         "wave": _type(
             "end of a wave line: force = b v - sqrt(2b) in, out = sqrt(2b) v - in; "
             "or v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f",

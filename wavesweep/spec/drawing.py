@@ -10,16 +10,18 @@ from itertools import product
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import BELOW_HALF, EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
+from wavesweep.spec.words import FORMULAS, transfer_function
 
-MARKS = ("numbers", "block", "wire", "ports")  # a spec that has one of these draws its loop
+MARKS = ("numbers", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
+NUMBER_WORDS = (".unit", ".description")
 OF_NUMBERS = "numbers."  # begins the paths of numbers; trees have the rest as a name, and of other keys the whole path
-STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop is built
+STRUCTURE = ("every", "phase", "steps", "order", "n")  # keys that decide how a loop is built
 
 Path = tuple[str, ...]
 
@@ -57,6 +59,18 @@ class DrawnBlock:
         keys = dict(self.keys)
         ahead = ("*", ("number", AHEAD[keys["integration"]], 0), ("/", self.every, tick_hz, 0), 0)
         return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)
+
+    def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
+        """The block itself; in place of a word its transfer function, or if `named` that of the names of its keys and of T."""
+        if self.type not in FORMULAS:
+            return self
+        keys, period = self.keys, ("/", self.every, tick_hz, 0)
+        if named:
+            keys, period = (
+                tuple((name, value if isinstance(value, str) else ("name", name, 0)) for name, value in keys),
+                ("name", "T", 0),
+            )
+        return replace(self, type="tf", keys=transfer_function(self.type, keys, period))
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield the name of the key and the tree for each number in the keys."""
@@ -136,6 +150,11 @@ class Drawing:
         return _shaping(self)
 
     @property
+    def cores(self) -> tuple[DrawnBlock, ...]:
+        """The blocks, with its transfer function in place of each word."""
+        return _cores(self)
+
+    @property
     def reads(self) -> frozenset[str]:
         """Paths of the keys whose numbers the loop reads."""
         return _reads(self)
@@ -158,7 +177,7 @@ class Drawing:
                 continue  # a number that has a mistake itself
             value = _value(tree, numbers)
             if value is None:
-                yield path, "a finite number", "a division by zero, a root of a negative number or an overflow"
+                yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
             else:
                 found.setdefault(path, value)
         tick_hz = found.get(RATE)
@@ -231,6 +250,11 @@ def _shaping(drawing: Drawing) -> frozenset[str]:
 
 
 @lru_cache(maxsize=256)
+def _cores(drawing: Drawing) -> tuple[DrawnBlock, ...]:
+    return tuple(block.core(drawing.tick_hz) for block in drawing.blocks)
+
+
+@lru_cache(maxsize=256)
 def _reads(drawing: Drawing) -> frozenset[str]:
     return frozenset(path_of(name) for _, tree in drawing.trees() for name, _ in names_in(tree))
 
@@ -293,7 +317,7 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
         except Rejected as error:
             wrong.add(name)
             yield name, error.expected
-    every, phase, cutoff = known["every"], known["phase"], known.get("cutoff_hz")
+    every, phase = known["every"], known["phase"]
     if every is None or "every" in wrong:
         return
     if block.plant and every != 1:
@@ -301,8 +325,9 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
     elif phase is not None and "phase" not in wrong and phase >= every:
         yield "phase", f"a whole number < every = {every:g}"
     half = (tick_hz or math.inf) / every / 2
-    if cutoff is not None and "cutoff_hz" not in wrong and cutoff >= half and known["order"] != 0:  # 0 is no filter
-        yield "cutoff_hz", f"a number < {half:g} (half the block's own rate)"
+    for name in BELOW_HALF.get(block.type, ()) if known.get("order") != 0 else ():  # 0 is no filter
+        if known[name] is not None and name not in wrong and known[name] >= half:
+            yield name, f"a number < {half:g} (half the block's own rate)"
     if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
         yield "den", "a first coefficient other than 0"
 
@@ -352,11 +377,18 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
             path = f"block.{block.name}.{name}"
             leaf = given.leaves.get(path)
             value = values.get(path, leaf.value if leaf else key.default)
-            found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
+            if value is not None:
+                found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
-        if table in ("wire", "ports"):
-            found[(table, rest) if table == "wire" else tuple(path.split("."))] = leaf.value
+        if table == "wire":
+            found[table, rest] = leaf.value
+        elif table in ("signals", "ports"):
+            found[tuple(path.split("."))] = leaf.value
+        elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
+            words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
+            unit, description = (word.value if word else "" for word in words)
+            found[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
     return found
 
 

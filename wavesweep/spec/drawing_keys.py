@@ -9,10 +9,22 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import DrawnBlock, keys_of_block
-from wavesweep.spec.expressions import Fault, Terms, Tree, linear, names_in, parse, unknown
+from wavesweep.spec.expressions import (
+    Fault,
+    Terms,
+    Tree,
+    check_extent,
+    extent,
+    linear,
+    names_in,
+    parse,
+    unknown,
+    with_trees,
+)
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
+LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
 
@@ -20,8 +32,9 @@ class KeyReader:
     """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the names that are read.
 
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
-    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks and the hand's force. broken: blocks that have
-    a mistake themselves. needed: those of their inputs that they have in any case.
+    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, the hand's force and the names in [signals].
+    meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
+    themselves. needed: those of their inputs that they have in any case.
     """
 
     def __init__(self, source: Place, axes: frozenset[str]) -> None:
@@ -33,6 +46,8 @@ class KeyReader:
         self.read: set[str] = set()  # names in trees
         self.numbers: tuple[str, ...] = ()
         self.signals: set[str] = set()
+        self.meanings: dict[str, Tree] = {}
+        self.extents: dict[str, tuple[int, int]] = {}
         self.broken: set[str] = set()
         self.needed: list[str] = []
 
@@ -75,9 +90,10 @@ class KeyReader:
         return ("name", path, 0)
 
     def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
-        """Parse an expression and check its names."""
+        """Parse an expression and check its names, in whose places are then the trees that they stand for."""
         try:
             tree = parse(leaf.value)
+            check_extent(tree, self.extents)
         except Fault as fault:
             self.fault(path, leaf, fault)
             self.read.update(re.findall(r"\w+", leaf.value))
@@ -89,8 +105,30 @@ class KeyReader:
         )
         faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
         for fault in faults:
+            block = re.match(r"\w*", leaf.value[fault.offset :])[0]
+            if signals and (own := [each for each in sorted(self.signals) if each.startswith(f"{block}.")]):
+                fault.expected = f"an output of {block}: {' or '.join(own)}"
             self.fault(path, leaf, fault)
-        return None if faults else tree
+        return None if faults else with_trees(tree, self.meanings)
+
+    def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
+        """Read what names stand for: expressions that may read each other, but not in a circle.
+
+        texts: path and leaf of each name. signals: whether they are linear in signals; otherwise they are numbers.
+        """
+        trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
+        rest = {name: tree for name, tree in trees.items() if tree is not None}
+        while ready := [name for name, tree in rest.items() if not rest.keys() & {each for each, _ in names_in(tree)}]:
+            for name in ready:
+                tree = rest.pop(name)
+                self.extents[name], self.meanings[name] = extent(tree, self.extents), with_trees(tree, self.meanings)
+                if signals and self.terms_of(*texts[name], self.meanings[name]) is None:
+                    del self.meanings[name]  # it is a signal like any other, so that its mistake is one
+        for name in rest:
+            path, leaf = texts[name]
+            self.refuse(
+                leaf, path, "an expression whose names do not stand for each other in a circle", show(leaf.value), of_key=False
+            )
 
     def is_broken(self, text: str) -> bool:
         """Whether a text begins with a port of a block that has a mistake itself."""
@@ -105,8 +143,10 @@ class KeyReader:
             self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
             return None
         tree = self.read_text(path, leaf, signals=True)
-        if tree is None:
-            return None
+        return None if tree is None else self.terms_of(path, leaf, tree)
+
+    def terms_of(self, path: str, leaf: Leaf, tree: Tree) -> Terms | None:
+        """Return the terms of a tree; one that is not linear in signals is a mistake."""
         signals = self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
         try:
             return linear(tree, signals)
@@ -130,15 +170,18 @@ class KeyReader:
         keys = keys_of_block(kind)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
-                known = ("type", *keys)
-                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), "an unknown key", nearest(key, known))
+                known, limits = ("type", *keys), any(word in key for word in LIMITS)
+                found = "a limit, with which no block is linear" if limits else "an unknown key"
+                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), found, "" if limits else nearest(key, known))
         found = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
         if len(self.mistakes) > before:
             if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
                 self.needed += [f"{name}.{port}" for port in TYPES[kind].ports[0]]
             return None
         every, phase = found.pop("every"), found.pop("phase")
-        block = DrawnBlock(name, kind, tuple(found.items()), every, phase)
+        if found.get("inputs") == ():  # nothing comes in: a recursion by itself
+            found["B"] = found["B"] or ((),) * len(found["A"])
+        block = DrawnBlock(name, kind, tuple((key, value) for key, value in found.items() if value is not None), every, phase)
         wrong = _shape_fault(block)
         if wrong:
             self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
@@ -177,7 +220,7 @@ class KeyReader:
         if key.required:
             named = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
             self.refuse(self.leaf(path.rpartition(".")[0]), path, named, "nothing (it has no default)")
-        elif key.type in ("number", "integer"):
+        elif key.type in ("number", "integer") and key.default is not None:
             return self.number(path, key.default)
         return key.default
 
@@ -224,14 +267,16 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
         return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
+    if block.type == "lowpass" and len(keys) != 1:
+        return "cutoff_hz", "either a or cutoff_hz", "both" if keys else "neither"
     if block.type != "ss":
         return None
     n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])
-    if not m or not p:
-        return ("inputs" if not m else "outputs"), "at least one port", "none"
+    if not p:
+        return "outputs", "at least one port", "none"
     for name, height, width in (("A", n, n), ("B", n, m), ("C", p if n else 0, n), ("D", p, m)):
         rows = keys[name]
-        if name == "D" and not rows:
+        if (name == "D" or not m) and not rows:
             continue
         if len(rows) != height or any(len(row) != width for row in rows):
             widths = ", ".join(dict.fromkeys(str(len(row)) for row in rows)) or "0"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake
@@ -16,7 +16,7 @@ from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import normal_path
 
-TABLES = ("rates", "numbers", "block", "wire", "ports")
+TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 STUDIES = ("sweep", "bode", "simulate", "design")  # tables that are left to others
 KNOWN = (*TABLES, *STUDIES)
 TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
@@ -79,7 +79,7 @@ class _TableReader(KeyReader):
             elif not rest:
                 if leaf.value != {}:
                     self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
-            elif table in ("rates", "wire"):
+            elif table in ("rates", "signals", "wire"):
                 tables[table][".".join(rest)] = leaf
             else:
                 parts = tables[table].setdefault(rest[0], {})
@@ -108,12 +108,13 @@ class _TableReader(KeyReader):
         self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
         self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
         self.signals |= {self.force} if isinstance(self.force, str) else set()
+        self.read_signals(tables["signals"])
         wires = tuple(
             (port, terms) for port, leaf in tables["wire"].items() if (terms := self.read_wire(port, leaf)) is not None
         )
         hand, wall = self.read_ports(tables["ports"])
         self.unconnected(tables["wire"])
-        self.unread()
+        self.unread(tables["signals"])
         values |= self.own
         tick = tick or ("name", RATE, 0)
         turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
@@ -124,12 +125,12 @@ class _TableReader(KeyReader):
         return dataclasses.replace(drawing, whole=whole), values
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
-        numbers, values = [], {}
+        numbers, values, derived = [], {}, {}
         for name, parts in table.items():
             path, first = path_of(name), next(iter(parts.values()))
             place = Leaf(None, first.place if "" in parts else first.place.parent())
             if not is_name(name) or name in RESERVED or name in COLUMNS or name in ("along", "frequency_hz"):
-                expected = f"{NAME}, and neither pi nor sqrt nor the name of a column"
+                expected = f"{NAME}, and neither pi nor a function nor the name of a column"
                 self.refuse(place, path, expected, show(name))
             for part, leaf in parts.items():
                 if part and part not in NUMBER_PARTS:
@@ -145,15 +146,35 @@ class _TableReader(KeyReader):
             if leaf is None or leaf.value == {}:
                 self.refuse(place, path, "a number, or { value, unit, description }", "no value")
                 continue
+            self.leaves[path] = leaf
+            if isinstance(leaf.value, str):
+                derived[name] = path, leaf
+                self.leaves |= {f"{path}.{part}": parts[part] for part in ("unit", "description") if part in parts}
+                continue
             try:
                 value = check(Key(path, "number", None, "", ""), leaf.value)
             except Rejected as error:
                 self.mistakes.append(leaf.mistake(path, error.expected, error.found))
                 continue
             values[path] = value
-            self.leaves[path] = leaf
             numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
+        self.define(derived)
         return tuple(numbers), values
+
+    def read_signals(self, table: Mapping[str, Leaf]) -> None:
+        """Read the names of signals, each with the expression that it stands for."""
+        texts = {}
+        for name, leaf in table.items():
+            path = f"signals.{name}"
+            self.leaves[path] = leaf
+            if not is_name(name) or name in (*RESERVED, *self.numbers, self.force):
+                self.refuse(leaf, path, f"{NAME}, and no number, function or force either", show(name))
+            elif not isinstance(leaf.value, str):
+                self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
+            else:
+                texts[name] = path, leaf
+        self.signals |= table.keys() - {*self.numbers}
+        self.define(texts, signals=True)
 
     def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
         for name, leaf in table.items():
@@ -252,7 +273,7 @@ class _TableReader(KeyReader):
             if leaf is None:
                 continue
             self.leaves[f"ports.wall.{part}"] = leaf
-            if leaf.value not in self.numbers:
+            if leaf.value not in self.numbers or leaf.value in self.meanings:
                 hint = nearest(leaf.value, self.numbers) if isinstance(leaf.value, str) else ""
                 self.refuse(
                     leaf, f"ports.wall.{part}", "the name of a number in [numbers]", show(leaf.value), hint, of_key=False
@@ -262,13 +283,10 @@ class _TableReader(KeyReader):
             found.append(leaf.value)
         return tuple(found) or None
 
-    def unread(self) -> None:
-        """Refuse numbers that no expression reads."""
-        for name in self.numbers:
+    def unread(self, signals: Iterable[str]) -> None:
+        """Refuse numbers and names of signals that no expression reads."""
+        paths = {name: path_of(name) for name in self.numbers} | {name: f"signals.{name}" for name in signals}
+        for name, path in paths.items():
             if name not in self.read:
-                self.refuse(
-                    self.leaf(path_of(name)),
-                    path_of(name),
-                    "a number that an expression reads",
-                    "one that nothing reads",
-                )
+                kind = "number" if name in self.numbers else "signal"
+                self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")

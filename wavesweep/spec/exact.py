@@ -1,5 +1,6 @@
 """Values of expressions from 60 decimal digits, where doubles lose some: terms may be thirty powers of ten apart."""
 
+import cmath
 import decimal
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
@@ -10,6 +11,7 @@ from wavesweep.spec.expressions import Tree, evaluate, is_constant
 # What has no value is NaN or infinite, and raises nothing.
 _CONTEXT = decimal.Context(prec=60, Emax=decimal.MAX_EMAX, Emin=decimal.MIN_EMIN, traps=[])
 _NOTHING = Decimal(0)
+_REST = Decimal("1e-62")  # relative, of a Taylor series
 _WHOLE = 2**53  # from here on doubles are no whole numbers that somebody meant
 
 
@@ -21,7 +23,7 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     """
     known = {constant: constant for constant in constants_of(tree)} | dict(numbers)
     with decimal.localcontext(_CONTEXT):
-        found = evaluate(named(tree), {name: _Decimals.of(number) for name, number in known.items()}, _Decimals.sqrt)
+        found = evaluate(named(tree), {name: _Decimals.of(number) for name, number in known.items()}, _Decimals)
         return complex(found) if found.im else float(found.re)
 
 
@@ -108,3 +110,60 @@ class _Decimals:
         other = abs(self.im) / (2 * size)
         re, im = (size, other) if self.re >= 0 else (other, size)
         return _Decimals(re, -im if self.im < 0 else im)
+
+    def exp(self):
+        """The real part by the library, the angle by `exp(i a) = exp(i a/2^k)^(2^k)`."""
+        halvings = max(0, self.im.adjusted() * 4 + 8) if self.im else 0
+        part = self.im / 2**halvings
+        turned = _Decimals(_series(Decimal(1), -part * part, 1), _series(part, -part * part, 2))
+        for _ in range(halvings):
+            turned = turned * turned
+        return turned * _Decimals(self.re.exp())
+
+    def sin(self):
+        """The sine (angle in rad), in all digits also next to 0."""
+        if not self.im:
+            return _Decimals(_series(self.re, -self.re * self.re, 2) if abs(self.re) < 1 else self._turned().im)
+        even, odd = _halves(self.im)
+        along = _Decimals(self.re)
+        return _Decimals(along.sin().re * even, along.cos().re * odd)
+
+    def cos(self):
+        """The cosine (angle in rad)."""
+        along = self._turned()
+        even, odd = _halves(self.im)
+        return _Decimals(along.re * even, -along.im * odd)
+
+    def _turned(self):
+        return _Decimals(_NOTHING, self.re).exp()
+
+    def tan(self):
+        """The tangent (angle in rad)."""
+        return self.sin() / self.cos()
+
+    def log(self):
+        """The principal logarithm; of numbers that are not positive, Newton's method from that of doubles."""
+        if self.im == 0 < self.re or not complex(self):
+            return _Decimals(self.re.ln())
+        found = self.of(cmath.log(complex(self)))
+        for _ in range(2):  # 16 digits, 32, all
+            found = found + self * (-found).exp() - self.of(1)
+        return found
+
+
+def _series(term, factor, n):
+    """The sum of a term and those that follow it, each `factor/(n (n + 1))` times the one before, n two more each time."""
+    total = term
+    while abs(term) > _REST * abs(total):
+        term *= factor / (n * (n + 1))
+        total += term
+        n += 2
+    return total
+
+
+def _halves(x):
+    """The hyperbolic cosine and sine, the latter in all digits also next to 0."""
+    up, down = x.exp(), (-x).exp()
+    if abs(x) > 1:
+        return (up + down) / 2, (up - down) / 2
+    return (up + down) / 2, _series(x, x * x, 2)

@@ -2,7 +2,7 @@
 
     sum    = product { ("+" | "-") product }        product = signed { ("*" | "/") signed }
     signed = "-" signed | "+" signed | power        power   = atom [ "**" signed ]
-    atom   = number | name | name "." port | "pi" | "sqrt" "(" sum ")" | "(" sum ")"
+    atom   = number | name | name "." port | "pi" | function "(" sum ")" | "(" sum ")"
 
 A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
 """
@@ -22,8 +22,10 @@ Tree = tuple
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
 LONGEST = 400  # tokens
+MOST_PARTS = 2000  # of a tree, whose names may stand for other trees; its depth is LONGEST / 2 at most, as that of one text is
 DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
-RESERVED = ("pi", "sqrt")
+FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
+RESERVED = ("pi", *FUNCTIONS)
 EXPANDED = 32  # the largest exponent that is written out as products
 ONE: Tree = ("number", 1.0, 0)
 _TOKEN = re.compile(
@@ -127,23 +129,23 @@ class _Reader:
             if not math.isfinite(float(text)):
                 raise Fault(at, "a finite number", text)
             return ("number", float(text), at)
-        if kind == "name" and text != "sqrt":
+        if kind == "name" and text not in FUNCTIONS:
             self.next()
             if self.text == "(":
-                raise Fault(at, "sqrt, the only function", show(text))
+                raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
             return ("number", math.pi, at) if text == "pi" else ("name", text, at)
-        if text not in ("sqrt", "("):
+        if text not in (*FUNCTIONS, "("):
             raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
         self.next()
-        if text == "sqrt":
+        if text in FUNCTIONS:
             if self.text != "(":
-                raise Fault(self.offset, "( after sqrt", show(self.text) if self.text else "the end")
+                raise Fault(self.offset, f"( after {text}", show(self.text) if self.text else "the end")
             self.next()
         inner = self.within(self.sum, at)
         if self.text != ")":
             raise Fault(self.offset, ") to close a parenthesis", show(self.text) if self.text else "the end")
         self.next()
-        return ("sqrt", inner, at) if text == "sqrt" else inner
+        return (text, inner, at) if text in FUNCTIONS else inner
 
 
 def text_of(tree: Tree, least: int = 0) -> str:
@@ -154,8 +156,8 @@ def text_of(tree: Tree, least: int = 0) -> str:
     if operation == "number":
         short = f"{parts[0]:g}"
         return "pi" if parts[0] == math.pi else short if float(short) == parts[0] else repr(parts[0])
-    if operation == "sqrt":
-        return f"sqrt({text_of(parts[0])})"
+    if operation in FUNCTIONS:
+        return f"{operation}({text_of(parts[0])})"
     if operation in ("*", "/") and (unsigned := _unsigned(tree)) is not None:
         return text_of(("negative", unsigned, tree[-1]), least)
     rank, sides, sign = _RANKS[operation]
@@ -230,7 +232,7 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
         return _added(operation, *parts, at)
     left, right = ([name for name in part if name] for part in (parts[0], parts[-1]))
     found = {
-        "sqrt": left and "a root of a signal",
+        **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
         "**": (left or right) and "a power of a signal, or with a signal",
         "/": right and f"a division by the signal {right[0]}",
         "*": left and right and f"the product of the signals {left[0]} and {right[0]}",
@@ -262,13 +264,13 @@ def _times(operation: str, gain: Tree, factor: Tree, at: int) -> Tree:
 def evaluate(
     tree: Tree,
     numbers: Mapping[str, Any],
-    sqrt: Callable[[Any], Any] = math.sqrt,
+    library: Any = math,
     watch: Callable[[Tree, Any, Any, Any], None] | None = None,
 ) -> Any:
     """Return the value of a tree without signals.
 
-    numbers: name -> number, or array of numbers, real or complex. sqrt: the root of such a value. watch: is called with
-    every operation on two terms, their values and its own.
+    numbers: name -> number, or array of numbers, real or complex. library: has the functions of such values, as `math` has
+    them. watch: is called with every operation on two terms and every function, their values and its own.
     Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
     """
     operation = tree[0]
@@ -276,13 +278,14 @@ def evaluate(
         return tree[1]
     if operation == "name":
         return numbers[tree[1]]
-    first, *others = (evaluate(part, numbers, sqrt, watch) for part in tree[1:-1])
+    first, *others = (evaluate(part, numbers, library, watch) for part in tree[1:-1])
     if operation == "negative":
         return -first
-    if operation == "sqrt":
-        return sqrt(first)
-    (second,) = others
-    found = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
+    second = others[0] if others else None
+    if operation in FUNCTIONS:
+        found = getattr(library, operation)(first)
+    else:
+        found = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
     if watch:
         watch(tree, first, second, found)
     return found
@@ -302,13 +305,16 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
 
 
 CANCELLED = 1 / 16  # of its first term, below which a sum has lost digits
-RAISED = 16  # exponent beyond which a power multiplies the rounding of its base by more than a few
+RAISED = 16  # factor, such as an exponent, by which an operation multiplies the rounding of its first term by more than a few
 SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
 
 
 def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
-    """Return whether an operation on two terms leaves more than a few roundings of it unknown, for each of its values."""
-    operation, computed = tree[0], [not is_given(part) for part in tree[1:3]]
+    """Return whether an operation leaves more than a few roundings of it unknown, for each of its values."""
+    operation, computed = tree[0], [not is_given(part) for part in tree[1:-1]]
+    if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)
+        change = {"sqrt": 0.0, "tan": abs(first) * (1 + abs(found * found)), "exp": abs(first * found), "log": 1.0}
+        return (change.get(operation, abs(first)) > RAISED * abs(found)) & computed[0]
     if operation in ("+", "-"):  # a sum of two numbers is rounded once
         return (abs(found) < CANCELLED * abs(first)) & any(computed)
     if operation == "**":
@@ -342,21 +348,44 @@ def is_constant(tree: Tree) -> bool:
 
 def with_number(tree: Tree, name: str, number: float) -> Tree:
     """Return the tree with a number in place of a name."""
-    if tree[:2] == ("name", name):
-        return ("number", number, tree[2])
-    return tuple(with_number(part, name, number) if isinstance(part, tuple) else part for part in tree)
+    return with_trees(tree, {name: ("number", number, 0)})
+
+
+def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
+    """Return the tree with other trees in place of names, each at the offset of its name."""
+    if tree[0] == "name" and tree[1] in meanings:
+        return (*meanings[tree[1]][:-1], tree[2])
+    return tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree)
+
+
+def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+    """Return how many parts a tree has and how deep it is, if names stand for trees of such extents."""
+    if tree[0] == "name":
+        return of_names.get(tree[1], (1, 1))
+    parts = [extent(part, of_names) for part in tree[1:-1] if isinstance(part, tuple)]
+    return 1 + sum(size for size, _ in parts), 1 + max((depth for _, depth in parts), default=0)
+
+
+def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
+    """Raise Fault for a tree that is too large or too deep with what its names stand for."""
+    size, depth = extent(tree, of_names)
+    if size > MOST_PARTS or depth > LONGEST // 2:
+        raise Fault(0, f"at most {MOST_PARTS} parts, {LONGEST // 2} within each other, with those of its names", "more")
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
     """Yield the trees at whose zeros this one is not analytic, and the root or power that may have a value there all the same.
 
-    These are divisors, which leave none, arguments of roots, and bases of powers that are not whole numbers.
+    These are divisors, arguments of logarithms and cosines of those of tangents, which leave none, arguments of roots, and
+    bases of powers that are not whole numbers.
     """
     for part in tree[1:-1]:
         if isinstance(part, tuple):
             yield from singular(part)
     if tree[0] == "/":
         yield tree[2], None
+    elif tree[0] in ("log", "tan"):
+        yield (tree[1] if tree[0] == "log" else ("cos", *tree[1:])), None
     elif tree[0] == "sqrt" or (tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())):
         yield tree[1], tree
 

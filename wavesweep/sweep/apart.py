@@ -10,7 +10,17 @@ from wavesweep.spec.drawing import Drawing
 from wavesweep.stability import Intervals
 from wavesweep.stability.certificate import NONE
 
-SETTLING = ("gain", "hold", "delay", "difference", "butterworth")  # types of blocks that come to rest by themselves
+SETTLING = (
+    "gain",
+    "hold",
+    "delay",
+    "difference",
+    "butterworth",
+    "lowpass",
+    "lead",
+    "notch",
+    "mean",
+)  # types of blocks that come to rest by themselves
 
 
 @lru_cache(maxsize=64)

@@ -74,6 +74,7 @@ class IntervalTally:
         self._doubts: Counter[str] = Counter()
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
+        self._least = Extreme()  # of the values with the other sign
         self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
 
     def add(self, columns: Columns) -> None:
@@ -89,6 +90,7 @@ class IntervalTally:
         self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         self._largest.add(columns["high"], columns)
+        self._least.add(-columns["low"], columns)
         begins = columns["low"] == self._range[0]
         self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
         low, high = columns["felt_low"], columns["felt_high"]
@@ -130,6 +132,7 @@ class IntervalTally:
             "largest": self._largest_numbers(),
             "largest_without_gap": self._without_gap_numbers(),
             "stiffest_felt": self._felt_numbers(),
+            "least": self._least_numbers(),
         }
 
     def _largest_numbers(self) -> dict[str, Any] | None:
@@ -149,6 +152,12 @@ class IntervalTally:
         if not self._without_gap.row:
             return None
         return {"value": self._without_gap.value, **self._where(self._without_gap)}
+
+    def _least_numbers(self) -> dict[str, Any] | None:
+        """The least stable value, if it is not where the swept range begins."""
+        if not self._least.row or -self._least.value <= self._range[0]:
+            return None
+        return {"value": -self._least.value, **self._where(self._least)}
 
     def _felt_numbers(self) -> dict[str, Any] | None:
         if not self._felt.row:
@@ -193,6 +202,14 @@ class IntervalTally:
         value = f"largest {adjective} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
         ended = f"{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
         return f"{value}{self._gap(found['from'])}{self._place(found)}{ended}{self._doubtful(found)}"
+
+    def least(self) -> str:
+        """Text: the least stable value and its place; empty where the range begins, or if the largest one says it already."""
+        found, largest = self._least_numbers(), self._largest_numbers()
+        if found is None or (found["value"] == largest["from"] and largest["ended_by"] == "stability"):
+            return ""
+        value = f"least {HANDS[self._hand][1]} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
+        return f"{value}{self._place(found)}{self._doubtful(found)}"
 
     def without_gap(self) -> str:
         """Text: the largest value up to which all are stable, and its place; empty if that is the largest stable one."""
@@ -298,7 +315,8 @@ class HandTally:
             yield self._plain.counts(facts["slices"]), False
             yield from ((text, False) for text in self._plain.slices())
             yield self._plain.largest(), False
-            yield from ((text, False) for text in (self._plain.without_gap(), self._plain.stiffest_felt()) if text)
+            texts = self._plain.least(), self._plain.without_gap(), self._plain.stiffest_felt()
+            yield from ((text, False) for text in texts if text)
             yield self._plain.certified()
             yield from self._plain.meanings()
         for hand, tally in self._tallies.items():

@@ -1,0 +1,362 @@
+"""The words of firmware: against their difference equations, python-control, balls, and limits of loops in closed form."""
+
+import re
+
+import control
+import numpy as np
+import pytest
+from flint import arb
+
+import wavesweep
+from wavesweep.loops.from_drawing import assembled, scalar_place
+from wavesweep.loops.integrator_modes import equations_of
+from wavesweep.prove.ticks import Loop
+from wavesweep.simulation.parts import loop_of
+from wavesweep.spec import load
+
+T = 1 / 400
+S = control.tf("s")
+
+
+def pid_by_hand(u, kp, ki, kd, tau, method):
+    """As firmware has it, a line at a time."""
+    y, total, last, slope = [], 0.0, 0.0, 0.0
+    for each in u:
+        ahead = {"explicit": 0.0, "implicit": T * each, "trapezoidal": T * each / 2}[method]
+        slope = (tau * slope + each - last) / (tau + T)
+        y.append(kp * each + ki * (total + ahead) + kd * slope)
+        total, last = total + T * each, each
+    return y
+
+
+def lowpass_by_hand(u, a):
+    y = [0.0]
+    for each in u:
+        y.append(y[-1] + a * (each - y[-1]))
+    return y[1:]
+
+
+def recursion(u, num, den):
+    y, num, den = [], np.divide(num, den[0]), np.divide(den, den[0])
+    for k in range(len(u)):
+        past = sum(b * u[k - i] for i, b in enumerate(num) if k >= i)
+        y.append(past - sum(a * y[k - i] for i, a in enumerate(den) if 0 < i <= k))
+    return y
+
+
+def cookbook(u, hz, q, depth):
+    """R. Bristow-Johnson's notch; alpha of the numerator in proportion to what is left."""
+    w = 2 * np.pi * hz * T
+    alpha = np.sin(w) / (2 * q)
+    return recursion(u, [1 + depth * alpha, -2 * np.cos(w), 1 - depth * alpha], [1 + alpha, -2 * np.cos(w), 1 - alpha])
+
+
+def warped(hz):
+    return 2 / T * np.tan(np.pi * hz * T)
+
+
+def backward(system):
+    return control.sample_system(system, T, "backward_diff")
+
+
+PID = {"kp": 2.0, "ki": 3.0, "kd": 0.04}
+WORDS = {
+    "lowpass": ({"type": "lowpass", "a": 0.3}, lambda u: lowpass_by_hand(u, 0.3), None),
+    "lowpass of all": ({"type": "lowpass", "a": 1}, lambda u: u, None),
+    "lowpass by cutoff": (
+        {"type": "lowpass", "cutoff_hz": 20},
+        lambda u: lowpass_by_hand(u, T / (T + 1 / (40 * np.pi))),
+        backward(1 / (1 + S / (40 * np.pi))),
+    ),
+    "pi": (
+        {"type": "pi", "kp": 2, "ki": 3},
+        lambda u: pid_by_hand(u, 2, 3, 0, 0, "implicit"),
+        backward(2 + 3 / S),
+    ),
+    "pi explicit": (
+        {"type": "pi", "kp": 2, "ki": 3, "method": "explicit"},
+        lambda u: pid_by_hand(u, 2, 3, 0, 0, "explicit"),
+        control.sample_system(2 + 3 / S, T, "euler"),
+    ),
+    "pi trapezoidal": (
+        {"type": "pi", "kp": 2, "ki": 3, "method": "trapezoidal"},
+        lambda u: pid_by_hand(u, 2, 3, 0, 0, "trapezoidal"),
+        control.sample_system(2 + 3 / S, T, "bilinear"),
+    ),
+    "pid": (
+        {"type": "pid", **PID, "tau": 0.01},
+        lambda u: pid_by_hand(u, *PID.values(), 0.01, "implicit"),
+        backward(2 + 3 / S + 0.04 * S / (1 + 0.01 * S)),
+    ),
+    "pid without filter": (
+        {"type": "pid", **PID, "method": "trapezoidal"},
+        lambda u: pid_by_hand(u, *PID.values(), 0, "trapezoidal"),
+        None,
+    ),
+    "lead": (
+        {"type": "lead", "zero_hz": 10, "pole_hz": 90},
+        lambda u: recursion(u, *([1 + 1 / w, 1 - 1 / w] for w in (np.tan(np.pi * hz * T) for hz in (10, 90)))),
+        control.sample_system((1 + S / warped(10)) / (1 + S / warped(90)), T, "bilinear"),
+    ),
+    "notch": (
+        {"type": "notch", "frequency_hz": 80, "q": 2},
+        lambda u: cookbook(u, 80, 2, 0),
+        control.sample_system(
+            (S**2 + (160 * np.pi) ** 2) / (S**2 + 80 * np.pi * S + (160 * np.pi) ** 2),
+            T,
+            "bilinear",
+            prewarp_frequency=160 * np.pi,
+        ),
+    ),
+    "shallow notch": (
+        {"type": "notch", "frequency_hz": 150, "q": 0.7, "depth": 0.2},
+        lambda u: cookbook(u, 150, 0.7, 0.2),
+        None,
+    ),
+    "biquad": (
+        {"type": "biquad", "b0": 0.2, "b1": -0.5, "b2": 0.7, "a1": -1.2, "a2": 0.5},
+        lambda u: recursion(u, [0.2, -0.5, 0.7], [1, -1.2, 0.5]),
+        control.tf([0.2, -0.5, 0.7], [1, -1.2, 0.5], T),
+    ),
+    "mean": ({"type": "mean", "n": 5}, lambda u: recursion(u, [0.2] * 5, [1]), control.tf([0.2] * 5, [1, 0, 0, 0, 0], T)),
+    "mean of one": ({"type": "mean", "n": 1}, lambda u: u, None),
+}
+
+
+def spec_of(block, every=3, **more):
+    """A word that runs every third tick of 1200 Hz, behind a plant."""
+    return load(
+        {
+            "rates": {"tick_hz": every * 400},
+            "block": {"m": {"type": "mass", "mass": 2.0, "damping": 3.0}, "w": block | {"every": every}},
+            "wire": {"w.u": "m.x", "m.f": "-0.1*w.y + push"},
+            "ports": {"hand": {"force": "push", "displacement": "m.x"}},
+        }
+        | more
+    )
+
+
+def word_of(spec):
+    return next(each.block for each in assembled(spec.drawing, spec.values).placed if each.block.name == "w")
+
+
+def marched(block, u):
+    x, y = np.zeros(len(block.states)), []
+    for each in u:
+        y.append((block.C @ x + block.D[:, 0] * each)[0])
+        x = x + block.E @ x + block.B[:, 0] * each
+    return y
+
+
+def lawful(law, u):
+    """A law of the simulation, run by itself."""
+    moved = {name for _, row in law.moves for name in row}
+    x, y = dict.fromkeys((*law.keeps, *moved), 0.0), []
+    for each in u:
+        now = {**x, "u": each}
+
+        def value(name, now=now):
+            if name not in now:
+                now[name] = sum(factor * value(source) for factor, source in law.gives[name])
+            return now[name]
+
+        y.append(value("y"))
+        later = {name: sum(factor * value(source) for factor, source in terms) for name, terms in law.keeps.items()}
+        later |= {name: value(source) for first, row in law.moves for name, source in zip(row, (first, *row), strict=False)}
+        x = later
+    return y
+
+
+@pytest.mark.parametrize("name", WORDS)
+def test_a_word_does_what_its_difference_equation_says_and_control_makes_of_it(name):
+    keys, by_hand, continuous = WORDS[name]
+    u = np.random.default_rng(5).normal(size=200)
+    spec, expected = spec_of(keys), by_hand(u)
+    part = next(part for part in loop_of(spec.drawing, spec.values).parts if part.name == "w")
+    size = np.abs(expected).max()
+    for found in (marched(word_of(spec), u), lawful(part.law, u)):
+        assert np.abs(np.subtract(found, expected)).max() < 1e-12 * size
+    if continuous is not None:
+        assert np.abs(control.forced_response(continuous, U=u).outputs - expected).max() < 1e-11 * size
+
+
+@pytest.mark.parametrize("name", WORDS)
+def test_a_word_in_balls_is_the_same(name):
+    """The response at a point of the plane, from the entries of the balls and of doubles."""
+    spec = spec_of(WORDS[name][0])
+    loop, z = Loop(spec.drawing, spec.values, "none"), 0.8 + 0.3j
+    A, B, C, D = (
+        np.array([[float(arb(each)) for each in row] for row in part]) for part in loop._block(1, loop.blocks[1], arb(0))
+    )
+    block, n = word_of(spec), len(A)
+    own = block.D + block.C @ np.linalg.solve((z - 1) * np.eye(len(block.states)) - block.E, block.B)
+    B, C = B.reshape(n, 1), C.reshape(1, n)
+    assert (D + C @ np.linalg.solve(z * np.eye(n) - A.reshape(n, n), B))[0, 0] == pytest.approx(own[0, 0], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "gain"),
+    [("lowpass by cutoff", 1), ("lead", 1), ("notch", 1), ("mean", 1), ("biquad", 0.4 / 0.3), ("pi", None), ("pid", None)],
+)
+def test_a_word_at_rest_is_known_without_rounding(name, gain):
+    spec = spec_of(WORDS[name][0])
+    block = word_of(spec)
+    _, rows, outputs, _ = equations_of(spec.drawing, spec.values, (), "", [block])
+    integrates, through = len(rows) > 1, outputs["w.y"].get("w.u", 0)  # a row besides that of the input
+    assert [integrates, through and float(through)] == [gain is None, pytest.approx(gain or 0)]
+
+
+def test_a_slow_notch_keeps_its_digits():
+    """1 mHz at 400 Hz: next to z = 1 the response to the tenth digit, where coefficients in z have six."""
+    spec = spec_of({"type": "notch", "frequency_hz": 1e-3, "q": 2})
+    block, w = word_of(spec), 2 * np.pi * 0.9e-3 * T
+    delta = np.expm1(1j * w)
+    found = block.D + block.C @ np.linalg.solve(delta * np.eye(2) - block.E, block.B)
+    s, K = 1j * np.tan(w / 2), np.tan(np.pi * 1e-3 * T)
+    assert found[0, 0] == pytest.approx((s**2 + K**2) / (s**2 + s * K / 2 + K**2), rel=1e-10)
+
+
+def intervals(along, span, block, numbers, plant=None):
+    plant = plant or {"type": "integrator"}  # x += T u
+    found = wavesweep.compile(
+        {
+            "rates": {"tick_hz": 1 / T},
+            "numbers": numbers,
+            "block": {"x": plant, "c": block},
+            "wire": {"c.u": "-x.y", "x.u": "c.y"},
+            "sweep": {"along": along, along: {"start": span[0], "stop": span[1]}},
+        }
+    ).stable_intervals()
+    assert found.certified.all()
+    return found[["low", "high"]].to_numpy()
+
+
+def test_pi_on_an_integrator_has_its_limits_in_closed_form():
+    """d^2 + kp T d + ki T^2 with d = z - 1: ki T < kp < 2/T + ki T/2, or 2 kp/T - 4/T^2 < ki < kp/T."""
+    pi, numbers = {"type": "pi", "kp": "kp", "ki": "ki", "method": "explicit"}, {"kp": 300.0, "ki": 5000.0}
+    assert intervals("kp", (0, 2000), pi, numbers) == pytest.approx(np.array([[5000 * T, 2 / T + 5000 * T / 2]]), rel=1e-11)
+    assert intervals("ki", (0, 1e6), pi, numbers) == pytest.approx(np.array([[0, 300 / T]]), rel=1e-11)
+    numbers["kp"] = 900.0
+    assert intervals("ki", (1, 1e6), pi, numbers) == pytest.approx(np.array([[2 * 900 / T - 4 / T**2, 900 / T]]), rel=1e-11)
+    standard = {"type": "pi", "kp": "K", "ki": "K/Ti", "method": "explicit"}  # exact too: one word reads K
+    assert intervals("K", (1, 2000), standard, {"K": 1.0, "Ti": 0.02}) == pytest.approx(
+        np.array([[1, 2 / T / (1 - T / 0.04)]]), rel=1e-11
+    )
+
+
+def test_pd_on_an_integrator_has_its_limits_in_closed_form():
+    """z^2 + z (kp T + kd - 1) - kd: kp > 0, kd < 1 - kp T/2, and kd > -1."""
+    pd = {"type": "pid", "kp": "kp", "kd": "kd"}
+    assert intervals("kd", (-3, 3), pd, {"kp": 300.0, "kd": 0.0}) == pytest.approx(np.array([[-1, 1 - 300 * T / 2]]), rel=1e-11)
+    assert intervals("kp", (-3, 3000), pd, {"kp": 300.0, "kd": 0.2}) == pytest.approx(np.array([[0, 2 * 0.8 / T]]), rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("block", "along", "span"),
+    [
+        ({"type": "pid", "kp": "kp", "ki": "40*kp", "kd": 0.02, "tau": "tau"}, "kp", (1, 5)),
+        ({"type": "pid", "kp": 1, "ki": 0.3, "kd": "kd", "tau": 0.001, "method": "trapezoidal"}, "kd", (0, 9)),
+        ({"type": "pid", "kp": 1, "ki": 0.3, "kd": 0.3, "tau": "tau"}, "tau", (0, 0.3)),
+        ({"type": "notch", "frequency_hz": "f", "q": "q"}, "f", (1, 199)),
+        ({"type": "notch", "frequency_hz": 30, "q": "q"}, "q", (0.02, 9)),
+        ({"type": "lead", "zero_hz": "f", "pole_hz": 150}, "f", (0.3, 180)),
+        ({"type": "lowpass", "cutoff_hz": "f"}, "f", (0.1, 500)),
+        ({"type": "lowpass", "a": "a"}, "a", (1e-3, 1)),
+        ({"type": "biquad", "b0": "b", "b1": 0.3, "a1": -0.3}, "b", (-9, 9)),
+        ({"type": "biquad", "b0": 0.2, "a1": "a"}, "a", (-3, 3)),
+    ],
+)
+def test_numbers_of_words_are_swept_to_where_eigenvalues_cross(block, along, span):
+    """The count of unstable eigenvalues of the closed loop, from the block's response, on both sides of each end."""
+    own = {"kp": 2.0, "kd": 0.1, "tau": 0.003, "f": 50.0, "q": 2.0, "a": 0.5, "b": 0.5}
+    read = re.findall(r"\w+", " ".join(each for key, each in block.items() if key != "type" and isinstance(each, str)))
+    numbers = {name: value for name, value in own.items() if name in read}
+    plant = {"type": "tf", "num": [30.0], "den": [0.01, 1, 5]}
+    found = intervals(along, span, block, numbers, plant)
+
+    def stable(value):
+        tables = {"rates": {"tick_hz": 1 / T}, "numbers": numbers | {along: value}, "block": {"x": plant, "c": block}}
+        spec = load(tables | {"wire": {"c.u": "-x.y", "x.u": "c.y"}})
+        parts = [each.block for each in assembled(spec.drawing, spec.values).placed]
+        (A, B, C, D), (a, b, c, d) = ((1.0 * each.E + np.eye(len(each.states)), each.B, each.C, each.D) for each in parts)
+        assert not D.any()
+        whole = np.block([[A - B @ d @ C, B @ c], [-b @ C, a]])
+        return np.abs(np.linalg.eigvals(whole)).max() < 1
+
+    inside = np.linspace(*span, 400)
+    margin = 1e-6 * (span[1] - span[0])
+    for value in inside:
+        if np.abs(found - value).min() > margin:
+            assert stable(value) == any(low < value < high for low, high in found), value
+    for value in found[(found > span[0]) & (found < span[1])]:
+        assert stable(value - margin) != stable(value + margin)
+
+
+@pytest.mark.parametrize("along", ["kp", "kd", "ki"])
+def test_a_slow_controller_has_the_limits_that_its_frames_have(along):
+    """Its own numbers are taken out of the frame; the spectral radius puts them in."""
+    numbers = {"kp": 100.0, "ki": 50.0, "kd": 3.0}
+    loop = wavesweep.compile(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": numbers,
+            "block": {
+                "m": {"type": "mass", "mass": 0.2, "damping": 0.1},
+                "c": {"type": "pid", **{name: name for name in numbers}, "tau": 0.002, "every": 4, "phase": 1},
+                "v": {"type": "mean", "n": 3, "every": 2},
+            },
+            "wire": {"v.u": "m.x", "c.u": "-v.y", "m.f": "c.y"},
+            "sweep": {"along": along, along: {"start": 0, "stop": 1e4}},
+        }
+    )
+    found = loop.stable_intervals()
+    ends = [end for end in found[["low", "high"]].to_numpy().ravel() if 0 < end < 1e4]
+    assert found.certified.all()
+    assert ends
+    sides = loop.spectral_radius(**{along: [end * (1 + side) for end in ends for side in (-1e-7, 1e-7)]}) > 1
+    assert (sides[::2] != sides[1::2]).all()
+
+
+def test_gains_of_a_word_are_one_scalar_of_the_frame_and_others_are_not():
+    def place(**keys):
+        spec = spec_of({"type": "pid", "kp": 1.0} | keys, numbers={"g": 1.0})
+        return scalar_place(spec.drawing, "g")
+
+    assert [place(ki="g"), place(kd="2*g"), place(kp="g", ki="g/3")] == ["block.w.y"] * 3
+    assert [place(tau="g"), place(kp="g**2"), place(kp="1/g")] == [""] * 3
+
+
+@pytest.mark.parametrize(
+    ("keys", "path", "expected", "found"),
+    [
+        (
+            {"type": "pid", "kp": 1, "anti_windup": True},
+            "anti_windup",
+            "one of type, kp, ki, kd, tau, method, every, phase",
+            "a limit, with which no block is linear",
+        ),
+        (
+            {"type": "pi", "kp": 1, "output_limit": 3},
+            "output_limit",
+            "one of type, kp, ki, method, every, phase",
+            "a limit, with which no block is linear",
+        ),
+        ({"type": "lowpass"}, "cutoff_hz", "either a or cutoff_hz", "neither"),
+        ({"type": "lowpass", "a": 0.1, "cutoff_hz": 3}, "cutoff_hz", "either a or cutoff_hz", "both"),
+        ({"type": "lowpass", "a": 1.1}, "a", "a number, or an expression, <= 1", "1.1"),
+        ({"type": "notch", "frequency_hz": 200, "q": 1}, "frequency_hz", "a number < 200 (half the block's own rate)", "200"),
+        ({"type": "lead", "zero_hz": 1, "pole_hz": 201}, "pole_hz", "a number < 200 (half the block's own rate)", "201"),
+        ({"type": "pid", "kp": 1, "tau": -1}, "tau", "a number, or an expression, >= 0", "-1"),
+        ({"type": "mean", "n": 0}, "n", "a whole number, or an expression, >= 1", "0"),
+    ],
+)
+def test_mistakes_in_words(keys, path, expected, found):
+    with pytest.raises(wavesweep.SpecError) as error:
+        spec_of(keys)
+    assert str(error.value) == f"block.w.{path}: expected {expected}, found {found}"
+
+
+def test_a_spec_with_words_is_resolved_to_itself():
+    for keys, *_ in WORDS.values():
+        spec = spec_of(keys)
+        assert load(spec.tables()).sha256 == spec.sha256
