@@ -34,7 +34,8 @@ class ParquetFile:
             pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
         ]
         text = json.dumps(facts, allow_nan=False)
-        self._path, self._schema, self._writer = path, pyarrow.schema(columns, metadata={"wavesweep": text}), None
+        self._path, self._schema = path, pyarrow.schema(columns, metadata={"wavesweep": text})
+        self._writer: Any = None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Write checked columns as one row group."""
@@ -204,7 +205,8 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
     """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups."""
     import pyarrow.parquet
 
-    found, before = [], 0
+    found: list[dict[str, np.ndarray]] = []
+    before = 0
     for part in parts_of(path):
         with _opened(part, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
             rows = file.metadata.num_rows
@@ -296,7 +298,7 @@ def _values(chunk: Any, kind: type) -> np.ndarray:
 
     if kind is np.bool_:
         return bits(values)
-    found = np.frombuffer(values, kind, whole.stop)[whole]
+    found: np.ndarray = np.frombuffer(values, kind, whole.stop)[whole]
     return np.where(bits(valid), found, np.nan) if chunk.null_count else found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -46,7 +46,8 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
         raise UsageError(f"{directory}: expected results with their data package, found none")
     stems = {package.name.removesuffix(SUFFIXES[-1]) for package in packages}
     alone = (path for suffix in SUFFIXES[:2] for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
-    checked, differences = [], [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
+    checked: list[str] = []
+    differences = [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
     for package in packages:
         for text, different in _of_package(package, rows, seed):
             (differences if different else checked).append(text)
@@ -142,14 +143,15 @@ def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
     if exact and again.some is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
+    known: tuple[type[Exception], ...] = (WavesweepError, *unreadable())
     try:
         if again.some is None:
             difference = _compared(parquet, again.whole(), exact)
             extent = "all rows"
         else:
-            difference = _sampled(parquet, again, rows, seed, exact)
+            difference = _sampled(parquet, again.some, again.combinations, rows, seed, exact)
             extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
-    except (WavesweepError, *unreadable()) as error:
+    except known as error:
         yield f"{parquet}: its rows cannot be held against new ones: {in_short(error)}", True
         return
     if difference:
@@ -174,17 +176,19 @@ def _same_versions(facts: Mapping[str, Any]) -> bool:
     return all(facts.get(name) == version for name, version in versions().items())
 
 
-def _sampled(parquet: Path, again: Again, rows: int, seed: int, exact: bool) -> str:
+def _sampled(
+    parquet: Path, some: Callable[[Sequence[int]], Iterator[Columns]], combinations: int, rows: int, seed: int, exact: bool
+) -> str:
     """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
     numbers = read_rows(parquet, columns=["interval"]).get("interval")
     if numbers is None:
         return "no column interval"
     starts = np.flatnonzero(numbers == 0)
-    if len(starts) != again.combinations:
-        return f"{len(starts)} combinations and not {again.combinations}"
+    if len(starts) != combinations:
+        return f"{len(starts)} combinations and not {combinations}"
     picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(rows, len(starts)), replace=False))
     ends = np.append(starts[1:], -1)
-    for number, new in zip(picked, again.some(picked), strict=True):
+    for number, new in zip(picked, some(picked.tolist()), strict=True):
         found = read_rows(parquet, int(starts[number]), None if ends[number] < 0 else int(ends[number]))
         if difference := first_difference(found, new, exact, int(starts[number])):
             return difference

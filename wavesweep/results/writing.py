@@ -91,9 +91,10 @@ def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, form
         with closing(ParquetParts(stem.with_suffix(".parquet"), fields, lasting, partition)) as parts:
             for group in _groups(fields, blocks, partition):
                 parts.append(group)
-    for form in formats if table.figure is not None else ():
+    draw: Any = table.figure
+    for form in formats if draw else ():
         try:
-            table.figure(stem.with_suffix(f".{form}"))
+            draw(stem.with_suffix(f".{form}"))
         except Exception as error:
             if not isinstance(error, OSError):
                 error.add_note("This happened in the figure; --no-plot writes the table without it.")
@@ -137,8 +138,9 @@ def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any],
 
         with ThreadPoolExecutor(2) as of_csv, ThreadPoolExecutor(1) as of_parquet:
             begun: deque = deque()
-            for group in chain([first, second], groups, (None,) * AHEAD):
-                begun.append(group and (of_csv.submit(csv_rows, group), of_parquet.submit(parquet.append, group)))
+            every: Iterable[Columns | None] = chain([first, second], groups, (None,) * AHEAD)
+            for each in every:
+                begun.append(each and (of_csv.submit(csv_rows, each), of_parquet.submit(parquet.append, each)))
                 done = begun.popleft() if len(begun) > AHEAD else None
                 if done:
                     csv.write(done[0].result())

@@ -206,7 +206,7 @@ class IntervalTally:
     def least(self) -> str:
         """Text: the least stable value and its place; empty where the range begins, or if the largest one says it already."""
         found, largest = self._least_numbers(), self._largest_numbers()
-        if found is None or (found["value"] == largest["from"] and largest["ended_by"] == "stability"):
+        if not found or not largest or (found["value"] == largest["from"] and largest["ended_by"] == "stability"):
             return ""
         value = f"least {HANDS[self._hand][1]} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
         return f"{value}{self._place(found)}{self._doubtful(found)}"

@@ -198,7 +198,11 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
 
     spec = load(facts["spec"])
     run = spec, along, hands_of(facts.get("for_hands", ()))
-    return Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
+    return Again(
+        spec.sha256,
+        combinations=combinations(*run),
+        some=lambda picked: rows_again(*run, picked, prove="proved" in facts),
+    )
 
 
 def _kind(name: str, along: str | None, fields: tuple[Field, ...], figure: str) -> Kind:

@@ -54,7 +54,7 @@ class Again:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations."""
 
     sha256: str
-    whole: Callable[[], Iterable[Columns]] | None = None
+    whole: Callable[[], Iterable[Columns]] = tuple
     combinations: int = 0
     some: Callable[[Sequence[int]], Iterator[Columns]] | None = None
 
