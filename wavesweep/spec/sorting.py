@@ -140,7 +140,7 @@ def _sort_axis(study: str, parts: Path, leaf: Leaf, result: Sorted, names: Names
 def _tables_of(names: Names) -> set[str]:
     """The tables of a drawn loop in which keys are that may be axes."""
     of_numbers = {"numbers", "rates"}
-    return of_numbers | {path.rsplit(".", n)[0] for path in names.keys for n in (1, 2) if path.startswith("block.")}
+    return of_numbers | {path.rsplit(".", n)[0] for path in names.keys for n in (1, 2, 3) if path.startswith("block.")}
 
 
 def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result: Sorted) -> None:
