@@ -390,6 +390,11 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     return found
 
 
+def is_derived(path: Path, leaf: Leaf) -> bool:
+    """Whether a leaf of [numbers] is an expression, from which the number follows."""
+    return isinstance(leaf.value, str) and path[2:] in ((), ("value",))
+
+
 def names_of(leaves: Mapping[Path, Leaf]) -> Names:
     """Return the names of a drawing with mistakes, with which its axes can be checked."""
     numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)

@@ -12,7 +12,7 @@ from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Rejected, check, show
 from wavesweep.spec.classes import expanded, numbers_of_blocks
-from wavesweep.spec.drawing import MARKS, RATE, names_of, path_of
+from wavesweep.spec.drawing import MARKS, RATE, is_derived, names_of, path_of
 from wavesweep.spec.drawing_tables import as_meant, read_drawing
 from wavesweep.spec.keys import KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
@@ -164,7 +164,8 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     leaves, unknown = as_meant(leaves)
     leaves, of_classes = expanded(leaves)
     drawing, values, of_loop, wrong = read_drawing(leaves, place)
-    names = drawing.names if drawing else names_of(leaves)
+    following = frozenset(path[1] for path, leaf in leaves.items() if path[0] == "numbers" and is_derived(path, leaf))
+    names = replace(drawing.names if drawing else names_of(leaves), following=following)
     belongs = sort_leaves(leaves, names)
     given = Given(of_loop, place)
     studies, wrong_studies = build_studies(belongs, given, names)

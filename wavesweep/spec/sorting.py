@@ -158,7 +158,8 @@ def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
     if any(known == f"{study}.{name}" for known, _ in result.mistakes):
         return  # start and stop are of one axis
-    result.refuse(leaf, f"{study}.{name}", expected, "an unknown axis", suggestion)
+    found = "a number that follows from others" if name in names.following else "an unknown axis"
+    result.refuse(leaf, f"{study}.{name}", expected, found, suggestion)
 
 
 def _join(path: Path) -> str:
