@@ -360,3 +360,40 @@ def test_a_spec_with_words_is_resolved_to_itself():
     for keys, *_ in WORDS.values():
         spec = spec_of(keys)
         assert load(spec.tables()).sha256 == spec.sha256
+
+
+ROUND = {
+    "rates": {"tick_hz": "1/h"},
+    "numbers": {"h": 1 / 400, "k": 10.0},
+    "block": {"body": {"type": "tf", "num": [1], "den": [0.03, 1, 0]}, "pwm": {"type": "delay"}},
+    "wire": {"c.u": "-body.y", "pwm.u": "k*c.y", "body.u": "pwm.y"},
+    "sweep": {"along": "k", "k": {"start": 0, "stop": 2000}, "h": [1 / 400]},
+}
+FIELD_ORIENTED = {
+    "rates": {"tick_hz": "1/h"},
+    "numbers": {"h": 132e-6, "f": 300.0, "w": "2*pi*f", "R": 8.5, "L": 33e-3},
+    "block": {
+        "motor": {"type": "tf", "num": [1], "den": ["L", "R"]},
+        "filter": {"type": "lowpass", "cutoff_hz": "4*f"},
+        "c": {"type": "pi", "kp": "L*w", "ki": "R*w", "method": "trapezoidal"},
+        "pwm": {"type": "delay"},
+    },
+    "signals": {"error": "-filter.y"},
+    "wire": {"filter.u": "motor.y", "c.u": "error", "pwm.u": "c.y", "motor.u": "pwm.y"},
+    "sweep": {"along": "f", "f": {"start": 1, "stop": 20000}, "h": [25e-6, 132e-6]},
+}
+
+
+@pytest.mark.parametrize(
+    ("tables", "limits"),
+    [
+        (ROUND | {"block": ROUND["block"] | {"c": {"type": "notch", "frequency_hz": 80, "q": 2}}}, ["222.355288"]),
+        (FIELD_ORIENTED, ["6366.220", "1205.832"]),
+    ],
+    ids=["ArduPilot issue 11346", "SimpleFOC thread 5340"],
+)
+def test_loops_of_public_threads_have_the_limits_that_they_have_without_words(tables, limits):
+    """As transfer functions with sines by hand: brute force."""
+    found = wavesweep.compile(tables).stable_intervals(h=tables["sweep"]["h"])
+    assert found.certified.all()
+    assert [f"{high:.{len(limit.partition('.')[2])}f}" for high, limit in zip(found.high, limits, strict=True)] == limits

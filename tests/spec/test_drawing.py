@@ -194,7 +194,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[device]\nmass = 1\n[sweep]")],
             "27:2: device",
-            "one of the tables rates, numbers, block, signals, wire, ports, sweep, bode, simulate, design",
+            "one of the tables type, rates, numbers, block, signals, wire, ports, sweep, bode, simulate, design",
             "an unknown table",
         ),
         ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),
@@ -428,6 +428,7 @@ def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():
     assert wavesweep.compile(tables).stable_intervals(span=(0, 20), kp=[60.0]).certified.all()
 
 
+AXIS = "along, one of kp, kd, mass, c or the path of a number in a block"
 DERIVED = (
     ("kd = 3.0", 'kd = 3.0\nw = "sqrt(kp/m)"\nm = "1*mass"\nmass = 0.2\ncc = { value = "c", unit = "N*s/m" }'),
     ("mass = 0.2\ndamping", 'mass = "m"\ndamping'),
@@ -468,6 +469,13 @@ def test_numbers_may_follow_from_others_and_signals_have_names(write):
             "25:9: signals.speed",
             "an expression whose names do not stand for each other in a circle",
             '"braking"',
+        ),
+        ([("c  = { start", "m  = { start")], "38:8: sweep.m", AXIS, "a number that follows from others"),
+        (
+            [('along = "c"', 'along = "m"')],
+            "37:9: sweep.along",
+            "the name of a numeric key",
+            '"m", which follows from other numbers',
         ),
         ([("w*slow", "w*slow*slow")], "26:29: signals.braking", LINEAR, "the product of the signals net.y and net.y"),
         ([("+ w*slow", "")], "27:1: signals.slow", "a signal that an expression reads", "one that nothing reads"),

@@ -20,6 +20,8 @@ LISTS = {
 TABLES = {
     "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "
     'and so may a number in a block, "block.NAME.KEY"; NAME = "expression" follows from other numbers, which may be axes',
+    "type": "classes of blocks: [type.NAME.block.motor], and tables numbers, signals, wire and ports = { inputs = [names], "
+    "outputs = { name = expression } } of the same; a block of that type gives its numbers",
     "signals": 'names of signals: NAME = "expression", for wires and ports',
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
     "the force of the hand",

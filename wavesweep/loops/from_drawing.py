@@ -312,9 +312,9 @@ def _checked(drawing):
     """Checks of keys that read numbers, and of blocks: the names of these, and whether those of a loop are not suitable."""
     found, types = [], {block.name: block.type for block in drawing.blocks}
     for path, tree in drawing.trees():
-        table, *rest = path.split(".")
-        limited = table == "block" and rest[1] not in ("every", "phase")
-        key = TYPES[types[rest[0]]].keys[rest[1]] if limited else None
+        block, _, name = path.removeprefix("block.").rpartition(".")
+        limited = path.startswith("block.") and name not in ("every", "phase")
+        key = TYPES[types[block]].keys[name] if limited else None
         low = 0.0 if path == RATE else -np.inf if key is None or key.low is None else key.low
         high = np.inf if key is None or key.high is None else key.high
         if any(names_in(tree)):

@@ -36,7 +36,7 @@ def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
     for block in drawing.blocks:
         trees += [block.every, block.phase] if block.name in outside else [tree for _, tree in block.trees()]
     for port, terms in drawing.wires:
-        if port.endswith(".in") or port.partition(".")[0] not in outside:
+        if port.endswith(".in") or port.rpartition(".")[0] not in outside:
             trees += [gain for _, gain in terms]
     return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
 

@@ -99,12 +99,12 @@ def is_affine(loop: HeldLoop, path: str) -> bool:
         return False
     wires, port = {name: dict(terms) for name, terms in loop.drawing.wires}, place.removeprefix("wire.")
     read = {signal for signal, gain in wires[port].items() if any(name == number for name, _ in names_in(gain))}
-    reached, new = set(), {port.partition(".")[0]} - {loop.device}
+    reached, new = set(), {port.rpartition(".")[0]} - {loop.device}
     while new:
         reached |= new
-        fed = {name.partition(".")[0] for name, terms in wires.items() for each in terms if each.partition(".")[0] in reached}
+        fed = {name.rpartition(".")[0] for name, terms in wires.items() for each in terms if each.rpartition(".")[0] in reached}
         new = fed - reached - {loop.device}
-    return not any(signal.partition(".")[0] in reached for signal in read)
+    return not any(signal.rpartition(".")[0] in reached for signal in read)
 
 
 def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:

@@ -1,7 +1,7 @@
 """The blocks that a spec can draw, in ball arithmetic: `x+ = A x + B u`, `y = C x + D u`.
 
-They are written down from their equations once more, in z and not in delta form. An entry is 0 exactly if it is 0 for every
-number in the balls of its keys.
+They are written down from their equations once more, in z and not in delta form; words of firmware have the formulas of
+`wavesweep.spec.words`, as elsewhere. An entry is 0 exactly if it is 0 for every number in the balls of its keys.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ class Ticks:
         for name, terms in ((name, wires[name]) for name in self.loop.signals):
             sums[name] = self._read(terms, slow=False)
             if name in (POSITION, VELOCITY):
-                sums[name] = tuple((each, actual(s) if s.partition(".")[0] in self.host else s) for each, s in terms)
+                sums[name] = tuple((each, actual(s) if s.rpartition(".")[0] in self.host else s) for each, s in terms)
         sums |= {arrived(name): ((1.0, name),) for name in sorted(arriving)}
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         wall = self.loop.wall

@@ -17,7 +17,7 @@ from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.words import FORMULAS, transfer_function
 
-MARKS = ("numbers", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
+MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
 NUMBER_WORDS = (".unit", ".description")
 OF_NUMBERS = "numbers."  # begins the paths of numbers; trees have the rest as a name, and of other keys the whole path
@@ -224,7 +224,7 @@ class Drawing:
         every, numbers = {block.name: block.every for block in self.blocks if not block.plant}, scalars(values)
         velocities = [f"{block.name}.v" for block in self.blocks if block.type == "mass"]
         for signal, gain in terms:
-            name = signal.partition(".")[0]
+            name = signal.rpartition(".")[0] or signal
             if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
                 continue  # a number that has a mistake itself
             runs = _value(every.get(name, ONE), numbers) or 1
@@ -381,15 +381,18 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
                 found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
-        if table == "wire":
-            found[table, rest] = leaf.value
-        elif table in ("signals", "ports"):
-            found[tuple(path.split("."))] = leaf.value
+        if table in ("wire", "signals", "ports"):
+            found[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
         elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
             words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
             unit, description = (word.value if word else "" for word in words)
             found[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
     return found
+
+
+def is_derived(path: Path, leaf: Leaf) -> bool:
+    """Whether a leaf of [numbers] is an expression, from which the number follows."""
+    return isinstance(leaf.value, str) and path[2:] in ((), ("value",))
 
 
 def names_of(leaves: Mapping[Path, Leaf]) -> Names:
@@ -402,9 +405,12 @@ def names_of(leaves: Mapping[Path, Leaf]) -> Names:
 
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
     """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
-    named = [path[1:4] for path in leaves if path[0] in ("sweep", "bode")]
-    named += [path[2:5] for path in leaves if path[0] == "design"]
+    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # of which those of a class have two names
+    named = [path[1:] for path in leaves if path[0] in ("sweep", "bode")]
+    named += [path[2:] for path in leaves if path[0] == "design"]
     along = leaves.get(("sweep", "along"))
     if along and isinstance(along.value, str):
         named.append(tuple(along.value.split(".")))
-    return frozenset(".".join(each) for each in named if len(each) == 3 and each[0] == "block")
+    return frozenset(
+        ".".join(each[: 3 + (".".join(each[1:3]) in blocks)]) for each in named if len(each) > 2 and each[0] == "block"
+    )

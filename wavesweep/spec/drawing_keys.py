@@ -105,7 +105,7 @@ class KeyReader:
         )
         faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
         for fault in faults:
-            block = re.match(r"\w*", leaf.value[fault.offset :])[0]
+            block = _block_of(leaf.value[fault.offset :])
             if signals and (own := [each for each in sorted(self.signals) if each.startswith(f"{block}.")]):
                 fault.expected = f"an output of {block}: {' or '.join(own)}"
             self.fault(path, leaf, fault)
@@ -132,7 +132,7 @@ class KeyReader:
 
     def is_broken(self, text: str) -> bool:
         """Whether a text begins with a port of a block that has a mistake itself."""
-        return text.partition(".")[0] in self.broken
+        return _block_of(text) in self.broken
 
     def read_terms(self, path: str, leaf: Leaf) -> Terms | None:
         """Read an expression that is linear in signals."""
@@ -159,7 +159,7 @@ class KeyReader:
         if "" in given and given[""].value != {}:
             self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
             return None
-        if not is_name(name):
+        if not is_dotted(name):
             first = next(iter(given.values()))
             self.refuse(Leaf(None, first.place.parent()), path, NAME, show(name))
             return None
@@ -256,6 +256,16 @@ class KeyReader:
 def is_name(name: object) -> bool:
     """Return whether a value is a name of ASCII letters, digits and _ that no program takes for a value."""
     return isinstance(name, str) and name.isidentifier() and name.isascii() and name.lower() not in VALUE_WORDS
+
+
+def is_dotted(name: str) -> bool:
+    """Return whether a name is one, or that of a part of a block, `block.part`."""
+    return all(map(is_name, name.split(".")))
+
+
+def _block_of(text):
+    """The block of the port that a text begins with."""
+    return re.match(r"[\w.]*", text)[0].rpartition(".")[0]
 
 
 def _at(path: str, i: int, j: int, deep: bool) -> str:

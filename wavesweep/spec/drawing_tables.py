@@ -10,7 +10,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import COLUMNS, TICK_HZ
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import RATE, Drawing, decides, own_axes, path_of
-from wavesweep.spec.drawing_keys import NAME, KeyReader, is_name
+from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
@@ -18,7 +18,7 @@ from wavesweep.spec.sorting import normal_path
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 STUDIES = ("sweep", "bode", "simulate", "design")  # tables that are left to others
-KNOWN = (*TABLES, *STUDIES)
+KNOWN = ("type", *TABLES, *STUDIES)
 TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")
 PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
@@ -167,7 +167,7 @@ class _TableReader(KeyReader):
         for name, leaf in table.items():
             path = f"signals.{name}"
             self.leaves[path] = leaf
-            if not is_name(name) or name in (*RESERVED, *self.numbers, self.force):
+            if not is_dotted(name) or name in (*RESERVED, *self.numbers, self.force):
                 self.refuse(leaf, path, f"{NAME}, and no number, function or force either", show(name))
             elif not isinstance(leaf.value, str):
                 self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
@@ -190,7 +190,7 @@ class _TableReader(KeyReader):
 
     def read_wire(self, port: str, leaf: Leaf) -> Terms | None:
         path = f"wire.{port}"
-        if port not in self.inputs and port.partition(".")[0] not in self.broken:
+        if port not in self.inputs and port.rpartition(".")[0] not in self.broken:
             found = "an output of a block" if port in self.signals else "an unknown port"
             expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
             self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
@@ -199,7 +199,7 @@ class _TableReader(KeyReader):
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
         for port in (*self.inputs, *self.needed):
             if port not in wires:
-                block = self.leaf(f"block.{port.partition('.')[0]}")
+                block = self.leaf(f"block.{port.rpartition('.')[0]}")
                 self.refuse(
                     block, f"block.{port}", f'a wire to this input, "{port}" = "..." in [wire]', "none (0 leaves it at rest)"
                 )
@@ -285,7 +285,7 @@ class _TableReader(KeyReader):
 
     def unread(self, signals: Iterable[str]) -> None:
         """Refuse numbers and names of signals that no expression reads."""
-        paths = {name: path_of(name) for name in self.numbers} | {name: f"signals.{name}" for name in signals}
+        paths = {name: path_of(name) for name in self.numbers} | {name: f"signals.{name}" for name in signals if is_name(name)}
         for name, path in paths.items():
             if name not in self.read:
                 kind = "number" if name in self.numbers else "signal"

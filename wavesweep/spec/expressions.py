@@ -212,10 +212,20 @@ def linear(tree: Tree, signals: set[str]) -> Terms:
     """
     terms = _linear(tree, signals)
     rest = terms.pop("", None)
-    if rest is not None and rest[:2] != ("number", 0.0):
+    if rest is not None and not _is_nothing(rest):
         offset = rest[-1]
         raise Fault(offset, "a sum of signals times numbers", "a term without a signal")
     return tuple(terms.items())
+
+
+def _is_nothing(tree: Tree) -> bool:
+    """Whether a tree is 0 as it is written, as a signal that stands for 0 is with its gains."""
+    operation, *parts, _ = tree
+    if operation in ("+", "-"):
+        return all(map(_is_nothing, parts))
+    if operation == "*":
+        return any(map(_is_nothing, parts))
+    return _is_nothing(parts[0]) if operation in ("negative", "/") else tree[:2] == ("number", 0.0)
 
 
 def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:

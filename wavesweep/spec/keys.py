@@ -247,10 +247,11 @@ VALUE_PATHS = tuple(key.path for key in _TABLE if key.default is not None or key
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The keys of a spec by path, and the symbols that are short for a path."""
+    """The keys of a spec by path, the symbols that are short for a path, and the numbers that follow from others."""
 
     keys: Mapping[str, Key]
     symbols: Mapping[str, str]
+    following: frozenset[str] = frozenset()
 
     def find(self, name: str) -> Key | None:
         """Return the key of a name, which is a symbol (`B_VE`) or a full path (`device.damping`), or None."""

@@ -11,7 +11,8 @@ from itertools import islice
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Rejected, check, show
-from wavesweep.spec.drawing import MARKS, RATE, names_of, path_of
+from wavesweep.spec.classes import expanded, numbers_of_blocks
+from wavesweep.spec.drawing import MARKS, RATE, is_derived, names_of, path_of
 from wavesweep.spec.drawing_tables import as_meant, read_drawing
 from wavesweep.spec.keys import KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
@@ -83,6 +84,7 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict
             mistakes.append(leaf.mistake(".".join(path), "each key once", "the same key again", of_key=True))
         leaves[path] = leaf
     symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
+    symbols |= numbers_of_blocks(leaves)
     for typed in overrides:
         try:
             path, value, where = read_override(typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS)
@@ -165,12 +167,14 @@ def _out_of_range(axes: Iterable[Axis]) -> Iterator[Mistake]:
 def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
     """Return the spec of a drawn loop; its axes are checked as far as its numbers are known."""
     leaves, unknown = as_meant(leaves)
+    leaves, of_classes = expanded(leaves)
     drawing, values, of_loop, wrong = read_drawing(leaves, place)
-    names = drawing.names if drawing else names_of(leaves)
+    following = frozenset(path[1] for path, leaf in leaves.items() if path[0] == "numbers" and is_derived(path, leaf))
+    names = replace(drawing.names if drawing else names_of(leaves), following=following)
     belongs = sort_leaves(leaves, names)
     given = Given(of_loop, place)
     studies, wrong_studies = build_studies(belongs, given, names)
-    mistakes = [*mistakes, *unknown, *wrong, *belongs.mistakes.values(), *wrong_studies]
+    mistakes = [*mistakes, *unknown, *of_classes, *wrong, *belongs.mistakes.values(), *wrong_studies]
     hz = drawing.rate(values) if drawing else values.get(RATE)
     mistakes += _beyond_rate(studies, hz, RATE) if hz else []
     if drawing:

@@ -140,7 +140,7 @@ def _sort_axis(study: str, parts: Path, leaf: Leaf, result: Sorted, names: Names
 def _tables_of(names: Names) -> set[str]:
     """The tables of a drawn loop in which keys are that may be axes."""
     of_numbers = {"numbers", "rates"}
-    return of_numbers | {path.rsplit(".", n)[0] for path in names.keys for n in (1, 2) if path.startswith("block.")}
+    return of_numbers | {path.rsplit(".", n)[0] for path in names.keys for n in (1, 2, 3) if path.startswith("block.")}
 
 
 def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result: Sorted) -> None:
@@ -158,7 +158,8 @@ def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
     if any(known == f"{study}.{name}" for known, _ in result.mistakes):
         return  # start and stop are of one axis
-    result.refuse(leaf, f"{study}.{name}", expected, "an unknown axis", suggestion)
+    found = "a number that follows from others" if name in names.following else "an unknown axis"
+    result.refuse(leaf, f"{study}.{name}", expected, found, suggestion)
 
 
 def _join(path: Path) -> str:

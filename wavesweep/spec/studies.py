@@ -207,6 +207,8 @@ def need_values(study: str, axis: Axis) -> Mistake:
 def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
     """Return the text for "found" and a suggestion if `name` is no numeric key, otherwise None."""
     key = names.find(name)
+    if name in names.following:
+        return f"{show(name)}, which follows from other numbers", ""
     if key is None:
         return show(name), nearest(name, names.symbols) or nearest(name, names.numeric)
     return None if key.numeric else (f"{show(name)}, which takes no number", "")

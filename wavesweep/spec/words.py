@@ -1,6 +1,7 @@
 """The words of firmware: blocks that are transfer functions of their own keys, one formula for each coefficient.
 
-Next to z = 1, where the poles of slow filters are, coefficients in powers of z cancel; those in powers of z - 1 do not.
+Next to z = 1, where the poles of slow filters are, coefficients in powers of z cancel; those in powers of z - 1 do not. The
+simulation has laws of its own for the same words.
 """
 
 from __future__ import annotations

@@ -36,9 +36,9 @@ def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset()) ->
     """
     feeds = {block.name: set() for block in drawing.blocks}
     for port, terms in drawing.wires:
-        for source in (signal.partition(".")[0] for signal, _ in terms if (port, signal) not in silent):
+        for source in (signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent):
             if source in feeds:
-                feeds[source].add(port.partition(".")[0])
+                feeds[source].add(port.rpartition(".")[0])
     reached = {name: _reached(feeds, name) for name in feeds}
     parts = dict.fromkeys(frozenset({name, *(each for each in reached[name] if name in reached[each])}) for name in feeds)
     rests = {
@@ -59,9 +59,9 @@ def _reached(feeds, name):
 def _part(drawing, names):
     """The drawing of these blocks without the others that act on them, and without a hand."""
     wires = [
-        (port, tuple(term for term in terms if term[0].partition(".")[0] in names))
+        (port, tuple(term for term in terms if term[0].rpartition(".")[0] in names))
         for port, terms in drawing.wires
-        if port.partition(".")[0] in names
+        if port.rpartition(".")[0] in names
     ]
     blocks = tuple(block for block in drawing.blocks if block.name in names)
     return replace(drawing, blocks=blocks, wires=tuple(wires), hand=None, wall=None)

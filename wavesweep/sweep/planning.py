@@ -162,7 +162,7 @@ def _runs_lines(drawing, drawn):
 def _unread_lines(drawing):
     """Blocks whose outputs nothing reads, which may be a slip."""
     terms = [some for _, some in drawing.wires] + [some for some in (drawing.hand or ())[1:] if some]
-    read = {signal.partition(".")[0] for some in terms for signal, _ in some}
+    read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
     if unread := [block.name for block in drawing.blocks if block.name not in read]:
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
 
