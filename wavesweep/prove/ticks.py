@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from flint import acb_mat, arb, arb_mat, ctx
 
-from wavesweep.prove.blocks import matrices
+from wavesweep.prove.blocks import continuous, held, matrices
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import Drawing, DrawnBlock, scalars
+from wavesweep.spec.drawing import Drawing, DrawnBlock, Plant, scalars
 from wavesweep.spec.exact import constants_of, named
 from wavesweep.spec.expressions import Tree, evaluate, names_in, value_of
 
@@ -32,18 +32,22 @@ class Loop:
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
         self.drawing, self.number, self._kept = drawing, number, {}
+        self.blocks = [*drawing.alone, *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
-        every = [int(value_of(block.every, self.values)) for block in drawing.blocks]
-        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in drawing.blocks]
+        every = [int(value_of(block.every, self.values)) for block in self.blocks]
+        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
         self.every, self.phases, self.ticks = every, phases, lcm(*every)
         rhythms = list(enumerate(zip(every, phases, strict=True)))
         self.kinds = tuple(tuple(i for i, (n, phases) in rhythms if t % n in phases) for t in range(self.ticks))
         self.inputs, self.outputs = (
-            [(i, f"{block.name}.{port}") for i, block in enumerate(drawing.blocks) for port in block.ports[side]]
+            [(i, f"{block.name}.{port}") for i, block in enumerate(self.blocks) for port in block.ports[side]]
             for side in (0, 1)
         )
         self.at = {signal: j for j, (_, signal) in enumerate(self.outputs)}
-        self.wires = {port: [(s, gain) for s, gain in terms if s in self.at] for port, terms in drawing.wires}
+        self.wires = {}
+        for port, terms in drawing.wires:
+            named = ((drawing.inside.get(signal, signal), gain) for signal, gain in terms)
+            self.wires[drawing.inside.get(port, port)] = [(signal, gain) for signal, gain in named if signal in self.at]
         read = {self.at[signal] for terms in self.wires.values() for signal, _ in terms}
         self.held = [j for j, (i, _) in enumerate(self.outputs) if every[i] > 1 and j in read]
 
@@ -67,7 +71,7 @@ class Loop:
 
     def _ticks(self, number):
         """The map of each kind of tick, and the determinant of its algebraic loops."""
-        blocks = [self._block(i, block, number) for i, block in enumerate(self.drawing.blocks)]
+        blocks = [self._block(i, block, number) for i, block in enumerate(self.blocks)]
         W = [[0] * len(self.outputs) for _ in self.inputs]
         for row, (_, port) in zip(W, self.inputs, strict=True):
             for signal, gain in self.wires.get(port, ()):
@@ -77,7 +81,7 @@ class Loop:
             arb_mat if isinstance(number, arb) else acb_mat,
             [i for i, block in enumerate(blocks) for _ in block[0]],
         )
-        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.drawing.blocks]
+        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
         A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
         return {kind: self._tick(set(kind), matrix, owners, matrix(W), A, B, C, D) for kind in set(self.kinds)}
 
@@ -100,13 +104,38 @@ class Loop:
             rows.append(own if i in running else form((), k))
         return matrix(rows + [outputs[j] if runs[j] else form((), at) for j, at in places.items()]), pivot
 
-    def _block(self, i: int, block: DrawnBlock, number: Any) -> Any:
+    def _block(self, i: int, block: DrawnBlock | Plant, number: Any) -> Any:
         def made():
-            types = TYPES[block.type].keys
-            keys = {name: self._key(types[name].type, value, number) for name, value in block.keys}
-            return matrices(block.type, self.every[i] / len(self.phases[i]) / self.rate(number), keys)
+            period = self.every[i] / len(self.phases[i]) / self.rate(number)
+            if isinstance(block, Plant):
+                return self._plant(block, period, number)
+            return matrices(block.type, period, self._keys(block, number))
 
         return self._once(("block", i), (self.drawing.tick_hz, *(tree for _, tree in block.trees())), number, made)
+
+    def _plant(self, plant, T, number):
+        """A plant of several blocks: `x' = A x + B u`, `y = C x + D u`, `u = K y + e` with e held over the period."""
+        parts = [continuous(block.type, self._keys(block, number)) for block in plant.members]
+        orders, ports = [len(A) for A, *_ in parts], [len(block.ports[0]) for block in plant.members]
+        A, B, C, D = (_diagonal([part[k] for part in parts], (orders, ports)[k % 2]) for k in range(4))
+        rates, shown = ([[*x, *u] for x, u in zip(*each, strict=True)] for each in ((A, B), (C, D)))
+        (inputs, outputs), n, m = plant.drawn_ports, sum(orders), sum(ports)
+        K = [[0] * len(outputs) for _ in inputs]
+        for port, terms in plant.couplings:
+            for signal, gain in terms:
+                K[inputs.index(port)][outputs.index(signal)] = self._value(gain, number)
+        of = arb_mat if isinstance(number, arb) else acb_mat
+        back = (of(K) * of(shown)).tolist()
+        unit = [[int(i == j) for j in range(n + m)] for i in range(n + m)]
+        right = of([[*row[:n], *unit[n + i][n:]] for i, row in enumerate(back)])
+        inside, _ = _closed(of([row[n:] for row in back]), right)
+        rows = (of(rates + shown) * of(unit[:n] + inside.tolist())).tolist()
+        A, B, C, D = ([row[part] for row in some] for some in (rows[:n], rows[n:]) for part in (slice(n), slice(n, None)))
+        return *(held(A, B, T) if n else (A, B)), C, D
+
+    def _keys(self, block, number):
+        types = TYPES[block.type].keys
+        return {name: self._key(types[name].type, value, number) for name, value in block.keys}
 
     def _key(self, kind, value, number):
         if kind == "number":

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import DrawnBlock, keys_of_block
-from wavesweep.spec.expressions import Fault, Terms, Tree, linear, names_in, parse, unknown
+from wavesweep.spec.expressions import Fault, Tree, linear, names_in, parse, unknown
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import VALUE_WORDS, Leaf, Place
 
+_Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
 
@@ -93,8 +95,8 @@ class KeyReader:
         """Whether a text begins with a port of a block that has a mistake itself."""
         return text.partition(".")[0] in self.broken
 
-    def read_terms(self, path: str, leaf: Leaf) -> Terms | None:
-        """Read an expression that is linear in signals."""
+    def read_terms(self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
+        """Read an expression that is linear in signals. within: what is made of its tree and the signals."""
         self.leaves[path] = leaf
         if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
             leaf = Leaf(str(leaf.value), leaf.place)
@@ -106,7 +108,7 @@ class KeyReader:
             return None
         signals = self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
         try:
-            return linear(tree, signals)
+            return within(tree, signals)
         except Fault as fault:
             self.fault(path, leaf, fault)
             return None
