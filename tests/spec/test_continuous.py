@@ -66,5 +66,8 @@ def test_what_nothing_reads_is_no_part_of_a_plant():
         "wire": {"a.f": "-3*a.x - 2*a.v", "b.f": "a.x"},
     }
     assert load(tables).drawing.plants == ()
+    sprung = load(tables | {"wire": {"a.f": "-3*a.x - 2*a.v", "b.f": "7*(a.x - b.x)"}}).drawing
+    assert [plant.name for plant in sprung.plants] == ["b"]  # a spring on which it swings for ever, and not less
+    assert [[name for name, _ in terms] for _, terms in sprung.couplings] == [["b.x"]]
     (plant,) = load(tables | {"wire": {"a.f": "-3*a.x + 2*b.v", "b.f": "a.x"}}).drawing.plants
     assert plant.name == "a+b"

@@ -192,7 +192,8 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
         wires[VELOCITY] = away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in wires[POSITION])
     plants = {f"{part.name}.{port}": part.name for part in parts if part.plant for port in part.inputs}
     moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
-    device = moved[0] if len(moved) == 1 and moved[0] in masses else ""
+    alone = {block.name for block in drawing.alone}
+    device = moved[0] if len(moved) == 1 and moved[0] in alone.intersection(masses) else ""
     body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
     outside = (hand,) * bool(hand)
     return replace(own, inputs=outside, hand=hand, device=device, body=body, wall=wall, walled=bool(drawing.wall))

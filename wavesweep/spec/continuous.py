@@ -57,16 +57,20 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
 
 
 def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
-    """Return wires and couplings of which those that act on a plant that nothing reads are wires: nothing shows how they act.
+    """Return wires and couplings, of which what acts on a plant that nothing reads is a wire: nothing shows how it acts.
 
-    seen: signals at the hand's port.
+    What such a plant does to itself stays a coupling. seen: signals at the hand's port.
     """
     read = {signal.partition(".")[0] for signal, _ in seen}
     for port, terms in (*wires, *couplings):
         read |= {signal.partition(".")[0] for signal, _ in terms} - {port.partition(".")[0]}
-    idle = {port: terms for port, terms in couplings if port.partition(".")[0] not in read}
-    wires = tuple((port, _added([*terms, *idle.get(port, ())])) for port, terms in wires)
-    return wires, tuple(each for each in couplings if each[0] not in idle)
+    held, kept = {}, []
+    for port, terms in couplings:
+        own = port.partition(".")[0]
+        inside = tuple(term for term in terms if own in read or term[0].partition(".")[0] == own)
+        held[port] = [term for term in terms if term not in inside]
+        kept += [(port, inside)] if inside else []
+    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(kept)
 
 
 def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
