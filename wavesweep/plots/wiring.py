@@ -95,7 +95,7 @@ def _texts(part: Part) -> list[tuple[str, float, str]]:
     return [
         (name, NAME, "bold"),
         (part.type, SMALL, "normal"),
-        ("continuous" if part.plant else _when(part.every, part.phase), SMALL, "normal"),
+        ("plant" if part.plant else _when(part.every, part.phase), SMALL, "normal"),
     ]
 
 
