@@ -170,6 +170,17 @@ def test_what_drifts_is_the_plant_as_a_whole():
     assert low.admittance_re[0] == pytest.approx(1 / 200 + 1 / 1e4, rel=1e-9)
 
 
+@pytest.mark.parametrize(("damping", "stable"), [(0.5, True), (-0.5, False)])
+def test_a_free_plant_that_no_other_block_reads_has_its_drift_set_aside(damping, stable):
+    blocks = {"a": {"type": "mass", "mass": 1, "damping": damping}, "b": {"type": "mass", "mass": 1}}
+    wires = {"a.f": "k*(b.x - a.x)", "b.f": "k*(a.x - b.x)", "c.f": "a.x", "d.f": "c.x"}  # c and d only watch
+    blocks |= {"c": {"type": "mass", "mass": 1, "damping": 1}, "d": {"type": "mass", "mass": 1, "damping": 1}}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"k": 100.0}, "block": blocks, "wire": wires}
+    (row,) = wavesweep.compile(tables).stable_intervals("k", (1.0, 1e4)).itertuples()
+    assert (row.certified, row.intervals) == (True, int(stable))
+    assert (wavesweep.verdict(tables)["spectral_radius"] < 1) == stable
+
+
 def test_check_says_what_is_continuous_and_what_is_sampled():
     lines = plan(load(joint()))
     for line in (

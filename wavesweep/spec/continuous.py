@@ -59,11 +59,15 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
 def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
     """Return wires and couplings, of which what acts on a plant that nothing reads is a wire: nothing shows how it acts.
 
-    What such a plant does to itself stays a coupling. seen: signals at the hand's port.
+    Nor does a block read it in earnest that nothing reads itself. What such a plant does to itself stays a coupling. seen:
+    signals at the hand's port.
     """
-    read = {signal.partition(".")[0] for signal, _ in seen}
-    for port, terms in (*wires, *couplings):
-        read |= {signal.partition(".")[0] for signal, _ in terms} - {port.partition(".")[0]}
+    read, before = {port.partition(".")[0] for port, _ in wires}, None
+    while read != before:
+        before, read = read, {signal.partition(".")[0] for signal, _ in seen}
+        for port, terms in (*wires, *couplings):
+            own = port.partition(".")[0]
+            read |= {signal.partition(".")[0] for signal, _ in terms} - {own} if own in before else set()
     held, kept = {}, []
     for port, terms in couplings:
         own = port.partition(".")[0]

@@ -110,6 +110,15 @@ class Plant:
         """The signal of the plant for each port of its members."""
         return {name: f"{self.name}.{name.replace('.', PORT)}" for side in self.drawn_ports for name in side}
 
+    @property
+    def acts_on_itself(self) -> bool:
+        """Whether something goes round within it."""
+        feeds = {(name.partition(".")[0], port.partition(".")[0]) for port, terms in self.couplings for name, _ in terms}
+        names, before = {reader for _, reader in feeds}, None
+        while names != before:
+            before, names = names, {source for source, reader in feeds if reader in names}
+        return bool(names)
+
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield a name and the tree for each number in its members' keys and in its couplings."""
         yield from (each for block in self.members for each in block.trees())
