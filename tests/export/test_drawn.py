@@ -86,8 +86,8 @@ def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
 
 def test_the_controller_reads_the_device_and_the_force_that_it_feels():
     files = exported(wavesweep.load(tomllib.loads(ARM)))
-    assert files["vectors.csv"].split("\n", 1)[0] == "tick,hand_x,hand_v,arm_x,push,hand_f,arm_f"
-    assert "The device is the host's: hand, arm." in files["controller.h"]
+    assert files["vectors.csv"].split("\n", 1)[0] == "tick,hand_v,arm_x,push,arm_f"
+    assert "The device is the host's: hand+arm." in files["controller.h"]
 
 
 def test_a_loop_without_a_controller_is_refused():
@@ -101,8 +101,8 @@ def test_a_loop_without_a_controller_is_refused():
 def test_a_device_that_responds_within_the_tick_is_refused():
     tables = tomllib.loads(ARM)
     tables["block"]["lead"] = {"type": "tf", "num": [1.0, 1.0], "den": [1.0, 100.0]}
-    tables["wire"] |= {"lead.u": "arm.v", "arm.f": "-40*arm.x - lead.y - 0.5*sum.y"}
-    with pytest.raises(UsageError, match=r"found block\.lead with direct terms"):
+    tables["wire"] |= {"lead.u": "0.5*sum.y", "arm.f": "30*(hand.x - arm.x) - 40*arm.x - lead.y", "sum.u": "arm.x - lead.y"}
+    with pytest.raises(UsageError, match=r"found block\.hand\+arm\+lead with direct terms"):
         exported(wavesweep.load(tables))
 
 

@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from support.drawn import ARM, JOINT, NETWORK, WALL, as_blocks, random_network, random_tables
+from support.plants import joint
 from support.specs import KINDS, nested
 
 import wavesweep
@@ -33,6 +34,7 @@ SPECS = {
     **{f"random-{seed}": lambda seed=seed: load(random_tables(seed)) for seed in range(8)},
     **{f"twenty-{seed}": lambda seed=seed: load(random_network(seed)) for seed in range(12)},
     **{f"chain-{seed}": lambda seed=seed: load(random_network(seed, chain=True)) for seed in (*range(6), 1109)},
+    "joint": lambda: load(joint()),
     "sixty": lambda: load(random_network(1, 60)),
 }
 
@@ -104,7 +106,7 @@ def on(line, x, y):
 
 @pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["A", "W", "J", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
+@pytest.mark.parametrize("name", ["A", "W", "J", "joint", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
 def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):
     spec = SPECS[name]()
     _, routes = routed(spec)
@@ -137,6 +139,17 @@ def test_the_wiring_has_gains_signs_rates_and_phases():
     assert parts["arm"].inputs == (("f", (("net.y", "-kp"), ("arm.v", "-kd + c"), ("hand", "1"))),)
     assert (parts["net"].type, parts["net"].every, parts["net"].phase) == ("delay", 20, 10)
     assert (loop.ticks, loop.tick_s) == (20, 1e-4)
+
+
+def test_a_plant_of_several_blocks_shows_what_is_continuous_and_what_is_held():
+    spec = load(joint())
+    parts = {part.name: part for part in wired(spec).parts}
+    held = (("motor.x", "held -kp"), ("motor.v", "held -kd"))
+    assert parts["motor"].inputs == (("f", (*held, ("link.x", "ks"), ("motor.x", "-ks"))),)
+    assert parts["link"].inputs == (("f", (("push", "1"), ("motor.x", "ks"), ("link.x", "-ks"))),)
+    said = [text.get_text() for text in plots.diagram(spec).axes[0].texts]
+    assert said.count("plant") == 2
+    assert "held \N{MINUS SIGN}kp" in said
 
 
 def test_a_controller_shows_its_blocks_its_wall_and_its_numbers():

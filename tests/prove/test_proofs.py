@@ -8,6 +8,7 @@ import pytest
 from stress.drawings import SPANS
 from support.certified import Witness
 from support.drawn import ARM, CORNER, JOINT, NETWORK, PD, WALL, as_blocks, random_feedback, random_tables
+from support.plants import bodies
 from support.specs import random_values
 
 import wavesweep
@@ -41,6 +42,28 @@ def test_limits_that_are_known_in_closed_form(prove, text, number, span, limit):
     assert (low, low_omega) == (0.0, 0.0)
     assert close(high, limit)
     assert proof.bits <= 256
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_plants_of_several_blocks(prove, seed):
+    """Bodies with springs between them, as products, multiplied out and as blocks, beside one state-space model."""
+    found, expected = (prove(tables, "kp", (0.1, 2e4)).intervals for tables in bodies(seed)[:2])
+    assert close(np.ravel(found), np.ravel(expected))
+
+
+def test_direct_terms_within_a_plant(prove):
+    ring = {"a": {"type": "tf", "num": [1, 5], "den": [1, 3]}, "b": {"type": "tf", "num": [1, 1], "den": [1, 2]}}
+    wires = {"a.u": "-g*b.y + h.y", "b.u": "a.y", "h.u": "-k*b.y"}
+    tables = {
+        "rates": {"tick_hz": 10},
+        "numbers": {"g": 0.5, "k": 1.0},
+        "block": ring | {"h": {"type": "delay"}},
+        "wire": wires,
+    }
+    ((low, high, *_),) = prove(tables, "k", (0.0, 100.0)).intervals
+    (row,) = wavesweep.compile(tables).stable_intervals("k", (0.0, 100.0)).itertuples()
+    assert row.certified
+    assert close((low, high), (row.low, row.high))
 
 
 @pytest.mark.parametrize("n", [1, 3, 12])

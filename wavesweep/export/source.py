@@ -23,6 +23,7 @@ from wavesweep.simulation.march import March, Results, refuse, results_of
 from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
+from wavesweep.spec.drawing import PORT
 from wavesweep.sweep.experiment import refuse_what_has_no_hand
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
@@ -154,9 +155,11 @@ def _refuse(loop: Loop, plants: Sequence[Part]) -> None:
     """Raise UsageError if the loop is not a device, whose outputs are states, and a controller."""
     if not plants or (len(plants) == len(loop.parts) and not loop.wall):
         found = "nothing else" if plants else "none"
-        raise UsageError(f"export: expected a device (blocks of type mass, ss or tf) and further blocks, found {found}")
+        raise UsageError(f"export: expected a device (continuous blocks, as a mass) and further blocks, found {found}")
+    read = {name for terms in loop.wires.values() for _, name in terms}
     for part in plants:
-        if any(factor and name in part.inputs for port in part.outputs for factor, name in part.law.gives[port]):
+        shown = [port for port in part.outputs if f"{part.name}.{port}" in read]
+        if any(factor and name in part.inputs for port in shown for factor, name in part.law.gives[port]):
             found = f"block.{part.name} with direct terms"
             raise UsageError(f"export: expected a device whose outputs follow its inputs a tick later, found {found}")
 
@@ -345,7 +348,8 @@ def _host(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
 
 
 def _port(name: str) -> str:
-    return name.removesuffix(" besides")
+    """The name of a port as it is drawn."""
+    return (name.rpartition(".")[2].replace(PORT, ".") if PORT in name else name).removesuffix(" besides")
 
 
 def _listed(numbers: Sequence[int]) -> str:

@@ -49,6 +49,7 @@ class Block:
     at_rest: arrays in place of E, B, C and D that say the same of signals that do not change, without rounding and whatever the
     units of the states; None if these have none but that of their own numbers.
     labels: a readable name per state for messages; by default the block's name and the state's.
+    ring: whether it is a loop of several blocks in itself, and not only a part of one.
     Errors: ValueError if an array or the labels do not fit the names.
     """
 
@@ -65,6 +66,7 @@ class Block:
     terms: tuple | None = None
     at_rest: tuple | None = None
     labels: tuple[str, ...] = ()
+    ring: bool = False
 
     def __post_init__(self):
         """Check the shapes once and make the arrays read-only."""

@@ -12,6 +12,7 @@ from wavesweep.loops.device import impulse_and_step, motion
 from wavesweep.loops.filters import butterworth as sections
 from wavesweep.loops.wave import avatar as cut_avatar
 from wavesweep.loops.wave import local_model as closed_model
+from wavesweep.spec.block_types import BODIES
 from wavesweep.spec.keys import AHEAD
 from wavesweep.spec.words import DELTA
 
@@ -27,6 +28,22 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
     at_rest = matrix([[-numbers(damping), -numbers(stiffness)], [1.0, 0.0]]), matrix([[1.0], [0.0]]), block.C, block.D
     return replace(block, terms=sizes, at_rest=at_rest, labels=(f"{name} velocity", f"{name} position"))
+
+
+def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
+    """A `mass` that turns: `f` (N*m) -> `x` (rad), `v` (rad/s)."""
+    return mass(name, period, inertia, damping, stiffness)
+
+
+def spring(name, period, k, d=0.0) -> Block:
+    """`f1 = k (x2 - x1) + d (v2 - v1)` on one end, `f2 = -f1` on the other."""
+    del period
+    return _static(name, ("x1", "v1", "x2", "v2"), ("f1", "f2"), _of_spring(k, d))
+
+
+def _of_spring(k, d):
+    k, d = numbers(k), numbers(d)
+    return [[-k, -d, k, d], [k, d, -k, -d]]
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
@@ -55,8 +72,8 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
         return _tf_in_delta_form(name, num, den)
     if discrete:
         return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
-    n, (A, B, C, D) = len(den) - 1, _controllable([numbers(each) for each in num], [numbers(each) for each in den])
-    block = ss(name, period, A if n else [], B if n else [], C, D, ("u",), ("y",))
+    n, rows = len(den) - 1, _of_tf(num, den)
+    block = ss(name, period, **rows)
     return replace(block, at_rest=(*block.at_rest[:2], _matrix([_over(num, den)[1:]], (1, n)), 0 * block.D)) if n else block
 
 
@@ -68,6 +85,12 @@ def _tf_in_delta_form(name, num, den):
     of_C = [[abs(b) + abs(a / den[0] * own[0]) for a, b in zip(den[1:], own[1:], strict=True)]]
     terms = np.abs(block.E), np.abs(block.B), matrix(of_C), np.abs(block.D)
     return replace(block, terms=terms, at_rest=(block.E, block.B, matrix([own[1:]]), 0 * block.D))
+
+
+def _of_tf(num, den):
+    """The keys of a continuous `ss` that is this transfer function."""
+    A, B, C, D = _controllable([numbers(each) for each in num], [numbers(each) for each in den])
+    return {"A": A, "B": B if A else [], "C": C, "D": D, "inputs": ("u",), "outputs": ("y",)}
 
 
 def _over(num, den):
@@ -218,27 +241,41 @@ def local_model(name, period, b, K, B, integration="implicit") -> Block:
     return replace(block, at_rest=closed.at_rest, labels=(f"{name} model position",))
 
 
-def held(A, B, period):
+def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
+    """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
+    if kind in BODIES:
+        m = numbers(keys[BODIES[kind]])
+        d, k = (numbers(keys[name]) / m for name in ("damping", "stiffness"))
+        rows = [[-d, -k], [1.0, 0.0]], [[1 / m], [0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0], [0.0]]
+        return ("v", "x"), tuple(map(matrix, rows))
+    if kind == "spring":
+        return (), (np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((2, 0)), matrix(_of_spring(**keys)))
+    keys = _of_tf(keys["num"], keys["den"]) if kind == "tf" else keys
+    n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])
+    shapes = (n, n), (n, m), (p, n), (p, m)
+    rows = (keys[name] for name in "ABCD")
+    return tuple(f"x{i}" for i in range(n)), tuple(_matrix(*each) for each in zip(rows, shapes, strict=True))
+
+
+def held(A, B, period, sizes=None):
     """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in delta form.
 
-    A `(..., n, n)`, B `(..., n, m)`. If there is something to double, two more arrays are their changes by a rounding of each
-    term of all sums, in roundings; without, they are known to a few roundings of themselves. Accuracy: some roundings of
+    A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B are. If they are given, or if
+    there is something to double, two more arrays are the changes of the results by a rounding of each term of all sums, in
+    roundings; otherwise they are known to a few roundings of themselves. Accuracy: some roundings of
     each entry for matrices that are not far from normal, unless they turn by much in a period.
     """
     T = numbers(period)[..., None, None]
     A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
-    size = np.abs(A).sum(-1).max(-1, initial=0.0)
+    size = (np.abs(A) if sizes is None else sizes[0] * np.abs(T)).sum(-1).max(-1, initial=0.0)
     with np.errstate(divide="ignore"):
         halvings = np.maximum(0, np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))).astype(int)
     step = 0.5 ** halvings[..., None, None]
-    E, G, power, force = 0.0, 0.0, A * step, B * step
-    for term in range(1, TERMS):
-        E, G = E + power, G + force
-        force = power @ (B * step) / (term + 1)
-        power = power @ (A * step) / (term + 1)
-    if not halvings.any():
+    E, G = _series(A * step, B * step)
+    if sizes is None and not halvings.any():
         return E, G
-    of_E, of_G, eye = np.abs(E), np.abs(G), np.eye(E.shape[-1])
+    of_E, of_G = (np.abs(E), np.abs(G)) if sizes is None else _series(*(size * np.abs(T) * step for size in sizes))
+    eye = np.eye(E.shape[-1])
     with np.errstate(over="ignore", invalid="ignore"):
         for turn in range(int(halvings.max())):
             more, size, one = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
@@ -247,6 +284,16 @@ def held(A, B, period):
             of_E = np.where(more, of_E @ one + one @ of_E + 2 * size + size @ size, of_E)
             E, G = np.where(more, 2 * E + E @ E, E), np.where(more, 2 * G + E @ G, G)
     return E, G, of_E, of_G
+
+
+def _series(A, B):
+    """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
+    E, G, power, force = 0.0, 0.0, A, B
+    for term in range(1, TERMS):
+        E, G = E + power, G + force
+        force = power @ B / (term + 1)
+        power = power @ A / (term + 1)
+    return E, G
 
 
 def _matrix(rows, shape):

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import values_of
-from wavesweep.spec.block_types import BELOW_HALF
+from wavesweep.spec.block_types import BELOW_HALF, BODIES
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
@@ -179,7 +179,7 @@ def _guards(drawing):
     yield RATE, drawing.tick_hz, None
     for block in drawing.blocks:
         keys = dict(block.keys)
-        for name in ("mass", "b", "cutoff_hz", "frequency_hz", "zero_hz", "pole_hz", "q", "a"):
+        for name in (*BODIES.values(), "b", "cutoff_hz", "frequency_hz", "zero_hz", "pole_hz", "q", "a"):
             if name in keys:
                 yield f"block.{block.name}.{name}", keys[name], None
         for name in BELOW_HALF.get(block.type, ()):

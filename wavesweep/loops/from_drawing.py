@@ -12,6 +12,7 @@ from wavesweep.loops import blocks
 from wavesweep.loops.block import numbers
 from wavesweep.loops.integrator_modes import equations_of
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.loops.plant import plant_of
 from wavesweep.loops.values import rest_of, values_of
 from wavesweep.spec.block_types import BELOW_HALF, TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, decides, name_of, scalars
@@ -36,7 +37,8 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     with np.errstate(all="ignore"):
         rate = values_of(drawing.tick_hz, known)
         tick = 1 / numbers(rate)
-        placed = tuple(_placed(block, known, tick) for block in drawing.blocks)
+        placed = tuple(_placed(block, known, tick) for block in drawing.alone)
+        placed += tuple(_plant(plant, known, tick) for plant in drawing.plants)
         sums = {port: _gains(terms, known) for port, terms in drawing.wires}
         if out:
             placed = _take_out(drawing, placed, sums, known, out)
@@ -47,14 +49,34 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
         for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
             if terms is not None:
                 sums[signal] = _gains(terms, known)
-    return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
+    return MultirateLoop(tick, placed, _of_plants(sums, drawing.inside), (*inputs, PRODUCT) if out else inputs, rate=rate)
 
 
-def gains(drawing: Drawing, values: Mapping[str, object]) -> dict[str, dict[str, object]]:
-    """Return the gain of each signal in the wire of each port; values: as for `assembled`."""
-    known = _known(values)
+def _plant(plant, known, tick):
+    """A plant of several blocks, with its numbers."""
+    gains = {port: _gains(terms, known) for port, terms in plant.couplings}
+    return ScheduledBlock(plant_of(plant, {block.name: _keys(block, known) for block in plant.members}, gains, tick))
+
+
+def _of_plants(sums, inside):
+    """Junctions with the names that the ports of blocks have in plants of several."""
+    if not inside:
+        return sums
+    return {inside.get(port, port): {inside.get(name, name): gain for name, gain in sums[port].items()} for port in sums}
+
+
+def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> frozenset[tuple[str, str]]:
+    """Return ports and signals through which nothing acts: of terms that are 0 in every loop and do not read a number.
+
+    values: as for `assembled`.
+    """
+    known, acting, still = _known(values), set(), set()
     with np.errstate(all="ignore"):
-        return {port: _gains(terms, known) for port, terms in drawing.wires}
+        for port, terms in (*drawing.wires, *drawing.couplings):
+            for signal, gain in terms:
+                acts = number in dict(names_in(gain)) or np.any(values_of(gain, known))
+                (acting if acts else still).add((port, signal))
+    return frozenset(still - acting)
 
 
 def rate_of(drawing: Drawing, values: Mapping[str, object]):
@@ -91,16 +113,13 @@ def _placed_alone(block, read, tick):
 
 def _with_numbers(block, known, tick):
     every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
-    kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
-    keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
+    keys = _keys(block, known)
     period = every * tick if not block.phases else every * tick / len(block.phases)
     if block.type in FORMULAS:  # whose sums do not cancel, if those of its keys do not
         of_names = block.core(ONE, named=True)
         block = block.core(ONE)
         keys = {name: [evaluate(tree, {**keys, "T": period}, np) for tree in each] for name, each in of_names.keys[:2]}
         keys["discrete"] = of_names.keys[2][1]
-    if block.type == "ss" and not keys["D"]:
-        keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
     if keys.get("discrete") is True:
         trees = dict(block.keys)
         if block.type == "tf":
@@ -108,6 +127,15 @@ def _with_numbers(block, known, tick):
         else:
             keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
     return ScheduledBlock(getattr(blocks, block.type)(block.name, period, **keys), every, block.phases or phase)
+
+
+def _keys(block, known):
+    """The keys of a block with their values."""
+    kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
+    keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
+    if block.type == "ss" and not keys["D"]:
+        keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
+    return keys
 
 
 def _rests(trees, values, known):
@@ -177,8 +205,8 @@ def _parts(gain, known, out):
 
 @lru_cache(maxsize=256)  # a compiled loop is asked again and again
 def scalar_place(drawing: Drawing, number: str) -> str:
-    """The path of the only wire, of the factor of the only gain, or of the output of the only word of firmware that reads a
-    number, if it is linear in it; else empty.
+    """The path of the only wire that is not within a plant, of the factor of the only gain, or of the output of the only word
+    of firmware that reads a number, if it is linear in it; else empty.
 
     The hand's port may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
@@ -189,7 +217,7 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     readers = {
         f"{path.rpartition('.')[0]}.y" if path.rpartition(".")[0] in words and not decides(path) else path for path in paths
     }
-    if len(readers) != 1:
+    if len(readers) != 1 or any(name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)):
         return ""
     path = readers.pop()
     is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
@@ -197,6 +225,11 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     if word := words.get(path.removesuffix(".y")):
         is_gain, trees = not any(number == name for tree in word["den"] for name, _ in names_in(tree)), word["num"]
     return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
+
+
+def _inside(drawing):
+    """Signals and gains of the terms that act within a plant."""
+    return (term for _, terms in drawing.couplings for term in terms)
 
 
 @lru_cache(maxsize=256)

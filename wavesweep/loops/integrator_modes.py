@@ -12,12 +12,13 @@ import operator
 from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
 from math import isqrt, sqrt
+from types import SimpleNamespace
 
 import numpy as np
 
 from wavesweep.loops.block import Block
 from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.drawing import PORT, Drawing, scalars
 from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
 from wavesweep.spec.words import DELTA
 
@@ -275,29 +276,42 @@ class _Equations:
     """
 
     def __init__(self, drawing, values, varied, out, numbers):
-        self.types = {block.name: block for block in drawing.cores}
-        self.wires, self.varied, self.numbers = dict(drawing.wires), varied, numbers
+        self.types, self.numbers, self.varied = {block.name: block for block in drawing.cores}, numbers, varied
+        self.plants, inside = {plant.name: plant for plant in drawing.plants}, drawing.inside
+        self.wires = {}  # at rest it is all one whether a wire is held
+        for port, terms in (*drawing.wires, *drawing.couplings):
+            self.wires.setdefault(inside.get(port, port), []).extend((inside.get(name, name), gain) for name, gain in terms)
         self.known = {name: value for name, value in scalars(values).items() if isinstance(value, (int, float))}
         self.known |= {out: 0.0} if out else {}
 
     def of(self, blocks):
         rows, outputs, states, one = [], {}, {}, self.numbers.one
-        for block in blocks:
-            own, shown, follow = getattr(self, f"_{self.types[block.name].type}")(self.types[block.name], block)
+        for start, drawn, own_states in (each for block in blocks for each in self._members(block)):
+            own, shown, follow = getattr(self, f"_{drawn.type}")(drawn, own_states)
 
-            def named(row, name=block.name):
-                found = ((f"{name}.{each}", value * one if isinstance(value, int) else value) for each, value in row.items())
+            def named(row, start=start):
+                found = ((start + each, value * one if isinstance(value, int) else value) for each, value in row.items())
                 return {each: value for each, value in found if value}
 
             rows += map(named, own)
-            outputs |= {f"{block.name}.{port}": named(row) for port, row in shown.items()}
-            states |= {f"{block.name}.{state}": named(follow.get(state, {state: 1})) for state in block.states}
+            outputs |= {start + port: named(row) for port, row in shown.items()}
+            states |= {start + state: named(follow.get(state, {state: 1})) for state in own_states.states}
         ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
         wires = {
             port: [(signal, self._value(gain)) for signal, gain in self.wires.get(port, ()) if signal in outputs]
             for port in ports
         }
         return self.numbers, rows + _connected(self.numbers, wires, outputs), outputs, states
+
+    def _members(self, block):
+        """Yield what the names of a block's ports and states begin with, the block as drawn, and one with its states."""
+        if block.name not in self.plants:
+            yield f"{block.name}.", self.types[block.name], block
+            return
+        for member in self.plants[block.name].members:
+            start = f"{member.name}{PORT}"
+            own = [state.removeprefix(start) for state in block.states if state.startswith(start)]
+            yield self.plants[block.name].start(member.name), member, SimpleNamespace(states=own)
 
     def _value(self, tree: Tree):
         operation, *parts, _ = tree
@@ -340,6 +354,13 @@ class _Equations:
 
     def _mass(self, block, _):
         return [{"v": 1}, {"f": 1, "x": -self._key(block, "stiffness")}], {"x": {"x": 1}, "v": {"v": 1}}, {}
+
+    _inertia = _mass
+
+    def _spring(self, block, _):
+        k, d = (self._key(block, name) for name in "kd")
+        rows = {"x1": -k, "v1": -d, "x2": k, "v2": d}, {"x1": k, "v1": d, "x2": -k, "v2": -d}
+        return [], dict(zip(("f1", "f2"), rows, strict=True)), {}
 
     def _ss(self, block, own):
         keys = dict(block.keys)

@@ -119,12 +119,15 @@ class MultirateLoop:
         return found
 
     def living(self, watched=()) -> "MultirateLoop":
-        """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`."""
+        """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.
+
+        A block that is a loop in itself remains.
+        """
         placed = list(self.placed)
         while True:
             ports = (f"{each.block.name}.{port}" for each in placed for port in each.block.inputs)
             read = {source.rpartition(".")[0] for signal in (*ports, *watched) for source in self.sources(signal)}
-            kept = [each for each in placed if each.block.name in read]
+            kept = [each for each in placed if each.block.name in read or each.block.ring]
             if len(kept) == len(placed):
                 return self if len(kept) == len(self.placed) else replace(self, placed=tuple(kept))
             placed = kept

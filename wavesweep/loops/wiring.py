@@ -7,6 +7,7 @@ from math import lcm
 from wavesweep.spec.drawing import Drawing, scalars
 from wavesweep.spec.expressions import ONE, evaluate, text_of
 
+HELD = "held "  # begins the gain of a term that is held, though it reads a plant
 Terms = tuple[tuple[str, str], ...]
 """Signals and their gains as texts; a gain of one is "1"."""
 
@@ -17,7 +18,7 @@ class Part:
 
     kind: "block" or "port". type: of a block, in words. inputs: name of each port and its terms. outputs: name of each port
     that something reads, and its signal. It runs at the ticks `phase`, `phase + every`, and so on, on average if it has several
-    phases; `every` is 0 for ports.
+    phases; `every` is 0 for ports. plant: whether it is continuous.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Part:
     type: str = ""
     every: float = 0
     phase: int = 0
+    plant: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +41,20 @@ class Wiring:
 
 
 def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
-    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers."""
-    known, wires, ticks = scalars(values), {port: _texts(terms) for port, terms in drawing.wires}, []
-    parts = []
+    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers.
+
+    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant.
+    """
+    known, parts, ticks = scalars(values), [], []
+    plants, members = (
+        {block.name for block in drawing.blocks if block.plant},
+        {name.rpartition(".")[0] for name in drawing.inside},
+    )
+    wires = {port: _texts(terms) for port, terms in drawing.wires}
+    for port in (port for port in wires if port.rpartition(".")[0] in members):
+        wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])
+    for port, terms in drawing.couplings:
+        wires[port] += _texts(terms)
     for block in drawing.blocks:
         every, phase = (int(evaluate(tree, known)) for tree in (block.every, block.phase))
         inputs, outputs = block.ports
@@ -55,6 +68,7 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
                 block.type.replace("_", " "),
                 every / len(block.phases or (phase,)),
                 phase,
+                block.plant,
             )
         )
     if drawing.hand:

@@ -5,9 +5,9 @@ from functools import reduce
 
 import numpy as np
 
+from wavesweep.loops.algebraic import WORST_CONDITION
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.batches import in_parts
-from wavesweep.monodromy.interconnect import WORST_CONDITION
 from wavesweep.monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then, ticks_of
 
 MOST_READINGS = 8  # of the number in a frame, up to which it is closed there

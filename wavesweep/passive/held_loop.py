@@ -78,12 +78,15 @@ _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are
 
 @lru_cache(maxsize=256)
 def device_of(drawing: Drawing) -> str | None:
-    """Return the mass that the hand's force acts on, and nothing else, and whose position is the displacement of the hand."""
+    """Return the mass that the hand's force acts on, and nothing else, and whose position is the displacement of the hand.
+
+    It is a plant of its own.
+    """
     if drawing.hand is None:
         return None
     force, displacement, _ = drawing.hand
     pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]
-    masses = {f"{block.name}.f": block.name for block in drawing.blocks if block.type == "mass"}
+    masses = {f"{block.name}.f": block.name for block in drawing.alone if block.type == "mass"}
     if len(pushed) != 1 or pushed[0][0] not in masses or not _is_one(pushed[0][1]):
         return None
     name = masses[pushed[0][0]]

@@ -92,7 +92,11 @@ def _texts(part: Part) -> list[tuple[str, float, str]]:
     name = part.name
     if part.kind != "block":
         return [(name, SMALL, "normal")]
-    return [(name, NAME, "bold"), (part.type, SMALL, "normal"), (_when(part.every, part.phase), SMALL, "normal")]
+    return [
+        (name, NAME, "bold"),
+        (part.type, SMALL, "normal"),
+        ("plant" if part.plant else _when(part.every, part.phase), SMALL, "normal"),
+    ]
 
 
 def _box(part: Part) -> Box:

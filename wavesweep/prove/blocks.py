@@ -22,12 +22,9 @@ Matrices = tuple[Rows, Rows, Rows, Rows]
 def matrices(kind: str, T: Any, keys: dict[str, Any]) -> Matrices:  # noqa: C901, PLR0911 - a table of the blocks
     """A, B, C and D of a block of a type; T: its period (s), an arb or an acb, as are the numbers among its keys."""
     match kind:
-        case "mass":
-            m, d, k = (keys[name] for name in ("mass", "damping", "stiffness"))
-            return *_held([[-d / m, -k / m], [1, 0]], [[1 / m], [0]], T), [[0, 1], [1, 0]], [[0], [0]]
-        case "ss" | "tf":
-            A, B, C, D = _state_space(**keys) if kind == "ss" else _transfer_function(**keys)
-            return (A, B, C, D) if keys["discrete"] or not A else (*_held(A, B, T), C, D)
+        case "mass" | "inertia" | "spring" | "ss" | "tf":
+            A, B, C, D = continuous(kind, keys)
+            return (A, B, C, D) if keys.get("discrete") or not A else (*held(A, B, T), C, D)
         case "gain":
             return _static([[keys["k"]]])
         case "hold":
@@ -61,6 +58,18 @@ def matrices(kind: str, T: Any, keys: dict[str, Any]) -> Matrices:  # noqa: C901
     raise KeyError(kind)
 
 
+def continuous(kind: str, keys: dict[str, Any]) -> Matrices:
+    """A, B, C and D of a continuous block, `x' = A x + B u`; of a discrete one they are those of a run."""
+    match kind:
+        case "spring":
+            k, d = keys["k"], keys["d"]
+            return _static([[-k, -d, k, d], [k, d, -k, -d]])
+        case "ss" | "tf":
+            return _state_space(**keys) if kind == "ss" else _transfer_function(**keys)
+    m, d, k = (keys[name] for name in (kind, "damping", "stiffness"))
+    return [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]]
+
+
 def _static(D):
     return [], [], [[] for _ in D], D
 
@@ -69,7 +78,7 @@ def _root(value):
     return value.sqrt() if isinstance(value, arb) else value.sqrt(analytic=True)
 
 
-def _held(A, B, T):
+def held(A, B, T):
     """A and B of a continuous block whose inputs are held over the period."""
     n, m = len(A), len(B[0])
     rows = [[type(T)(entry) * T for entry in (*a, *b)] for a, b in zip(A, B, strict=True)]

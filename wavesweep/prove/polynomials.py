@@ -19,6 +19,7 @@ from flint import acb, arb, arb_mat, arb_poly, ctx
 from scipy.sparse.csgraph import connected_components
 
 from wavesweep.prove.ticks import Loop, UndecidedError, reads
+from wavesweep.spec.drawing import Plant
 from wavesweep.spec.expressions import Tree, degree, evaluate, is_constant
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
@@ -158,11 +159,11 @@ def _degree(loop: Loop) -> float:
     number, total, of_blocks = loop.number, 0, []
     wires = {port: max((degree(gain, number) for _, gain in terms), default=0) for port, terms in loop.wires.items()}
     for block in loop.blocks:
-        keys = dict(block.keys)
+        kind, keys = ("", {}) if isinstance(block, Plant) else (block.type, dict(block.keys))
         own = sum(wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
-        if block.type == "gain":
+        if kind == "gain":
             own += degree(keys["k"], number)
-        elif block.type == "ss" and keys["discrete"]:
+        elif kind == "ss" and keys["discrete"]:
             rows = (row for name in "ABCD" for row in keys[name])  # rows side by side have the larger degree of both
             own += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
         elif block.type == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
-from wavesweep.prove.blocks import matrices
+from wavesweep.prove.blocks import continuous, held, matrices
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import Drawing, DrawnBlock, scalars
+from wavesweep.spec.drawing import Drawing, DrawnBlock, Plant, scalars
 from wavesweep.spec.exact import constants_of, named
 from wavesweep.spec.expressions import FUNCTIONS, Tree, evaluate, names_in, value_of
 
@@ -41,7 +41,8 @@ class Loop:
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
-        self.drawing, self.blocks, self.number, self._kept = drawing, drawing.cores, number, {}
+        self.drawing, self.number, self._kept = drawing, number, {}
+        self.blocks = [*(block.core(drawing.tick_hz) for block in drawing.alone), *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
         every = [int(value_of(block.every, self.values)) for block in self.blocks]
         phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
@@ -53,7 +54,10 @@ class Loop:
             for side in (0, 1)
         )
         self.at = {signal: j for j, (_, signal) in enumerate(self.outputs)}
-        self.wires = {port: [(s, gain) for s, gain in terms if s in self.at] for port, terms in drawing.wires}
+        self.wires = {}
+        for port, terms in drawing.wires:
+            named = ((drawing.inside.get(signal, signal), gain) for signal, gain in terms)
+            self.wires[drawing.inside.get(port, port)] = [(signal, gain) for signal, gain in named if signal in self.at]
         read = {self.at[signal] for terms in self.wires.values() for signal, _ in terms}
         self.held = [j for j, (i, _) in enumerate(self.outputs) if every[i] > 1 and j in read]
 
@@ -110,13 +114,38 @@ class Loop:
             rows.append(own if i in running else form((), k))
         return matrix(rows + [outputs[j] if runs[j] else form((), at) for j, at in places.items()]), pivot
 
-    def _block(self, i: int, block: DrawnBlock, number: Any) -> Any:
+    def _block(self, i: int, block: DrawnBlock | Plant, number: Any) -> Any:
         def made():
-            types = TYPES[block.type].keys
-            keys = {name: self._key(types[name].type, value, number) for name, value in block.keys}
-            return matrices(block.type, self.every[i] / len(self.phases[i]) / self.rate(number), keys)
+            period = self.every[i] / len(self.phases[i]) / self.rate(number)
+            if isinstance(block, Plant):
+                return self._plant(block, period, number)
+            return matrices(block.type, period, self._keys(block, number))
 
         return self._once(("block", i), (self.drawing.tick_hz, *(tree for _, tree in block.trees())), number, made)
+
+    def _plant(self, plant, T, number):
+        """A plant of several blocks: `x' = A x + B u`, `y = C x + D u`, `u = K y + e` with e held over the period."""
+        parts = [continuous(block.type, self._keys(block, number)) for block in plant.members]
+        orders, ports = [len(A) for A, *_ in parts], [len(block.ports[0]) for block in plant.members]
+        A, B, C, D = (_diagonal([part[k] for part in parts], (orders, ports)[k % 2]) for k in range(4))
+        rates, shown = ([[*x, *u] for x, u in zip(*each, strict=True)] for each in ((A, B), (C, D)))
+        (inputs, outputs), n, m = plant.drawn_ports, sum(orders), sum(ports)
+        K = [[0] * len(outputs) for _ in inputs]
+        for port, terms in plant.couplings:
+            for signal, gain in terms:
+                K[inputs.index(port)][outputs.index(signal)] = self._value(gain, number)
+        of = arb_mat if isinstance(number, arb) else acb_mat
+        back = (of(K) * of(shown)).tolist()
+        unit = [[int(i == j) for j in range(n + m)] for i in range(n + m)]
+        right = of([[*row[:n], *unit[n + i][n:]] for i, row in enumerate(back)])
+        inside, _ = _closed(of([row[n:] for row in back]), right)
+        rows = (of(rates + shown) * of(unit[:n] + inside.tolist())).tolist()
+        A, B, C, D = ([row[part] for row in some] for some in (rows[:n], rows[n:]) for part in (slice(n), slice(n, None)))
+        return *(held(A, B, T) if n else (A, B)), C, D
+
+    def _keys(self, block, number):
+        types = TYPES[block.type].keys
+        return {name: self._key(types[name].type, value, number) for name, value in block.keys}
 
     def _key(self, kind, value, number):
         if kind == "number":

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.simulation.body import exponential_minus_one, zero_order_hold
+from wavesweep.spec.block_types import BODIES
 
 Sum = tuple[tuple[float, str], ...]
 """A sum of products: the factor and the name of each term."""
@@ -42,6 +43,18 @@ def mass(period: float, mass: float, damping: float, stiffness: float) -> Law:
     return Law(places, moved | {"velocity": ((d, "position"), (e, "velocity"), (g, "f"), (1.0, "velocity"))})
 
 
+def inertia(period: float, inertia: float, damping: float, stiffness: float) -> Law:
+    """A mass that turns."""
+    return mass(period, inertia, damping, stiffness)
+
+
+def spring(period: float, k: float, d: float) -> Law:
+    """A spring and a damper between two ends, which they pull towards each other."""
+    del period
+    pull = ((k, "x2"), (-k, "x1"), (d, "v2"), (-d, "v1"))
+    return Law({"f1": pull, "f2": tuple((-each, name) for each, name in pull)})
+
+
 def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str], *, discrete: bool) -> Law:
     """State-space model, rows of numbers; the inputs of a continuous one are held over the period: exact."""
     n, names = len(A), [*(f"state {i}" for i in range(len(A))), *inputs]
@@ -55,6 +68,52 @@ def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str],
     return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)}, keeps)
 
 
+def continuous(period: float, members, gains: Mapping[tuple[str, str], float], inputs, outputs) -> Law:
+    """Blocks whose inputs are sums of their outputs at every instant, and of inputs from outside that are held: exact.
+
+    members: name, type, keys, input and output ports of each. gains: of a port and an output. inputs, outputs: port -> its name
+    in the law.
+    """
+    rates, order, ports, shown = [], 0, {}, {}
+    for name, kind, keys, into, out in members:
+        A, B, C, D = _matrices(kind, keys, len(into), len(out))
+        rates.append((A, B, C, D, order, len(ports), len(shown)))
+        order += len(A)
+        ports |= {f"{name}.{port}": len(ports) + i for i, port in enumerate(into)}
+        shown |= {f"{name}.{port}": len(shown) + i for i, port in enumerate(out)}
+    A, B, C, D = (
+        np.zeros(shape) for shape in ((order,) * 2, (order, len(ports)), (len(shown), order), (len(shown), len(ports)))
+    )
+    for a, b, c, d, x, u, y in rates:
+        at = slice(x, x + len(a)), slice(u, u + d.shape[1]), slice(y, y + d.shape[0])
+        A[at[0], at[0]], B[at[0], at[1]], C[at[2], at[0]], D[at[2], at[1]] = a, b, c, d
+    K = np.zeros((len(ports), len(shown)))
+    for (port, name), gain in gains.items():
+        K[ports[port], shown[name]] = gain
+    through = np.linalg.solve(np.eye(len(shown)) - D @ K, np.hstack([C, D]))  # all outputs of states and inputs from outside
+    moved = np.hstack([A, B]) + B @ K @ through
+    into, out = [ports[name] for name in inputs], [shown[name] for name in outputs]
+    parts = moved[:, :order], moved[:, order:][:, into], through[out, :order], through[out, order:][:, into]
+    return ss(period, *(part.tolist() for part in parts), [*inputs.values()], [*outputs.values()], discrete=False)
+
+
+def _matrices(kind, keys, inputs, outputs):
+    """A, B, C and D of a continuous block with so many ports."""
+    if kind in BODIES:
+        m, d, k = keys.values()
+        rows = [[0.0, 1.0], [-k / m, -d / m]], [[0.0], [1 / m]], [[1.0, 0.0], [0.0, 1.0]], [[0.0], [0.0]]
+    elif kind == "spring":
+        pull = [-keys["k"], -keys["d"], keys["k"], keys["d"]]
+        rows = [], [], [], [pull, [-each for each in pull]]
+    elif kind == "tf":
+        rows = _controllable(keys["num"], keys["den"])
+    else:
+        rows = (keys[name] for name in "ABCD")
+    A, B, C, D = map(np.array, rows)
+    shapes = (len(A), len(A)), (len(A), inputs), (outputs, len(A)), (outputs, inputs)
+    return [part.reshape(shape) if part.size else np.zeros(shape) for part, shape in zip((A, B, C, D), shapes, strict=True)]
+
+
 def tf(period: float, num: Sequence[float], den: Sequence[float], *, discrete: bool) -> Law:
     """Transfer function from coefficients of descending powers of s or z, in direct or in controllable form."""
     n, lead = len(den) - 1, den[0]
@@ -63,9 +122,16 @@ def tf(period: float, num: Sequence[float], den: Sequence[float], *, discrete: b
         past = tuple(f"w{i}" for i in range(1, n + 1))
         gives = {"w0": ((1.0, "u"), *_sum([-each for each in a[1:]], past)), "y": _sum(b, ("w0", *past))}
         return Law(gives, moves=(("w0", past),) if past else ())
+    return ss(period, *_controllable(num, den), ("u",), ("y",), discrete=False)
+
+
+def _controllable(num, den):
+    """A, B, C and D of a transfer function from coefficients of descending powers of s."""
+    n, a = len(den) - 1, [each / den[0] for each in den]
+    b = [0.0] * (len(den) - len(num)) + [each / den[0] for each in num]
     A = [[-each for each in a[1:]], *([1.0 * (i == j) for j in range(n)] for i in range(n - 1))][:n]
     C = [each - factor * b[0] for each, factor in zip(b[1:], a[1:], strict=True)]
-    return ss(period, A, [[1.0 * (i == 0)] for i in range(n)], [C], [[b[0]]], ("u",), ("y",), discrete=False)
+    return A, [[1.0 * (i == 0)] for i in range(n)], [C], [[b[0]]]
 
 
 def gain(period: float, k: float) -> Law:
@@ -244,7 +310,7 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
     {
         each.__name__: each
         for each in (
-            *(mass, ss, tf, gain, hold, delay, difference, integrator, butterworth, wave, avatar, local_model),
+            *(mass, inertia, spring, ss, tf, gain, hold, delay, difference, integrator, butterworth, wave, avatar, local_model),
             *(lowpass, pi, pid, lead, notch, biquad, mean),
         )
     }

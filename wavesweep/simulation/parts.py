@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from math import lcm
 from typing import Any
 
-from wavesweep.simulation.laws import LAWS, Law, Sum, in_delta_form, local_model_away
-from wavesweep.spec.block_types import TYPES
+from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, in_delta_form, local_model_away
+from wavesweep.spec.block_types import BODIES, TYPES
 from wavesweep.spec.drawing import Drawing, scalars
 from wavesweep.spec.expressions import degree, names_in, value_of
 
@@ -165,7 +165,8 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     """Return the loop that a drawing with these numbers (flat keys) is."""
     known = scalars(values)
     rate = float(value_of(drawing.tick_hz, known))
-    parts = tuple(_part(block, known, 1.0 / rate) for block in drawing.blocks)
+    parts = tuple(_part(block, known, 1.0 / rate) for block in drawing.alone)
+    parts += tuple(_plant(plant, drawing, known, 1.0 / rate) for plant in drawing.plants)
     terms, hand = dict(drawing.wires), ""
     if drawing.hand:
         hand, *signals = drawing.hand
@@ -176,18 +177,24 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
         {port: (*_valued(each, numbers), *((share, FORCE) for share in shares.get(port, ()))) for port, each in terms.items()}
         for numbers in (beside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0))
     )
+    inside = drawing.inside
+    wires, away = (
+        {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sum_) for port, sum_ in each.items()}
+        for each in (wires, away)
+    )
     own = Loop(1.0 / rate, rate, parts, wires, away)
     if (end := own.only("wave", "force")) and own.only("local_model"):
         others = {f"{part.name}.{port}" for part in parts if not (part.rhythm.slow or part.plant) for port in part.outputs}
         wires[LOCAL_WAVE] = away[LOCAL_WAVE] = tuple(term for term in wires[f"{end}.in"] if term[1] in others)
-    masses = [part.name for part in parts if part.type == "mass"]
-    if hand and wires[POSITION] and all(name in {f"{mass}.x" for mass in masses} for _, name in wires[POSITION]):
-        wires[VELOCITY] = away[VELOCITY] = tuple((gain, f"{name[:-2]}.v") for gain, name in wires[POSITION])
+    masses = [block.name for block in drawing.blocks if block.type in BODIES]
+    speeds = {inside.get(f"{mass}.x", f"{mass}.x"): inside.get(f"{mass}.v", f"{mass}.v") for mass in masses}
+    if hand and wires[POSITION] and all(name in speeds for _, name in wires[POSITION]):
+        wires[VELOCITY] = away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in wires[POSITION])
     plants = {f"{part.name}.{port}": part.name for part in parts if part.plant for port in part.inputs}
     moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
-    device = moved[0] if len(moved) == 1 and moved[0] in masses else ""
-    keys = next((_numbers(block, known) for block in drawing.blocks if block.name == device), {})
-    body = tuple(keys[name] for name in ("mass", "damping", "stiffness") if keys)
+    alone = {block.name for block in drawing.alone}
+    device = moved[0] if len(moved) == 1 and moved[0] in alone.intersection(masses) else ""
+    body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
     outside = (hand,) * bool(hand)
     return replace(own, inputs=outside, hand=hand, device=device, body=body, wall=wall, walled=bool(drawing.wall))
 
@@ -217,6 +224,17 @@ def _part(block, known, tick):
     return Part(block.name, kind, *block.ports, rhythm, law, away, block.plant)
 
 
+def _plant(plant, drawing, known, tick):
+    """A plant of several blocks; its inputs are those that a wire from outside leads to."""
+    members = [(block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members]
+    gains = {(port, name): gain for port, terms in plant.couplings for gain, name in _valued(terms, known)}
+    wired = {port for port, terms in drawing.wires if terms}
+    inputs, outputs = (dict(zip(*each, strict=True)) for each in zip(plant.drawn_ports, plant.ports, strict=True))
+    inputs = {port: name for port, name in inputs.items() if port in wired}
+    law = continuous(tick, members, gains, inputs, outputs)
+    return Part(plant.name, "plant", (*inputs.values(),), (*outputs.values(),), Rhythm(), law, law, plant=True)
+
+
 def _valued(terms, numbers) -> Sum:
     return tuple((float(value_of(gain, numbers)), name) for name, gain in terms)
 
@@ -224,6 +242,8 @@ def _valued(terms, numbers) -> Sum:
 def _wall_of(drawing, terms, known):
     """The wall, and the share of its force in each wire; None if its numbers do more than multiply signals in wires."""
     names, first, shares = drawing.wall, None, {}
+    if any(name in names for _, some in drawing.couplings for _, tree in some for name, _ in names_in(tree)):
+        return None, {}
     inside = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
     if any(path not in inside and any(name in names for name, _ in names_in(tree)) for path, tree in drawing.trees()):
         return None, {}

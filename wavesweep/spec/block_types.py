@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
 
+BODIES = MappingProxyType({"mass": "mass", "inertia": "inertia"})  # types with a position x and a velocity v: key of the mass
 LONGEST_DELAY = 1000  # of a delay, each of which is a state
 # Frequencies below half the block's own rate, unless its order is 0.
 BELOW_HALF = MappingProxyType({"butterworth": ("cutoff_hz",), "lead": ("zero_hz", "pole_hz"), "notch": ("frequency_hz",)})
@@ -21,8 +22,8 @@ BELOW_HALF = MappingProxyType({"butterworth": ("cutoff_hz",), "lead": ("zero_hz"
 class BlockType:
     """A type of block: its keys by name, its ports, and its meaning.
 
-    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it runs in
-    every tick in any case, because its inputs are held over a tick; "continuous" if only without `discrete = true`.
+    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it is
+    continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`.
     """
 
     keys: Mapping[str, Key]
@@ -61,7 +62,7 @@ def _other(name: str, kind: str, description: str, default: object = None) -> Ke
     return Key(name, kind, default, "", description, required=default is None)
 
 
-_DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; otherwise continuous, its inputs held", False)
+_DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; otherwise continuous, a plant", False)
 _B = _number("b", "N*s/m", "wave impedance", positive=True)
 _INTEGRATION = _word("integration", "how the velocity is integrated", INTEGRATIONS, "implicit")
 _U_Y = (("u",), ("y",))
@@ -77,11 +78,27 @@ def _type(description: str, ports: object, *keys: Key, by: str = "", plant: bool
 TYPES = MappingProxyType(
     {
         "mass": _type(
-            "m x'' + d x' + k x = f, the force held over a tick: exact",
+            "m x'' + d x' + k x = f, continuous: exact",
             (("f",), ("x", "v")),
             _number("mass", "kg", "mass m, or an inertia (kg*m^2)", positive=True),
             _number("damping", "N*s/m", "viscous damping d", 0.0),
             _number("stiffness", "N/m", "stiffness k of a spring to the ground", 0.0),
+            plant=True,
+        ),
+        "inertia": _type(
+            "I x'' + d x' + k x = f, a mass that turns: f is a torque, x an angle; exact",
+            (("f",), ("x", "v")),
+            _number("inertia", "kg*m^2", "moment of inertia I", positive=True),
+            _number("damping", "N*m*s/rad", "viscous damping d", 0.0),
+            _number("stiffness", "N*m/rad", "stiffness k of a spring to the ground", 0.0),
+            plant=True,
+        ),
+        "spring": _type(
+            "spring and damper between two ends, continuous where these are plants: f1 = k (x2 - x1) + d (v2 - v1), f2 = -f1; "
+            "v1 and v2 need no wires without d",
+            (("x1", "v1", "x2", "v2"), ("f1", "f2")),
+            _number("k", "N/m", "stiffness"),
+            _number("d", "N*s/m", "damping", 0.0),
             plant=True,
         ),
         "ss": _type(

@@ -10,7 +10,7 @@ from itertools import product
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.block_types import BELOW_HALF, EVERY, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import BELOW_HALF, BODIES, EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
@@ -25,6 +25,7 @@ STRUCTURE = ("every", "phase", "steps", "order", "n")  # keys that decide how a 
 
 Path = tuple[str, ...]
 
+PORT = ":"  # between the name of a member and its port or state, in the names of a plant's
 NOTHING = 1e-12  # of b, by which a local model does not divide
 LEAST = 1e-300  # size of a number that others are divided by
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
@@ -89,13 +90,64 @@ def _trees(kind: str, value: object) -> Iterator[Tree]:
 
 
 @dataclass(frozen=True, slots=True)
+class Plant:
+    """Blocks that act on each other continuously: their names and ports as those of one block, which runs in every tick.
+
+    couplings: by which they act on each other.
+    """
+
+    members: tuple[DrawnBlock, ...]
+    couplings: tuple[tuple[str, Terms], ...]
+    every, phase, phases = ONE, ("number", 0.0, 0), ()
+
+    @property
+    def name(self) -> str:
+        """The name of the block that all members are together."""
+        return "+".join(block.name for block in self.members)
+
+    def start(self, member: str) -> str:
+        """What the names of the ports and states of a member begin with."""
+        return f"{self.name}.{member}{PORT}"
+
+    @property
+    def drawn_ports(self) -> tuple[list[str], list[str]]:
+        """The input and output ports of its members, as they are drawn."""
+        return tuple([f"{block.name}.{port}" for block in self.members for port in block.ports[side]] for side in (0, 1))
+
+    @property
+    def ports(self) -> tuple[list[str], list[str]]:
+        """The same as ports of the plant."""
+        return tuple([name.replace(".", PORT) for name in side] for side in self.drawn_ports)
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """The signal of the plant for each port of its members."""
+        return {name: f"{self.name}.{name.replace('.', PORT)}" for side in self.drawn_ports for name in side}
+
+    @property
+    def acts_on_itself(self) -> bool:
+        """Whether something goes round within it."""
+        feeds = {(name.rpartition(".")[0], port.rpartition(".")[0]) for port, terms in self.couplings for name, _ in terms}
+        names, before = {reader for _, reader in feeds}, None
+        while names != before:
+            before, names = names, {source for source, reader in feeds if reader in names}
+        return bool(names)
+
+    def trees(self) -> Iterator[tuple[str, Tree]]:
+        """Yield a name and the tree for each number in its members' keys and in its couplings."""
+        yield from (each for block in self.members for each in block.trees())
+        yield from (term for _, terms in self.couplings for term in terms)
+
+
+@dataclass(frozen=True, slots=True)
 class Drawing:
     """A drawn loop without the values of its numbers.
 
     numbers: name, unit and description of each. whole: those that have to be whole. wires: input port -> its signals and their
-    gains. hand: the signal of the hand's force; the displacement, and the force against the hand if it is named, as signals and
-    gains. wall: the numbers that are the stiffness and the damping of a wall. turns: whether the hand turns, and its force and
-    displacement are a torque and an angle.
+    gains, held over a tick at a plant. hand: the signal of the hand's force; the displacement, and the force against the hand
+    if it is named, as signals and gains. wall: the numbers that are the stiffness and the damping of a wall. turns: whether the
+    hand turns, and its force and displacement are a torque and an angle. couplings: as wires, by which plants act on each other
+    continuously.
     """
 
     tick_hz: Tree
@@ -106,6 +158,7 @@ class Drawing:
     hand: tuple[str, Terms, Terms | None] | None = None
     wall: tuple[str, ...] | None = None
     turns: bool = False
+    couplings: tuple[tuple[str, Terms], ...] = ()
     hashed: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
@@ -126,7 +179,7 @@ class Drawing:
         yield RATE, self.tick_hz
         for block in self.blocks:
             yield from ((f"block.{block.name}.{name}", tree) for name, tree in block.trees())
-        terms = [(f"wire.{port}", terms) for port, terms in self.wires]
+        terms = [(f"wire.{port}", terms) for port, terms in (*self.wires, *self.couplings)]
         if self.hand:
             terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
         yield from ((path, gain) for path, some in terms for _, gain in some)
@@ -135,7 +188,7 @@ class Drawing:
         """Return the drawing in which some numbers follow another one: their values are factors of that one."""
         for name in map(name_of, paths):
             product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
-            parts = ("tick_hz", "blocks", "wires", "hand")
+            parts = ("tick_hz", "blocks", "wires", "hand", "couplings")
             parts = {part: _replaced(getattr(self, part), ("name", name), product) for part in parts}
             self = replace(self, **parts)  # noqa: PLW0642 - the same drawing, with one number less of its own
         return self
@@ -143,6 +196,22 @@ class Drawing:
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
         return value_of(self.tick_hz, scalars(values))
+
+    @property
+    def plants(self) -> tuple[Plant, ...]:
+        """The plants that are made of several blocks: those that couplings connect."""
+        return _plants(self)
+
+    @property
+    def alone(self) -> list[DrawnBlock]:
+        """The blocks that are no members of a plant."""
+        members = {block for plant in self.plants for block in plant.members}
+        return [block for block in self.blocks if block not in members]
+
+    @property
+    def inside(self) -> dict[str, str]:
+        """The signal of a plant for each port of its members."""
+        return {port: signal for plant in self.plants for port, signal in plant.signals.items()}
 
     @property
     def shaping(self) -> frozenset[str]:
@@ -222,7 +291,7 @@ class Drawing:
         """Yield path, expected and found text if a part of the hand's displacement is known to be no position of a plant."""
         force, terms, _ = self.hand or ("", (), None)
         every, numbers = {block.name: block.every for block in self.blocks if not block.plant}, scalars(values)
-        velocities = [f"{block.name}.v" for block in self.blocks if block.type == "mass"]
+        velocities = [f"{block.name}.v" for block in self.blocks if block.type in BODIES]
         for signal, gain in terms:
             name = signal.rpartition(".")[0] or signal
             if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
@@ -241,6 +310,20 @@ def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
     if not isinstance(part, tuple):
         return part
     return tree if part[:2] == leaf else tuple(_replaced(each, leaf, tree) for each in part)
+
+
+@lru_cache(maxsize=64)
+def _plants(drawing: Drawing) -> tuple[Plant, ...]:
+    plants: list[set[str]] = []
+    for port, terms in drawing.couplings:
+        joined = {name.rpartition(".")[0] for name in (port, *dict(terms))}
+        joined = joined.union(*(each for each in plants if each & joined))
+        plants = [each for each in plants if not each & joined] + [joined]
+    found = []
+    for names in plants:
+        couplings = tuple(each for each in drawing.couplings if each[0].rpartition(".")[0] in names)
+        found.append(Plant(tuple(block for block in drawing.blocks if block.name in names), couplings))
+    return tuple(sorted(found, key=lambda plant: drawing.blocks.index(plant.members[0])))
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again

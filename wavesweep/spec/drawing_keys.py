@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import TYPES
@@ -11,7 +12,6 @@ from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import DrawnBlock, keys_of_block
 from wavesweep.spec.expressions import (
     Fault,
-    Terms,
     Tree,
     check_extent,
     extent,
@@ -25,6 +25,7 @@ from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
 LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
+_Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
 
@@ -134,8 +135,8 @@ class KeyReader:
         """Whether a text begins with a port of a block that has a mistake itself."""
         return _block_of(text) in self.broken
 
-    def read_terms(self, path: str, leaf: Leaf) -> Terms | None:
-        """Read an expression that is linear in signals."""
+    def read_terms(self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
+        """Read an expression that is linear in signals. within: what is made of its tree and the signals."""
         self.leaves[path] = leaf
         if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
             leaf = Leaf(str(leaf.value), leaf.place)
@@ -143,13 +144,13 @@ class KeyReader:
             self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
             return None
         tree = self.read_text(path, leaf, signals=True)
-        return None if tree is None else self.terms_of(path, leaf, tree)
+        return None if tree is None else self.terms_of(path, leaf, tree, within)
 
-    def terms_of(self, path: str, leaf: Leaf, tree: Tree) -> Terms | None:
-        """Return the terms of a tree; one that is not linear in signals is a mistake."""
+    def terms_of(self, path: str, leaf: Leaf, tree: Tree, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
+        """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a mistake."""
         signals = self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
         try:
-            return linear(tree, signals)
+            return within(tree, signals)
         except Fault as fault:
             self.fault(path, leaf, fault)
             return None

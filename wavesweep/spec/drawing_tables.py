@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from functools import partial
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import COLUMNS, TICK_HZ
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
+from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
@@ -106,19 +108,24 @@ class _TableReader(KeyReader):
         if not found:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
         self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
+        bare = [block.name for block in blocks if block.type == "spring" and dict(block.keys)["d"][:2] == ("number", 0.0)]
+        self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
         self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
         self.signals |= {self.force} if isinstance(self.force, str) else set()
         self.read_signals(tables["signals"])
-        wires = tuple(
-            (port, terms) for port, leaf in tables["wire"].items() if (terms := self.read_wire(port, leaf)) is not None
-        )
+        plants = {block.name: block.type for block in blocks if block.plant}
+        read = {port: self.read_wire(port, leaf, plants) for port, leaf in tables["wire"].items()}
+        read |= {port: ((), ()) for port in self.optional if port not in read}
+        wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
         hand, wall = self.read_ports(tables["ports"])
+        seen = [term for some in (hand or ())[1:] for term in some or ()]
+        wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
         self.unconnected(tables["wire"])
         self.unread(tables["signals"])
         values |= self.own
         tick = tick or ("name", RATE, 0)
         turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
-        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall, turns)
+        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
         whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
         values |= {path_of(name): int(values[path_of(name)]) for name in whole}
@@ -188,17 +195,19 @@ class _TableReader(KeyReader):
             return None
         return self.read_number(RATE, TICK_HZ, leaf)
 
-    def read_wire(self, port: str, leaf: Leaf) -> Terms | None:
+    def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
+        """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
         path = f"wire.{port}"
         if port not in self.inputs and port.rpartition(".")[0] not in self.broken:
             found = "an output of a block" if port in self.signals else "an unknown port"
             expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
             self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
-        return self.read_terms(path, leaf)
+        own = port.rpartition(".")[0]
+        return self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
 
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
         for port in (*self.inputs, *self.needed):
-            if port not in wires:
+            if port not in wires and port not in self.optional:
                 block = self.leaf(f"block.{port.rpartition('.')[0]}")
                 self.refuse(
                     block, f"block.{port}", f'a wire to this input, "{port}" = "..." in [wire]', "none (0 leaves it at rest)"

@@ -10,17 +10,9 @@ from wavesweep.spec.drawing import Drawing
 from wavesweep.stability import Intervals
 from wavesweep.stability.certificate import NONE
 
-SETTLING = (
-    "gain",
-    "hold",
-    "delay",
-    "difference",
-    "butterworth",
-    "lowpass",
-    "lead",
-    "notch",
-    "mean",
-)  # types of blocks that come to rest by themselves
+SETTLING = (  # types of blocks that come to rest by themselves
+    *("gain", "spring", "hold", "delay", "difference", "butterworth", "lowpass", "lead", "notch", "mean"),
+)
 
 
 @lru_cache(maxsize=64)
@@ -35,7 +27,7 @@ def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset()) ->
     part of a loop and comes to rest with any numbers is in no part, unless there is no other.
     """
     feeds = {block.name: set() for block in drawing.blocks}
-    for port, terms in drawing.wires:
+    for port, terms in (*drawing.wires, *drawing.couplings):
         for source in (signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent):
             if source in feeds:
                 feeds[source].add(port.rpartition(".")[0])
@@ -58,13 +50,13 @@ def _reached(feeds, name):
 
 def _part(drawing, names):
     """The drawing of these blocks without the others that act on them, and without a hand."""
-    wires = [
-        (port, tuple(term for term in terms if term[0].rpartition(".")[0] in names))
-        for port, terms in drawing.wires
-        if port.rpartition(".")[0] in names
-    ]
+
+    def own(wires):
+        found = ((port, terms) for port, terms in wires if port.rpartition(".")[0] in names)
+        return tuple((port, tuple(term for term in terms if term[0].rpartition(".")[0] in names)) for port, terms in found)
+
     blocks = tuple(block for block in drawing.blocks if block.name in names)
-    return replace(drawing, blocks=blocks, wires=tuple(wires), hand=None, wall=None)
+    return replace(drawing, blocks=blocks, wires=own(drawing.wires), couplings=own(drawing.couplings), hand=None, wall=None)
 
 
 def common(found: Sequence[Intervals]) -> Intervals:

@@ -59,7 +59,10 @@ def refuse_singular(spec, drawing: Drawing) -> None:
 def _unsolvable(drawing, items):
     """Names of the blocks on a loop of direct terms that has no solution with these numbers; None if all have one."""
     values = dict(items)
-    drawn = assembled(drawing, values)
+    try:
+        drawn = assembled(drawing, values)
+    except IllPosedLoopError:  # within a plant
+        return [block.name for plant in drawing.plants for block in plant.members]
     try:
         with named_loops(drawn):
             closed_frame(drawn, drift_of(drawing, values))

@@ -15,11 +15,11 @@ from wavesweep.loops.from_drawing import (
     FACTOR,
     PRODUCT,
     assembled,
-    gains,
     rate_of,
     refuse_unsuitable,
     scalar_place,
     seen_by_hand,
+    silent,
 )
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.monodromy.drift import TickDrift, closed, errors_of_closed, filled, without_drift
@@ -27,7 +27,6 @@ from wavesweep.monodromy.open_ticks import OpenTicks, facts_of
 from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
-from wavesweep.spec.expressions import names_in
 from wavesweep.stability import Intervals, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
@@ -181,10 +180,7 @@ class DrawnTask:
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
-        sums = gains(self.drawing, values | {self.along: 1.0})
-        terms = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
-        silent = ((port, signal, gain) for port, signal, gain in terms if not np.any(sums[port][signal]))
-        return frozenset((port, signal) for port, signal, gain in silent if self.number not in dict(names_in(gain)))
+        return silent(self.drawing, values | {self.along: 1.0}, self.number)
 
     def _along(self, values):
         """The values, with all of the range of the number."""

@@ -9,12 +9,12 @@ import numpy as np
 
 from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.algebraic import WORST_CONDITION
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.from_drawing import BESIDE, FACTOR, PRODUCT, assembled, scalar_place, seen_by_hand, shares_wire
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
 from wavesweep.monodromy.drift import TickDrift
-from wavesweep.monodromy.interconnect import WORST_CONDITION
 from wavesweep.response.port import Ports
 from wavesweep.response.resting import Resting
 from wavesweep.response.resting_frame import resting_frame, shows_at_rest

@@ -7,6 +7,7 @@ from wavesweep.loops.controllers import keys_of_page
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
+from wavesweep.spec.expressions import text_of
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import make_grid, own_loop
@@ -138,6 +139,7 @@ def _drawn_plan(spec):
         f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
         *_runs_lines(drawing, drawn),
+        *_plant_lines(drawing),
         *_unread_lines(drawing),
         *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
         *_number_lines(spec),
@@ -151,17 +153,38 @@ def _drawn_plan(spec):
 
 
 def _runs_lines(drawing, drawn):
-    types, when = {block.name: block.type for block in drawing.blocks}, {}
-    for each in drawn.placed:
-        when.setdefault((each.every, each.phase), []).append(f"{each.block.name} ({types[each.block.name]})")
+    inside = {block.name: plant.name for plant in drawing.plants for block in plant.members}
+    placed, when = {each.block.name: each for each in drawn.placed}, {}
+    for block in drawing.blocks:
+        each = placed[inside.get(block.name, block.name)]
+        when.setdefault((each.every, each.phase), []).append(f"{block.name} ({block.type})")
     for (every, phase), blocks in sorted(when.items()):
         ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
         yield f"  runs {ticks}: {', '.join(blocks)}"
 
 
+def _plant_lines(drawing):
+    """What acts continuously, and which forces of plants on themselves are computed from samples."""
+    for plant in drawing.plants:
+        names = [block.name for block in plant.members]
+        yield f"  one plant, within which all acts continuously: {', '.join(names)}"
+        yield from (f"    {port}: {_sum(terms)}" for port, terms in plant.couplings)
+    plants = {block.name for block in drawing.blocks if block.plant}
+    for port, terms in drawing.wires:
+        sampled = [term for term in terms if term[0].rpartition(".")[0] in plants]
+        if sampled and port.rpartition(".")[0] in plants:
+            yield f"  from samples of every tick, and held over it: {port}: {_sum(sampled)}"
+
+
+def _sum(terms):
+    """A sum of signals times gains as a text."""
+    texts = (text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms)
+    return " + ".join(texts).replace("+ -", "- ")
+
+
 def _unread_lines(drawing):
     """Blocks whose outputs nothing reads, which may be a slip."""
-    terms = [some for _, some in drawing.wires] + [some for some in (drawing.hand or ())[1:] if some]
+    terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
     read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
     if unread := [block.name for block in drawing.blocks if block.name not in read]:
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"

@@ -1,0 +1,77 @@
+"""Plants of several blocks run tick by tick as they move in between, and as the frames of the analysis do."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from support.plants import bodies, joint
+
+import wavesweep
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.spec import load
+
+
+def stepped(A, B, C, period, force, kp, kd):
+    """The position of the last body, with scipy's exponential of a tick under PD from samples and the hand's force."""
+    n = len(A)
+    whole = scipy.linalg.expm(period * np.block([[A, B], [np.zeros((2, n + 2))]]))
+    x, rows = np.zeros(n), []
+    for f in force:
+        q, w, last = C @ x
+        rows.append(last)
+        x = whole[:n, :n] @ x + whole[:n, n:] @ [-kp * q - kd * w, f]
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bodies_move_between_ticks_as_their_exponential(seed):
+    many, single, A, B = bodies(seed)
+    force = np.random.default_rng(seed).normal(size=400)
+    seen = wavesweep.compile(many).simulate(force)
+    C = np.array(single["block"]["p"]["C"])
+    expected = stepped(A, B, C, 1 / many["rates"]["tick_hz"], force, **many["numbers"])
+    np.testing.assert_allclose(seen.x, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_simulation_is_the_march_of_the_frames(seed):
+    """Two programs, which share no discretisation."""
+    many, *_ = bodies(seed)
+    spec = load(many)
+    force = np.random.default_rng(seed).normal(size=400)
+    drawn = assembled(spec.drawing, spec.values)
+    (each,) = (ticks := ticks_of(drawn, ("ports.hand.displacement",))).maps
+    x, expected = np.zeros(len(ticks.states)), []
+    for f in force:
+        expected.append(each.C[0] @ x)
+        x = x + each.E @ x + each.B[:, 0] * f
+    seen = wavesweep.compile(many).simulate(force)
+    np.testing.assert_allclose(seen.x, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_filters_and_static_gains_within_a_plant_are_solved_by_the_simulation_too():
+    """A tf with a direct term, of which a part goes back at once."""
+    blocks = {
+        "lag": {"type": "tf", "num": [1, 5], "den": [2, 3]},
+        "m": {"type": "inertia", "inertia": 0.5, "damping": 3.0, "stiffness": 7.0},
+        "held": {"type": "hold"},
+    }
+    wires = {"lag.u": "-0.7*lag.y + 0.1*m.x + held.y", "m.f": "3*lag.y + push", "held.u": "-m.x"}
+    tables = {"rates": {"tick_hz": 100}, "block": blocks, "wire": wires}
+    tables |= {"ports": {"hand": {"force": "push", "displacement": "m.x", "turns": True}}}
+    found = wavesweep.compile(tables).response([0.5])
+    assert found.stable.all()
+    count, w = 6000, 2 * np.pi * 0.5 / 100
+    seen = wavesweep.compile(tables).simulate(np.sin(w * np.arange(count)))
+    last = slice(count - 1200, count)
+    basis = np.stack([np.cos(w * np.arange(count)), np.sin(w * np.arange(count))], axis=1)[last]
+    a, b = np.linalg.lstsq(basis, seen.x[last], rcond=None)[0]
+    assert (b, a) == (
+        pytest.approx(found.admittance_re[0], rel=1e-9),
+        pytest.approx(found.admittance_im[0], rel=1e-9),
+    )
+
+
+def test_effects_of_a_single_mass_are_refused_for_a_plant_of_several():
+    with pytest.raises(wavesweep.UsageError, match="option friction: expected a device, the only block of type mass"):
+        wavesweep.compile(joint()).simulate(np.ones(5), friction=0.1)
