@@ -20,7 +20,8 @@ LISTS = {
 TABLES = {
     "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "
     'and so may a number in a block, "block.NAME.KEY"',
-    "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port") and the force of the hand',
+    "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port") and the force of the hand; '
+    "terms between plants act continuously, all others at a plant are held over a tick",
     "ports": (
         "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
         "passivity and simulate; it turns if they are a torque and an angle; "
