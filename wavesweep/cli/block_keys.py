@@ -24,7 +24,7 @@ TABLES = {
     "outputs = { name = expression } } of the same; a block of that type gives its numbers",
     "signals": 'names of signals: NAME = "expression", for wires and ports',
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
-    "the force of the hand",
+    "the force of the hand; terms between plants act continuously, all others at a plant are held over a tick",
     "ports": (
         "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
         "passivity and simulate; it turns if they are a torque and an angle; "

@@ -309,7 +309,7 @@ class _Equations:
             yield f"{block.name}.", self.types[block.name], block
             return
         for member in self.plants[block.name].members:
-            start = f"{member.name}{PORT}"
+            start = f"{member.name}{PORT}".replace(".", PORT)
             own = [state.removeprefix(start) for state in block.states if state.startswith(start)]
             yield self.plants[block.name].start(member.name), member, SimpleNamespace(states=own)
 

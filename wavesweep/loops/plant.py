@@ -39,7 +39,7 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     return Block(
         plant.name,
         *map(tuple, plant.ports),
-        tuple(PORT.join(each) for each in states),
+        tuple(f"{name}{PORT}{state}".replace(".", PORT) for name, state in states),
         *(E, G, shown, through),
         terms=(*of_held, of_C, of_D),
         at_rest=(A, B, shown, through),

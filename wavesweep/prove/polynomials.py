@@ -166,7 +166,7 @@ def _degree(loop: Loop) -> float:
         elif kind == "ss" and keys["discrete"]:
             rows = (row for name in "ABCD" for row in keys[name])  # rows side by side have the larger degree of both
             own += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
-        elif block.type == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
+        elif kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
             own += max(degree(tree, number) for tree in keys["num"])
         elif any(reads(tree, number) for _, tree in block.trees()):
             own = inf

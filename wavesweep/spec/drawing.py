@@ -107,7 +107,7 @@ class Plant:
 
     def start(self, member: str) -> str:
         """What the names of the ports and states of a member begin with."""
-        return f"{self.name}.{member}{PORT}"
+        return f"{self.name}.{member.replace('.', PORT)}{PORT}"
 
     @property
     def drawn_ports(self) -> tuple[list[str], list[str]]:
