@@ -1,6 +1,6 @@
 """The circle that eigenvalues have to be in: as [sweep] requires, in place of the unit circle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,9 +19,13 @@ class Bound:
     settling: float = np.inf
 
     @classmethod
-    def of(cls, require: Require, frames: int) -> "Bound":
-        """What the spec requires; frames: of the drawing, that are one of the spec."""
-        return cls((require.radius or 1.0) ** (1 / frames), require.settling or np.inf)
+    def of(cls, require: Require) -> "Bound":
+        """What a spec requires of the frames of a drawing."""
+        return cls(require.radius or 1.0, require.settling or np.inf)
+
+    def over(self, frames: int) -> "Bound":
+        """The same for so many frames in place of one."""
+        return replace(self, radius=self.radius ** (1 / frames))
 
     def radius_of(self, period) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s."""

@@ -133,7 +133,7 @@ class DrawnTask:
         alike = all(one[path] == other[path] for path in one.keys() - {*arrays})
         if not alike or zero != [varied_beside(self.drawing, one, self.number)]:
             return None
-        if any(len(apart(self.drawing, self._silent(values))) > 1 for values in (one, other)):
+        if any(len(self._parts(values)) > 1 for values in (one, other)):
             return None
         members = np.concatenate([first, second])
         order = np.argsort(members)
@@ -174,14 +174,21 @@ class DrawnTask:
         return None
 
     def _intervals(self, values, size, opened):
-        parts = apart(self.drawing, self._silent(values))
+        parts = self._parts(values)
         if len(parts) <= 1:
             return self.connected(values, size, opened)
         if not self._drift_alike(values, parts):  # a cut would leave out a mode that grows and that the number does not see
             return self.connected(values, size, None)
         domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
-        alone = [replace(self, drawing=part) for part in parts]
+        alone = [replace(self, drawing=part, bound=self.bound and self._bound_of(part, values)) for part in parts]
         return common([part.connected(values, size, part.opened_or_none(values, size)) for part in alone])
+
+    def _parts(self, values):
+        return apart(self.drawing, self._silent(values), every=self.bound is not None)
+
+    def _bound_of(self, part, values):
+        """The bound for a part of the drawing, whose frame may be shorter."""
+        return self.bound.over(assembled(self.drawing, values).ticks // assembled(part, values).ticks)
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""

@@ -104,7 +104,7 @@ def task_over(
     parts: dict = {}
     for members, values in groups(spec, changes, size, resolved, rates=True):
         drawing = drawing_for(spec, values, axis.path)
-        bound = require and Bound.of(require, frames_of(drawing, values))
+        bound = require and Bound.of(require).over(frames_of(drawing, values))
         parts.setdefault((drawing, bound), []).append((members, read_by(drawing, values)))
     tasks = []
     for (drawing, bound), groups_of in parts.items():
