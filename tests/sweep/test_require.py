@@ -66,12 +66,12 @@ def test_a_time_is_the_radius_of_its_frame(kind):
 
 JOINTS = {
     "rates": {"tick_hz": 1000},
-    "numbers": {"kp": 40.0, "kd": 1.0, "m": 0.1, "d": 0.2, "slow": 3.0},
+    "numbers": {"kp": 60.0, "kd": 2.0, "m": 0.1, "d": 2.0, "slow": 3.0},
     "block": {
         "arm": {"type": "mass", "mass": "m", "damping": "d"},
         "x": {"type": "hold", "every": 5},
         "v": {"type": "difference", "every": 5},
-        "other": {"type": "mass", "mass": 0.2, "damping": 1.0},
+        "other": {"type": "mass", "mass": 0.2, "damping": 4.0},
         "shown": {"type": "lowpass", "cutoff_hz": "slow", "every": 2},
     },
     "wire": {"x.u": "arm.x", "v.u": "arm.x", "arm.f": "-kp*x.y - kd*v.y", "other.f": "-kp*other.x + x.y", "shown.u": "arm.x"},
@@ -79,13 +79,14 @@ JOINTS = {
 
 
 @pytest.mark.parametrize(("along", "span"), [("kp", (0.0, 400.0)), ("slow", (0.5, 40.0)), ("m", (0.02, 1.0))])
-@pytest.mark.parametrize("radius", [0.85, 0.97])
+@pytest.mark.parametrize("radius", [0.93, 0.95])
 def test_parts_have_shorter_frames_and_what_rests_has_to_be_as_fast(along, span, radius):
     loop = wavesweep.compile(load(JOINTS))
     table = loop.stable_intervals(along, span, require={"radius": radius})
     assert table.certified.all()
     values = np.linspace(*span, 201)[1:-1]
     inside = np.array([any(row.low < value < row.high for row in table.itertuples()) for value in values])
+    assert 0 < inside.sum() < inside.size
     assert np.array_equal(loop.spectral_radius(**{along: values}) < radius, inside)
     spec = load(JOINTS)
     found = [verdict(spec, {f"numbers.{along}": value}, radius) for value in values[::10]]
