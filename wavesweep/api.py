@@ -17,7 +17,7 @@ from wavesweep.loops.from_drawing import assembled, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.rows import Columns
-from wavesweep.spec import Axis, Spec, load
+from wavesweep.spec import Axis, Require, Spec, load
 from wavesweep.spec.loading import naming
 from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
@@ -88,7 +88,13 @@ class Loop:
         return self.spec.along if self.spec.drawing else "K_VE"
 
     def stable_intervals(
-        self, along: str | None = None, span: Span | None = None, *, prove: bool = False, **axes: Numbers
+        self,
+        along: str | None = None,
+        span: Span | None = None,
+        *,
+        prove: bool = False,
+        require: Mapping[str, float] | None = None,
+        **axes: Numbers,
     ) -> DataFrame:
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
@@ -98,18 +104,25 @@ class Loop:
         low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
         would not accept a name, SpecError if it would not accept a value or a combination.
         prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
+        require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1}.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
         """
-        return self._intervals(along, span, axes, prove=prove)
+        return self._intervals(along, span, axes, prove=prove, require=None if require is None else Require.of(require))
 
     def _intervals(
-        self, along: str | None, span: Span | None, axes: Mapping[str, Numbers], *, prove: bool = False
+        self,
+        along: str | None,
+        span: Span | None,
+        axes: Mapping[str, Numbers],
+        *,
+        prove: bool = False,
+        require: Require | None = None,
     ) -> DataFrame:
         from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", in_memory(job_over(grid, axis, prove=prove)))
+        return self._frame("zwidth", in_memory(job_over(grid, axis, prove=prove, require=require)))
 
     def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.

@@ -201,7 +201,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[sweep]\nq = [1]")],
             "28:1: sweep.q",
-            "along, one of kp, kd, c or the path of a number in a block",
+            "along, require, one of kp, kd, c or the path of a number in a block",
             "an unknown axis",
         ),
         ([('along = "c"', 'along = "arm"')], "28:9: sweep.along", "the name of a numeric key", '"arm"'),
@@ -378,7 +378,7 @@ def test_an_unknown_axis_is_one_mistake_and_its_numbers_are_offered():
     with pytest.raises(SpecError) as refused:
         load(tables)
     (mistake,) = refused.value.mistakes
-    assert mistake.expected.startswith("along, one of ")
+    assert mistake.expected.startswith("along, require, one of ")
     assert mistake.expected.endswith(" or the path of a number in a block")
 
 

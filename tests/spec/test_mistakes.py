@@ -73,7 +73,7 @@ def mistakes(source, *overrides):
         (
             "[sweep]\nB_V = [1]",
             (
-                "a.toml:4:1: sweep.B_V: expected along, one of K_VE, B_VE, K_LM, B_LM, Kp, b "
+                "a.toml:4:1: sweep.B_V: expected along, require, one of K_VE, B_VE, K_LM, B_LM, Kp, b "
                 "or the path of a numeric key, found an unknown axis; did you mean `B_VE`?"
             ),
         ),

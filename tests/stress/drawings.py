@@ -4,7 +4,7 @@
 
 looks at 1000 drawings from seed 0 on, along one of their numbers each: on both sides of every end, and at points between. Then
 at as many with a held feedback, along one of two gains in the same wire, at several values of the other one; and at as many
-along the rate of the tick, and along a number at several rates.
+along the rate of the tick, and along a number at several rates; and at as many with a bound on every mode.
 """
 
 import sys
@@ -53,8 +53,8 @@ def monodromy(drawing, values):
     return np.array([np.broadcast_to(z[place], len(kept)) for place in kept])
 
 
-def verdict(spec, changes):
-    """1 if the loop is stable with these numbers, -1 if it is not, 0 if it is too near to tell."""
+def verdict(spec, changes, radius=1.0):
+    """1 if every mode of the loop is within the radius with these numbers, -1 if not, 0 if one is too near to tell."""
     values = dict(spec.values) | {path: float(value) for path, value in changes.items()}
     drawing = spec.drawing
     z = np.linalg.eigvals(monodromy(drawing, {key: v for key, v in values.items() if v is not None}))
@@ -63,7 +63,7 @@ def verdict(spec, changes):
     distance = np.abs(z - 1)
     largest = size[distance > NEAR].max(initial=0.0)
     creeps = ((distance > ROUNDED) & (distance <= NEAR)).any()
-    return 0 if abs(largest - 1) < NEAR or (creeps and largest < 1) else 1 if largest < 1 else -1
+    return 0 if abs(largest - radius) < NEAR or (creeps and largest < radius) else 1 if largest < radius else -1
 
 
 def look(seed, tally):
@@ -97,7 +97,23 @@ def look_at_rates(seed, tally):
         _compare(loop, name, {rate: value}, table[table[rate] == value], r, tally)
 
 
-def _compare(loop, name, others, table, r, tally):
+def look_within(seed, tally):
+    """Two drawings with a bound on every mode: along a number or the rate, and along a gain beside another in the same wire."""
+    r = np.random.default_rng(seed + 10**6)
+    for tables, names in ((random_tables(seed), [*NUMBERS, "rates.tick_hz"]), (random_feedback(seed), ["k", "d"])):
+        loop, (name, other) = wavesweep.compile(tables), r.permutation(names)[:2].tolist()
+        radius, others = float(1 - 10 ** r.uniform(-3, -0.5)), {other: float(r.uniform(0, 0.1)) * SPANS[other][1]}
+        others = others if len(names) == 2 and r.random() < 0.7 else {other: 0.0} if len(names) == 2 else {}
+        require = {"radius": radius}
+        if r.random() < 0.5 and "." not in name:
+            frame = loop_of(loop.spec.drawing, dict(loop.spec.values)).frame / loop.spec.tick_hz
+            require = {"settling": frame * np.log(0.02) / np.log(radius)}
+        table = loop.stable_intervals(name, SPANS[name], require=require, **others)
+        paths = {loop.spec.names.find(each).path: value for each, value in others.items()}
+        _compare(loop, name, paths, table, r, tally, radius)
+
+
+def _compare(loop, name, others, table, r, tally, radius=1.0):
     """Count what is wrong of the intervals of one slice, in which these numbers have other values."""
     low, high = SPANS[name]
     tally.rows, tally.certified = tally.rows + len(table), tally.certified + int(table.certified.sum())
@@ -111,13 +127,13 @@ def _compare(loop, name, others, table, r, tally):
     tally.ends, tally.points = tally.ends + len(ends), tally.points + len(points)
     for point in points:
         found, inside = (
-            verdict(loop.spec, {loop.spec.names.find(name).path: point, **others}),
+            verdict(loop.spec, {loop.spec.names.find(name).path: point, **others}, radius),
             any(a < point < b for a, b in spans),
         )
         if found and (found > 0) != inside:
             tally.wrong += 1
-            says = "stable" if found > 0 else "unstable"
-            print(f"{loop.spec.tables()}: {name} = {point!r}, {others} is {says}, the table says otherwise: {spans}")
+            says = f"within {radius}" if found > 0 else f"not within {radius}"
+            print(f"{loop.spec.tables()}: {name} = {point!r}, {others} is {says}: the table says otherwise: {spans}")
 
 
 def main(count, first, looking=look):
@@ -131,4 +147,4 @@ def main(count, first, looking=look):
 
 if __name__ == "__main__":
     count, first = int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    sys.exit(sum(main(count, first, looking).wrong for looking in (look, look_beside, look_at_rates)) > 0)
+    sys.exit(sum(main(count, first, looking).wrong for looking in (look, look_beside, look_at_rates, look_within)) > 0)

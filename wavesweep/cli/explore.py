@@ -53,6 +53,7 @@ def command(
         if save is not None and click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT:
             raise click.UsageError(f"--save: expected no --{option} beside it, since nothing is served, found both")
     loaded = load(spec, overrides)
+    loaded.refuse_require("explore")
     if save is not None:
         _save(loaded, spec, Path(save), overwrite)
         return

@@ -87,7 +87,7 @@ def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.nda
     along: the open number, "K_VE" or "B_VE"; fixed: value of the other one, an array that broadcasts with the batch.
     """
     at_rest = along == "B_VE"
-    A, B, x, v = _whole(cut)
+    A, B, x, v = whole(cut)
     (closed, through), open_ = ((x, cut.D[..., OFFSET, 0]), v) if at_rest else ((v, cut.D[..., V, 0]), x)
     direct = (cut.D[..., V, 0] if at_rest else cut.D[..., OFFSET, 0])[..., None, None]
     left = (1 - fixed * through)[..., None, None]
@@ -95,8 +95,8 @@ def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.nda
     return A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left
 
 
-def _whole(cut):
-    """E and B with the integrator as the last state, and the rows of the two signals."""
+def whole(cut):
+    """Return E and B with the integrator as the last state, and the rows of the two signals."""
     x, v = cut.C[..., OFFSET : OFFSET + 1, :], cut.C[..., V : V + 1, :]
     if not cut.integrates:
         return cut.E, cut.B, x, v
@@ -107,6 +107,12 @@ def _whole(cut):
     return A, B, np.concatenate([x + 0 * one, one], axis=-1), np.concatenate([v + 0 * one, 0 * one], axis=-1)
 
 
+def errors_of_whole(cut: Cut):
+    """Return bounds on the errors of the entries of `whole`."""
+    dE, dB, dx, dv = whole(replace(cut, **dict(zip(PARTS, (cut.dE, cut.dB, cut.dC, cut.dD), strict=True))))
+    return dE, dB, np.concatenate([dx[..., :-1], 0 * dx[..., -1:]], axis=-1) if cut.integrates else dx, dv
+
+
 def close(cut: Cut, K, F) -> np.ndarray:
     """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
 
@@ -115,7 +121,7 @@ def close(cut: Cut, K, F) -> np.ndarray:
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
         K, F = (np.asarray(each)[..., None, None] for each in (K, F))
-        E, B, x, v = _whole(cut)
+        E, B, x, v = whole(cut)
         read = (K * x + F * v) / (1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
         A = E + B * read
         if cut.integrates:
@@ -130,10 +136,7 @@ def errors_of_closed(cut: Cut, K, F) -> np.ndarray:
         through = np.abs(1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
         K, F = np.abs(K), np.abs(F)
         size = replace(cut, **{name: np.abs(getattr(cut, name)) for name in PARTS})
-        error = replace(cut, **dict(zip(PARTS, (cut.dE, cut.dB, cut.dC, cut.dD), strict=True)))
-        (_, B, x, v), (dE, dB, dx, dv) = _whole(size), _whole(error)
-        if cut.integrates:
-            dx = np.concatenate([dx[..., :-1], 0 * dx[..., -1:]], axis=-1)
+        (_, B, x, v), (dE, dB, dx, dv) = whole(size), errors_of_whole(cut)
         off = K * cut.dD[..., OFFSET : OFFSET + 1, :] + F * cut.dD[..., V : V + 1, :]
         read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
         return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))

@@ -40,6 +40,7 @@ from wavesweep.plots.style import (
     valued,
 )
 from wavesweep.rows import Columns
+from wavesweep.spec.require import words_of
 from wavesweep.tables.columns import swept_range
 
 _PANEL_HEIGHT = 2.3  # inches
@@ -265,7 +266,8 @@ def _name_axes(canvas: Any, columns: Columns, layout: Layout, facts: Mapping[str
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
     width = int(_LETTERS_PER_INCH * canvas.get_figwidth())
-    note = [*wrap(layout.left_out, width), *wrap(_assumed(facts), width)]
+    required = f"stable here: {words_of(facts['require'])}" if "require" in facts else ""
+    note = [line for text in (required, layout.left_out, _assumed(facts)) for line in wrap(text, width)]
     canvas.supxlabel("\n".join([along if bars else label(layout.x, facts), *note]), fontsize=8)
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:

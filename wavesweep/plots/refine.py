@@ -223,7 +223,7 @@ class _Question:
         if not points:  # the loop reads none of the axes
             name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
             points = {name: np.array([value])}
-        found = at_points(self.spec, self.axis, points)
+        found = at_points(self.spec, self.axis, points, require=self.spec.require)
         columns = _columns_of(found, found["slice"])
         return [columns[number[place]] for place in places]
 

@@ -238,6 +238,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> DesignJob:
     if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
         raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
     asked = spec.as_designed().design
+    spec.refuse_require("[design]")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")

@@ -220,10 +220,33 @@ TURNED = MappingProxyType(
     }
 )
 
+# What [sweep] requires of every mode but those that drift.
+REQUIRE_KEYS = MappingProxyType(
+    {
+        "sweep.require.radius": Key(
+            "sweep.require.radius",
+            "number",
+            None,
+            "1",
+            "intervals in which no eigenvalue of a frame is larger, in place of stable ones",
+            low=1e-6,
+            high=0.999999,
+        ),
+        "sweep.require.settling": _positive(
+            "sweep.require.settling",
+            None,
+            "s",
+            "intervals in which every mode is down to 2 % of its size in this time, which is 3.912 of its time constants",
+            high=1e6,
+        ),
+    }
+)
+
 # What a study of the loop reads besides the loop itself; these are no axes.
 STUDY_KEYS = MappingProxyType(
     {
         "sweep.along": Key("sweep.along", "string", "K_VE", "", "the axis whose stable intervals are wanted"),
+        **REQUIRE_KEYS,
         "bode.frequency_hz": Key(
             "bode.frequency_hz", "number", None, "Hz", "frequencies of the responses; 0 for the static limit", low=0.0
         ),

@@ -25,11 +25,12 @@ class Sorted:
     """Leaves by the keys and axes that they belong to.
 
     Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
-    simulation's frequencies. Those of [design] by their paths below it.
+    simulation's frequencies. Those of [design] and of [sweep] require by their paths below it.
     """
 
     loop: dict[str, Leaf] = field(default_factory=dict)
     along: Leaf | None = None
+    require: dict[str, Leaf] = field(default_factory=dict)
     simulate: dict[str, Leaf] = field(default_factory=dict)
     frequencies: dict[str, Leaf] = field(default_factory=dict)
     axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in STUDIES})
@@ -117,6 +118,8 @@ def _sort_study(path: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
             result.refuse(leaf, study, "a table", show(leaf.value))
     elif path == ("sweep", "along"):
         result.along = leaf
+    elif parts[0] == "require" and study == "sweep" and not names.find("require"):
+        result.require[".".join(parts[1:])] = leaf
     else:
         _sort_axis(study, parts, leaf, result, names)
 
@@ -152,9 +155,9 @@ def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result
 
 
 def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names) -> None:
-    own = ("frequency_hz",) if study == "bode" else ("along",)
+    own = ("frequency_hz",) if study == "bode" else ("along", "require")
     paths = f" or the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    expected = f"{own[0]}, one of {', '.join(names.symbols) or 'no number'}{paths}"
+    expected = f"{', '.join(own)}, one of {', '.join(names.symbols) or 'no number'}{paths}"
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
     if any(known == f"{study}.{name}" for known, _ in result.mistakes):
         return  # start and stop are of one axis

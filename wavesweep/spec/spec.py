@@ -13,6 +13,7 @@ from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
+from wavesweep.spec.require import Require
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault
 
@@ -130,6 +131,17 @@ class Spec:
         return self._studies.along
 
     @property
+    def require(self) -> Require | None:
+        """What [sweep] requires of every mode, None if it is stability alone."""
+        return self._studies.require
+
+    def refuse_require(self, what: str) -> None:
+        """Raise UsageError if [sweep] requires more than stability, which is all that `what` is about."""
+        if self.require:
+            expected = f"no [sweep] require beside {what}, which is about stability alone"
+            raise UsageError(f"{self.name}: expected {expected} (--set sweep.require= leaves it out), found one")
+
+    @property
     def sweep(self) -> tuple[Axis, ...]:
         """The axes of [sweep] in the spec's order, the one along which intervals are wanted among them."""
         return self._studies.sweep
@@ -202,7 +214,8 @@ class Spec:
                 table = table.setdefault(parent, {})
             table[last] = value
         along = {"along": self.along} if self.along else {}
-        tables["sweep"] = {**along, **{axis.name: axis.written() for axis in self.sweep}}
+        require = {"require": self.require.written()} if self.require else {}
+        tables["sweep"] = {**along, **require, **{axis.name: axis.written() for axis in self.sweep}}
         bode = (self._studies.frequencies, *self.bode)
         tables["bode"] = {axis.name: axis.written() for axis in bode}
         if self.for_simulation:

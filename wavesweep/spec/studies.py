@@ -13,6 +13,7 @@ from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
+from wavesweep.spec.require import Require, build_require
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
 from wavesweep.spec.sorting import FREQUENCIES, Sorted
 
@@ -162,7 +163,8 @@ def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[fl
 
 @dataclass(frozen=True, slots=True)
 class Studies:
-    """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, and the experiment."""
+    """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, the experiment, the design, and what
+    [sweep] requires of every mode."""
 
     along: str
     sweep: tuple[Axis, ...]
@@ -170,6 +172,7 @@ class Studies:
     frequencies: Axis
     experiment: Experiment
     design: Design | None = None
+    require: Require | None = None
 
     @property
     def axes(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
@@ -181,6 +184,8 @@ class Studies:
 def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
     """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`."""
     along, mistakes = _read_along(leaves.along, names)
+    require, wrong = build_require(leaves.require)
+    mistakes += wrong
     axes: dict[str, list[Axis]] = {}
     for study, named in leaves.axes.items():
         built = [build_axis(study, name, parts, names) for name, parts in named.items()]
@@ -195,7 +200,7 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
         wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)
     frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
-    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design), mistakes + wrong + wrong_design
+    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require), mistakes + wrong + wrong_design
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

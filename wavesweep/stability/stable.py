@@ -6,6 +6,7 @@ import numpy as np
 
 from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
 from wavesweep.monodromy.periodic import size_of
+from wavesweep.monodromy.radius import cut_within
 from wavesweep.monodromy.rounding import balance
 from wavesweep.rows import Rows
 from wavesweep.stability.arcs import arc_crossings
@@ -70,10 +71,11 @@ def joined(parts) -> Intervals:
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what overflows is told from what it leaves
-def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
+def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Intervals:
     """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
+    radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
 
     Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`). A column is
     certified if three conditions hold. The signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no
@@ -89,7 +91,8 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     """
     fixed = np.asarray(fixed, float)
     if along != K_VE and cut.integrates and np.any(fixed == 0):
-        return _joined(cut, along, span, fixed)
+        return _joined(cut, along, span, fixed, radius)
+    cut = cut if radius is None else cut_within(cut, radius)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
     found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner)
     if not span[0] < 0 < span[1]:
@@ -292,7 +295,7 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
     )
 
 
-def _joined(cut, along, span, fixed) -> Intervals:
+def _joined(cut, along, span, fixed, radius) -> Intervals:
     """Return the intervals along B_VE if some columns have K_VE = 0.
 
     Nothing reads the scene's position in these columns, and z = 1 is no pole.
@@ -302,7 +305,8 @@ def _joined(cut, along, span, fixed) -> Intervals:
     for loop, mask in ((cut, flat != 0), (replace(cut, integrates=False), flat == 0)):
         names = np.flatnonzero(mask)
         if names.size:
-            part = stable_intervals(loop.at(owner[names]), along, span, flat[names, None])
+            own = None if radius is None else radius[owner[names]]
+            part = stable_intervals(loop.at(owner[names]), along, span, flat[names, None], own)
             parts.append(replace(part, column=names[part.column]))
     whole = Intervals.join(parts)
     return whole.take(np.argsort(whole.column, kind="stable"))

@@ -16,10 +16,11 @@ SETTLING = (  # types of blocks that come to rest by themselves
 
 
 @lru_cache(maxsize=64)
-def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset()) -> tuple[Drawing, ...]:
+def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False) -> tuple[Drawing, ...]:
     """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
 
-    silent: ports and signals of the terms whose gain is 0, through which nothing acts.
+    silent: ports and signals of the terms whose gain is 0, through which nothing acts. every: whether blocks that come to rest
+    by themselves are parts too, as how fast they do may matter.
 
     A block that acts on a part and is not acted on by it changes none of its eigenvalues, and those of the whole are those of
     all parts. Two equal joints of a robot, or two equal cars of which one follows the other, cross the unit circle at the same
@@ -36,7 +37,7 @@ def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset()) ->
     rests = {
         frozenset({block.name}) for block in drawing.blocks if block.type in SETTLING and block.name not in reached[block.name]
     }
-    return tuple(_part(drawing, names) for names in parts if names not in rests) or (drawing,)
+    return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (drawing,)
 
 
 def _reached(feeds, name):

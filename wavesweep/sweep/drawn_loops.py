@@ -119,14 +119,22 @@ def radii(grid) -> np.ndarray:
     """
     spec, found = grid.spec, np.empty(grid.loops)
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
-        drawing, ratio = drawing_for(spec, values), values.get("rates.ratio", 1)
+        drawing = drawing_for(spec, values)
         if spec.drawing:
             refuse_unsuitable(drawing, values)
         radius = radii_of(drawing, read_by(drawing, values), members.size)
-        ticks = 1 if "rates.ratio" in drawing.reads or isinstance(ratio, float) else ratio
         with np.errstate(over="ignore"):
-            found[members] = radius**ticks
+            found[members] = radius ** frames_of(drawing, values)
     return found
+
+
+def frames_of(drawing: Drawing, values: Mapping[str, object]) -> int:
+    """How many frames of the drawing are one of its spec: several if nothing in it runs at the slow rate.
+
+    values: all flat ones of the loop.
+    """
+    ratio = values.get("rates.ratio", 1)
+    return 1 if "rates.ratio" in drawing.reads or isinstance(ratio, float) else ratio
 
 
 def ports_of(spec, drawing: Drawing) -> Ports:

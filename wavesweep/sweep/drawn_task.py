@@ -25,6 +25,7 @@ from wavesweep.monodromy.cut import with_batch
 from wavesweep.monodromy.drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.monodromy.open_ticks import OpenTicks, facts_of
 from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.stability import Intervals, joined, stable_along_any
@@ -35,6 +36,7 @@ from wavesweep.stability.frames import Frames
 from wavesweep.stability.perturbation import shaken
 from wavesweep.stability.polishing import ATTACHED
 from wavesweep.sweep.apart import apart, common
+from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import distinct, distinct_rows, selected
 from wavesweep.sweep.open_loops import Opened, varied_beside
@@ -53,6 +55,7 @@ class DrawnTask:
     groups: (members, values) pairs, see `groups`; the members of all of them number the loops. If the number is one scalar gain
     of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the
     ends too. checked: whether the numbers are known to make loops. prove: compute columns in doubt again in ball arithmetic.
+    bound: on the eigenvalues of a frame, in place of the unit circle.
     """
 
     drawing: Drawing
@@ -62,6 +65,7 @@ class DrawnTask:
     felt: bool = True
     checked: bool = False
     prove: bool = False
+    bound: Bound | None = None
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
@@ -128,7 +132,7 @@ class DrawnTask:
         alike = all(one[path] == other[path] for path in one.keys() - {*arrays})
         if not alike or zero != [varied_beside(self.drawing, one, self.number)]:
             return None
-        if any(len(apart(self.drawing, self._silent(values))) > 1 for values in (one, other)):
+        if any(len(self._parts(values)) > 1 for values in (one, other)):
             return None
         members = np.concatenate([first, second])
         order = np.argsort(members)
@@ -169,14 +173,21 @@ class DrawnTask:
         return None
 
     def _intervals(self, values, size, opened):
-        parts = apart(self.drawing, self._silent(values))
+        parts = self._parts(values)
         if len(parts) <= 1:
             return self.connected(values, size, opened)
         if not self._drift_alike(values, parts):  # a cut would leave out a mode that grows and that the number does not see
             return self.connected(values, size, None)
         domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
-        alone = [replace(self, drawing=part) for part in parts]
+        alone = [replace(self, drawing=part, bound=self.bound and self._bound_of(part, values)) for part in parts]
         return common([part.connected(values, size, part.opened_or_none(values, size)) for part in alone])
+
+    def _parts(self, values):
+        return apart(self.drawing, self._silent(values), every=self.bound is not None)
+
+    def _bound_of(self, part, values):
+        """The bound for a part of the drawing, whose frame may be shorter."""
+        return self.bound.over(assembled(self.drawing, values).ticks // assembled(part, values).ticks)
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
@@ -239,12 +250,12 @@ class DrawnTask:
 
     def _by_cut(self, opened):
         loops, size = opened.loops, int(opened.which.max()) + 1
-        return opened.intervals(loops.alone if size == 1 else with_batch(loops.cut, size), self.span)
+        return opened.intervals(loops.alone if size == 1 else with_batch(loops.cut, size), self.span, self.bound)
 
     def _by_panels(self, values, size):
-        loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+        loops = replace(self._loops(values), radius=self.bound and self.bound.radius_of(period))
         variable = self._variable()
         bounds = domains(self.drawing, values, self.along, self.span, size)
         found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
@@ -317,7 +328,9 @@ class DrawnTask:
         return self._meeting_one_at_zero(found.take(np.argsort(found.column, kind="stable")), values)
 
     def _stops_drift(self, values):
-        """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
+        """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1, and this is the bound."""
+        if self.bound:
+            return False
         held, free = (drift_of(self.drawing, each) for each in (self._along(values), values | {self.along: 0.0}))
         return len(free.moved) + len(free.folded) > len(held.moved) + len(held.folded)
 
@@ -356,7 +369,8 @@ class _Along:
     """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
 
     open_ticks: the loops without the number in their ticks, if it is one scalar gain of them. shared: path of another number
-    that is one, in which loops differ: without it in their ticks these are the same loops.
+    that is one, in which loops differ: without it in their ticks these are the same loops. radius: of each loop, a circle in
+    place of the unit circle.
     """
 
     drawing: Drawing
@@ -365,6 +379,7 @@ class _Along:
     drift: TickDrift
     open_ticks: OpenTicks | None
     shared: str = ""
+    radius: np.ndarray | None = None
 
     def frames(self, number, p) -> Frames:
         """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
@@ -376,6 +391,8 @@ class _Along:
         else:
             E, *facts = self.open_ticks.frames(number, p)
             found = _frames(filled(without_drift(E, self.drift)), facts, shape)
+        if self.radius is not None:
+            found = replace(found, E=within(found.E, np.broadcast_to(self.radius[number], shape).ravel()))
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
@@ -404,7 +421,11 @@ class _Along:
             each = [self.errors(*one) for one in _one_by_one(number, p)]
             return tuple(np.concatenate(part) for part in zip(*each, strict=True))
         with np.errstate(all="ignore"):
-            return tuple(np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in errors_of_closed(ticks, self.drift))
+            E, dE = (np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in errors_of_closed(ticks, self.drift))
+        if self.radius is None:
+            return E, dE
+        radius = np.broadcast_to(self.radius[number], p.shape)
+        return within(E, radius), errors_within(E, dE, radius)
 
     def _ticks(self, number, p):
         """The ticks with the sizes of their terms."""

@@ -157,6 +157,7 @@ class Hands:
                 f"--set sweep.{swept[0]}= leaves it out"
             )
         spec = job.grid.spec
+        spec.refuse_require("hands")
         if missing := spec.without_hand() if spec.drawing else None:
             raise SpecError(missing)
         loop = held_loop(*own_loop(spec, job.axis.path))

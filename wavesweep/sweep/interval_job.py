@@ -11,12 +11,13 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.domain import domain
 from wavesweep.loops.from_drawing import unsuitable
 from wavesweep.rows import Columns
-from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
+from wavesweep.spec import Axis, Require, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.stability.certificate import words
-from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
+from wavesweep.sweep.bound import Bound
+from wavesweep.sweep.drawn_loops import drift_of, frames, frames_of, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
-from wavesweep.sweep.grid import FAST, Grid, drawn_groups, items_of, make_grid, own_loop, selected
+from wavesweep.sweep.grid import FAST, Grid, drawing_for, drawn_groups, groups, items_of, make_grid, own_loop, read_by, selected
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
@@ -39,13 +40,14 @@ class IntervalJob(Job):
 
     guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. exact: whether
     the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. prove: whether columns in doubt are
-    computed again in ball arithmetic.
+    computed again in ball arithmetic. require: of every mode, in place of stability alone.
     """
 
     axis: Axis
     guarantee: "Guarantee | None" = None
     exact: bool | None = False
     prove: bool = False
+    require: Require | None = None
     rows: ClassVar[float] = 1.2  # some slices have several intervals
     row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
@@ -60,6 +62,7 @@ class IntervalJob(Job):
     def identity(self) -> dict[str, object]:
         """The axis and the guarantee."""
         along = {"along": self.axis.name} | ({"prove": True} if self.prove else {})
+        along |= {"require": self.require.written()} if self.require else {}
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
     def task(self, chunk: Chunk) -> Task:
@@ -69,7 +72,7 @@ class IntervalJob(Job):
             parts = drawn_groups(self.grid.spec, changes, len(chunk.loops), self.resolved, rates=True, along=self.axis.path)
             return self.guarantee.task(self.axis.path, _span(self.axis), tuple(parts))
         checked = self.grid.loops <= CHECKED
-        options = {"checked": checked, "prove": self.prove}
+        options = {"checked": checked, "prove": self.prove, "require": self.require}
         return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
@@ -81,21 +84,33 @@ class IntervalJob(Job):
 
 
 def task_over(
-    spec: Spec, axis: Axis, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=False
+    spec: Spec,
+    axis: Axis,
+    changes,
+    size: int,
+    resolved=None,
+    *,
+    ties=(),
+    felt=True,
+    checked=False,
+    prove=False,
+    require: Require | None = None,
 ) -> Task:
     """The task for `size` loops of the spec.
 
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt, checked, prove: see `DrawnTask`.
+    factors of it. felt, checked, prove: see `DrawnTask`. require: see `IntervalJob`.
     """
     parts: dict = {}
-    for members, drawing, values in drawn_groups(spec, changes, size, resolved, rates=True, along=axis.path):
-        parts.setdefault(drawing, []).append((members, values))
+    for members, values in groups(spec, changes, size, resolved, rates=True):
+        drawing = drawing_for(spec, values, axis.path)
+        bound = require and Bound.of(require).over(frames_of(drawing, values))
+        parts.setdefault((drawing, bound), []).append((members, read_by(drawing, values)))
     tasks = []
-    for drawing, groups_of in parts.items():
+    for (drawing, bound), groups_of in parts.items():
         drawn = drawing.tied(axis.path, ties) if ties else drawing
         known = checked or not spec.drawing
-        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), felt, known, prove))
+        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), felt, known, prove, bound))
     return tasks[0] if len(tasks) == 1 else SeveralTasks(tuple(tasks))
 
 
@@ -106,12 +121,14 @@ def _span(axis):
 def job_of(spec: Spec, along: str | None = None, *, prove: bool = False) -> IntervalJob:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
-    return job_over(make_grid(spec, others, axis.path), axis, prove=prove)
+    return job_over(make_grid(spec, others, axis.path), axis, prove=prove, require=spec.require)
 
 
-def job_over(grid: Grid, axis: Axis, *, prove: bool = False) -> IntervalJob:
-    """The job of a grid; prove: compute the columns in doubt again. Errors: UsageError or SpecError if it cannot be done."""
+def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | None = None) -> IntervalJob:
+    """The job of a grid; prove, require: see `IntervalJob`. Errors: UsageError or SpecError if it cannot be done."""
     spec = grid.spec
+    if prove and require:
+        raise UsageError("proofs in ball arithmetic are of stability alone: leave out prove, or [sweep] require")
     if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
@@ -125,11 +142,13 @@ def job_over(grid: Grid, axis: Axis, *, prove: bool = False) -> IntervalJob:
     changes = grid.loop_values(index)
     parts = list(drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path))
     for _, drawing, values in parts:
+        if require and require.settling and name_of(axis.path) in drawing.rating:
+            raise UsageError(f"{axis.name} changes the time of a frame: require radius along it, and not settling")
         domain(drawing, values, axis.path, _span(axis))
     ours = ((drawing, selected(values, [0])) for _, drawing, values in parts[:STRUCTURES])
     costs, ways = zip(*(_cost(spec, drawing, axis, values) for drawing, values in ours), strict=True)
     exact = ways[0] if len({*ways}) == 1 else None
-    job = IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, exact=exact, prove=prove)
+    job = IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, exact=exact, prove=prove, require=require)
     return cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)) if prove else job
 
 
@@ -178,15 +197,21 @@ def _like_own(values, spec, drawing):
 
 
 def at_points(
-    spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = (), felt: bool = True
+    spec: Spec,
+    axis: Axis,
+    points: Mapping[str, np.ndarray],
+    ties: tuple[str, ...] = (),
+    felt: bool = True,
+    require: Require | None = None,
 ) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
 
     points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
-    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise.
+    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
+    `IntervalJob`.
     """
     count = len(next(iter(points.values())))
-    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True).records()
+    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True, require=require).records()
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
 
 
@@ -196,6 +221,7 @@ PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, prov
 
 def method(job: IntervalJob) -> str:
     """How the intervals of a job are found, in a line."""
+    circle = "; of frames over the required radius, whose unit circle is its circle" if job.require else ""
     if job.exact is None:
-        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
-    return EXACT if job.exact else PANELS
+        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others{circle}"
+    return f"{EXACT if job.exact else PANELS}{circle}"

@@ -20,6 +20,7 @@ from wavesweep.response.resting import Resting
 from wavesweep.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.stability import Intervals, stable_intervals
+from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
 from wavesweep.sweep.grid import distinct_rows, items_of, read_by, selected
 
@@ -168,15 +169,16 @@ class Opened:
         pair = p, self.beside[at]
         return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
 
-    def intervals(self, cut, span) -> Intervals:
-        """The intervals of the cut loops, sorted by slice."""
+    def intervals(self, cut, span, bound: Bound | None = None) -> Intervals:
+        """The intervals of the cut loops, sorted by slice; bound: on the eigenvalues, in place of the unit circle."""
         order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
         starts, parts = np.cumsum(counts) - counts, []
         for count in np.unique(counts[counts > 0]).tolist():
             some = np.flatnonzero(counts == count)
             slices = order[starts[some][:, None] + np.arange(count)]
             loops = cut if some.size == counts.size else cut.at(some)
-            found = stable_intervals(loops, "B_VE" if self.swapped else "K_VE", span, self.beside[slices])
+            radius = bound and bound.radius_of(loops.period)
+            found = stable_intervals(loops, "B_VE" if self.swapped else "K_VE", span, self.beside[slices], radius)
             parts.append(replace(found, column=slices.reshape(-1)[found.column]))
         whole = Intervals.join(parts)
         return whole.take(np.argsort(whole.column, kind="stable"))

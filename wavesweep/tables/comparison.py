@@ -32,6 +32,8 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
         if missing := spec.without_hand():
             raise SpecError(missing)
     # In turn: each uses all workers.
+    for spec in specs:
+        spec.refuse_require("compare")
     found = [intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"})) for spec in specs]
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))

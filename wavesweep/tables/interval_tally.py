@@ -10,6 +10,7 @@ import numpy as np
 
 from wavesweep.rows import Columns
 from wavesweep.spec import find_key
+from wavesweep.spec.require import words_of
 from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE
 from wavesweep.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.tables.kind import Line, count
@@ -17,9 +18,9 @@ from wavesweep.tables.kind import Line, count
 Axes = Mapping[str, Sequence[float]]
 # hand -> the title of its line, the adjective of its intervals, and the sentence if it has none
 HANDS = {
-    "": ("", "stable", "no stable {along} anywhere in the swept range"),
-    "free": ("free device", "stable", "no stable {along} anywhere in the swept range"),
-    "operator": ("with the spec's operator", "stable", "no stable {along} anywhere in the swept range"),
+    "": ("", "stable", "no {such} anywhere in the swept range"),
+    "free": ("free device", "stable", "no {such} anywhere in the swept range"),
+    "operator": ("with the spec's operator", "stable", "no {such} anywhere in the swept range"),
     "passive": ("stable with every passive hand", "stable", "nowhere stable with every passive hand in the swept range"),
     "box": ("stable with every hand of the box", "stable", "nowhere stable with every hand of the box in the swept range"),
     "port": ("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
@@ -28,7 +29,7 @@ STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
 # Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
 SEARCHED = ("passive", "box", "port")
-ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which stability is not known"}
+ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}
 
 
 class Extreme:
@@ -70,6 +71,8 @@ class IntervalTally:
 
     def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
+        require = self._facts.get("require")
+        self._required = words_of(require) if require else ""
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
@@ -178,7 +181,12 @@ class IntervalTally:
         """Text: the numbers of slices and of intervals."""
         skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
         holes = f", {count(self._split, 'slice')} with a hole" if self._split else ""
-        return f"{count(slices['computed'], 'slice')}{skipped}: {count(self._intervals, 'stable interval')}{holes}"
+        found = f"{count(self._intervals, 'interval')} with {self._required}" if self._required else ""
+        return f"{count(slices['computed'], 'slice')}{skipped}: {found or count(self._intervals, 'stable interval')}{holes}"
+
+    def _such(self) -> str:
+        """Text: the axis with what its values in intervals are, stable as a rule."""
+        return f"{self._along} with {self._required}" if self._required else f"{HANDS[self._hand][1]} {self._along}"
 
     def certified(self) -> Line:
         """Text: the number of certified rows, and the reasons of doubt about the others."""
@@ -195,12 +203,12 @@ class IntervalTally:
 
     def largest(self) -> str:
         """Text: the largest stable value and its place."""
-        found, (_, adjective, none) = self._largest_numbers(), HANDS[self._hand]
+        found = self._largest_numbers()
         if found is None:
-            known = f"no {adjective} {self._along} found, but part of the swept range could not be decided"
-            return known if self._doubts and self._hand not in SEARCHED else none.format(along=self._along)
-        value = f"largest {adjective} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
-        ended = f"{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
+            known = f"no {self._such()} found, but part of the swept range could not be decided"
+            return known if self._doubts and self._hand not in SEARCHED else HANDS[self._hand][2].format(such=self._such())
+        value = f"largest {self._such()}: {found['value']:.6g}{self._unit(self._along)}"
+        ended = f"{ENDS[found['ended_by']].format('it' if self._required else 'stability')}{_ended_by(self._largest.row)}"
         return f"{value}{self._gap(found['from'])}{self._place(found)}{ended}{self._doubtful(found)}"
 
     def least(self) -> str:
@@ -208,15 +216,16 @@ class IntervalTally:
         found, largest = self._least_numbers(), self._largest_numbers()
         if not found or not largest or (found["value"] == largest["from"] and largest["ended_by"] == "stability"):
             return ""
-        value = f"least {HANDS[self._hand][1]} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
+        value = f"least {self._such()}: {found['value']:.6g}{self._unit(self._along)}"
         return f"{value}{self._place(found)}{self._doubtful(found)}"
 
     def without_gap(self) -> str:
         """Text: the largest value up to which all are stable, and its place; empty if that is the largest stable one."""
-        found, (_, adjective, _) = self._without_gap_numbers(), HANDS[self._hand]
+        found = self._without_gap_numbers()
+        good = f"with {self._required}" if self._required else HANDS[self._hand][1]
         if found is None or found["value"] == self._largest.value:
             return ""
-        first = f"every {self._along} from {self._range[0]:.6g} on {adjective} up to"
+        first = f"every {self._along} from {self._range[0]:.6g} on {good} up to"
         return f"{first} {found['value']:.6g}{self._unit(self._along)}{self._place(found)}{self._doubtful(found)}"
 
     def stiffest_felt(self) -> str:
@@ -241,7 +250,7 @@ class IntervalTally:
 
     def _gap(self, low: float) -> str:
         """Text: where an interval begins, if that is not at the start of the range."""
-        return f" ({HANDS[self._hand][1]} from {low:.6g} on)" if low > self._range[0] else ""
+        return f" ({'so' if self._required else HANDS[self._hand][1]} from {low:.6g} on)" if low > self._range[0] else ""
 
     @property
     def _range(self) -> tuple[float, float]:

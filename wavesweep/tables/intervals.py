@@ -162,6 +162,14 @@ def _finished(block, hand, hands) -> Columns:
     return KINDS[2 if hands else 0].completed(block)
 
 
+def _required(job) -> Iterator[str]:
+    """Yield the notice of what is required in place of stability."""
+    from wavesweep.spec.require import words_of
+
+    if job.require:
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(job.require.written())}"
+
+
 def _linear(axis) -> Iterator[str]:
     """Yield the notice of a range that is searched and has a spacing or values."""
     if axis.scale == "log" and not axis.values:
@@ -175,9 +183,16 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     own = stages[0].job
-    notices = [*_linear(own.axis), *own.grid.notices, *spans_held(spec, own.axis.path), *(hands.notices(own) if hands else ())]
+    notices = [
+        *_required(own),
+        *_linear(own.axis),
+        *own.grid.notices,
+        *spans_held(spec, own.axis.path),
+        *(hands.notices(own) if hands else ()),
+    ]
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
+    facts |= {"require": own.require.written()} if own.require else {}
     return facts | (hands.facts() if hands else {})
 
 

@@ -68,6 +68,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
 
     started = time.perf_counter()
     spec = naming(spec, [along])
+    spec.refuse_require("why")
     axis, others = sweep_axes(spec, along, swept=False)
     job = job_over(make_grid(spec, (), axis.path), axis)
     found = in_memory(job)

@@ -1,0 +1,157 @@
+"""[sweep] require: intervals in which every mode is within a radius per frame, or settles in a time."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from stress.drawings import verdict
+from support.specs import KINDS, nested, random_values
+
+import wavesweep
+from wavesweep.errors import UsageError
+from wavesweep.monodromy.radius import errors_within, within
+from wavesweep.spec import load
+from wavesweep.tables.comparison import compare
+from wavesweep.tables.intervals import KINDS as TABLES
+from wavesweep.tables.intervals import intervals, rows_again
+
+FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
+SPEC = {
+    "controller": {"kind": "pmw"},
+    "environment": {"integration": "explicit"},
+    "sweep": {"require": {"radius": 0.97}, "B_VE": [0.0, 1.0, 5.0], "K_VE": {"start": 0, "stop": 2000}},
+}
+
+
+def with_require(**numbers):
+    return {**SPEC, "sweep": {**SPEC["sweep"], "require": numbers}}
+
+
+@pytest.mark.sample(8)
+@pytest.mark.parametrize("along", ["K_VE", "B_VE", "device.mass", "b"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_eigenvalues_are_within_the_radius_inside_and_not_outside(seed, kind, along):
+    r = np.random.default_rng(seed)
+    loop = wavesweep.compile(nested(random_values(seed, kind)))
+    if along == "b" and not kind.startswith("pmw"):
+        along = "device.damping"
+    low, high = {"K_VE": (0.0, 5000.0), "B_VE": (0.0, 50.0), "b": (2.0, 80.0)}.get(along, (0.02, 3.0))
+    values = r.uniform(low, high, 12)
+    radius = float(np.clip(np.median(loop.spectral_radius(**{along: values})), 0.5, 0.999))
+    table = loop.stable_intervals(along, (low, high), require={"radius": radius})
+    assert table.certified.all()
+    ends = [
+        end for row in table.itertuples() for end, omega in ((row.low, row.low_omega), (row.high, row.high_omega)) if omega >= 0
+    ]
+    values = np.concatenate([values, [end * side for end in ends for side in (1 - 1e-6, 1 + 1e-6)]])
+    values = values[(values > low) & (values < high)]
+    found = loop.spectral_radius(**{along: values})
+    inside = [any(row.low < value < row.high for row in table.itertuples()) for value in values]
+    far = ~(np.abs(found - radius) < 1e-10)
+    assert far.sum() >= 10
+    assert np.array_equal((found < radius)[far], np.array(inside)[far])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_time_is_the_radius_of_its_frame(kind):
+    loop = wavesweep.compile({"controller": {"kind": kind}})
+    time = FRAME * np.log(SETTLED) / np.log(0.97)
+    one, other = (loop.stable_intervals(require=require, B_VE=[1.0, 5.0]) for require in ({"radius": 0.97}, {"settling": time}))
+    assert one.certified.all()
+    assert np.allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-9, equal_nan=True)
+    both = loop.stable_intervals(require={"radius": 0.99, "settling": time}, B_VE=[1.0, 5.0])
+    assert both.equals(other)
+
+
+JOINTS = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"kp": 60.0, "kd": 2.0, "m": 0.1, "d": 2.0, "slow": 3.0},
+    "block": {
+        "arm": {"type": "mass", "mass": "m", "damping": "d"},
+        "x": {"type": "hold", "every": 5},
+        "v": {"type": "difference", "every": 5},
+        "other": {"type": "mass", "mass": 0.2, "damping": 4.0},
+        "shown": {"type": "lowpass", "cutoff_hz": "slow", "every": 2},
+    },
+    "wire": {"x.u": "arm.x", "v.u": "arm.x", "arm.f": "-kp*x.y - kd*v.y", "other.f": "-kp*other.x + x.y", "shown.u": "arm.x"},
+}
+
+
+@pytest.mark.parametrize(("along", "span"), [("kp", (0.0, 400.0)), ("slow", (0.5, 40.0)), ("m", (0.02, 1.0))])
+@pytest.mark.parametrize("radius", [0.93, 0.95])
+def test_parts_have_shorter_frames_and_what_rests_has_to_be_as_fast(along, span, radius):
+    loop = wavesweep.compile(load(JOINTS))
+    table = loop.stable_intervals(along, span, require={"radius": radius})
+    assert table.certified.all()
+    values = np.linspace(*span, 201)[1:-1]
+    inside = np.array([any(row.low < value < row.high for row in table.itertuples()) for value in values])
+    assert 0 < inside.sum() < inside.size
+    assert np.array_equal(loop.spectral_radius(**{along: values}) < radius, inside)
+    spec = load(JOINTS)
+    found = [verdict(spec, {f"numbers.{along}": value}, radius) for value in values[::10]]
+    assert [each > 0 for each in found] == inside[::10].tolist()
+
+
+def test_a_radius_next_to_one_is_stability():
+    loop = wavesweep.compile(SPEC)
+    one, other = loop.stable_intervals(require={"radius": 0.999999}), loop.stable_intervals()
+    assert other.low[0] == 0 < one.low[0] < 1e-3  # there the loop drifts, and next to it creeps
+    assert one.high[0] == pytest.approx(other.high[0], rel=1e-4)
+
+
+def test_the_table_says_what_is_required():
+    table = intervals(load(SPEC), "K_VE")
+    assert table.facts["require"] == {"radius": 0.97}
+    assert load(table.facts["spec"]).require == load(SPEC).require
+    assert "every mode within 0.97 per frame" in table.facts["notices"][0]
+    tally = TABLES[0].tally(table)
+    tally.add(table.columns)
+    lines = [text for text, _ in tally.lines(table.facts)]
+    assert lines[0] == "3 slices: 3 intervals with every mode within 0.97 per frame"
+    assert any(line.startswith("largest K_VE with every mode within 0.97 per frame: 1147.38 N/m") for line in lines)
+    (again,) = rows_again(load(SPEC), "K_VE", None, [1])
+    assert again["high"][0] == table.columns["high"][1]
+
+
+@pytest.mark.parametrize(
+    ("require", "expected"),
+    [
+        ({"damping_ratio": 0.3}, "sweep.require.damping_ratio: expected one of radius, settling, found an unknown key"),
+        ({}, "sweep.require: expected a table with some of radius, settling, found an empty table"),
+        ({"radius": 1}, "sweep.require.radius: expected a number <= 0.999999, found 1"),
+        ({"settling": 0}, "sweep.require.settling: expected a number > 0, found 0"),
+        ({"settling": 1e-4}, "sweep.require.settling: expected at least 0.00566 s where a frame takes 0.02 s, found 0.0001"),
+    ],
+)
+def test_what_cannot_be_required_is_one_clear_line(require, expected):
+    with pytest.raises(UsageError) as error:
+        wavesweep.zwidth(with_require(**require))
+    assert str(error.value) == expected
+    with pytest.raises(UsageError) as error:
+        wavesweep.compile(SPEC).stable_intervals(require=require)
+    assert str(error.value) == expected
+
+
+def test_what_is_about_stability_alone_refuses_it():
+    for refused in (
+        lambda: wavesweep.zwidth(SPEC, for_hands="passive"),
+        lambda: intervals(load(SPEC), "K_VE", prove=True),
+        lambda: wavesweep.why(SPEC),
+        lambda: compare([load(SPEC)]),
+        lambda: wavesweep.compile(SPEC).stable_intervals("rates.fast_hz", (500.0, 2000.0), require={"settling": 0.5}),
+    ):
+        with pytest.raises(UsageError, match=r"stability alone|changes the time of a frame"):
+            refused()
+
+
+def test_bounds_on_errors_hold_in_rational_arithmetic():
+    r = np.random.default_rng(5)
+    E = r.normal(size=(200, 3, 3)) * 10.0 ** r.uniform(-9, 1, (200, 3, 3)) - np.eye(3) * r.integers(0, 2, (200, 1, 1))
+    radius = 10.0 ** r.uniform(-6, -1e-7, 200)
+    found, bound = within(E, radius), errors_within(E, 0 * E, radius)
+    for at in np.ndindex(E.shape):
+        rho, own = Fraction(radius[at[0]]), at[1] == at[2]
+        exact = (Fraction(E[at]) + (1 - rho if own else 0)) / rho
+        assert abs(Fraction(found[at]) - exact) <= Fraction(bound[at])
+    assert np.array_equal(within(-np.eye(2)[None], radius[:1]), -np.eye(2)[None])  # set anew in every frame
