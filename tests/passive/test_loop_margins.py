@@ -17,6 +17,7 @@ from wavesweep.api import compile as compiled
 from wavesweep.passive import margins_of
 from wavesweep.stability.certificate import words
 from wavesweep.sweep.broken_loops import broken_at
+from wavesweep.sweep.drawn_loops import drift_of, frames
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
 W = 2 * np.pi
@@ -191,6 +192,26 @@ def test_the_gain_margin_of_a_loop_of_two_rates_is_an_end_along_its_gain():
     assert [radius < 1 for radius in steps.values()] == [True, False]
 
 
+def test_the_open_loop_of_two_rates_has_the_poles_of_the_closed_ones():
+    """det(z - A) of the loop is that of the loop without kp times 1 + L, and L goes with kp."""
+    spec, theta = load(ARM_SPEC), np.linspace(0.01, np.pi, 50)
+    L, z = broken_at(spec, "net.y").response(theta), np.exp(1j * theta) - 1
+    values = dict(spec.values)
+    drift = drift_of(spec.drawing, values)
+    one, half = (
+        np.linalg.eigvals(frames(spec.drawing, values | {"numbers.kp": kp}, drift)) for kp in (values["numbers.kp"], 120.0)
+    )
+    quotient = np.prod(z[:, None] - one, -1) / np.prod(z[:, None] - half, -1)
+    np.testing.assert_allclose((1 + L) / (1 + L / 2), quotient, rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.999])
+def test_a_gain_of_one_at_rest_is_in_doubt(size):
+    """L = size (1 - a)/(z - a) falls from there on: a rotation by 180 degrees would end stability at size 1."""
+    found = margins(recursion([0.5 * size], [1, -0.5]), "c.y")
+    assert (bool(found["phase"].doubt), np.isnan(found["phase"].value)) == (size == 1, True)
+
+
 def test_the_disk_bounds_gain_and_phase_and_the_sensitivities():
     found = {name: each.value for name, each in margins(sampled([2], [1, 3, 2, 0], 20), "c.y").items()}
     assert found["disk_gain"] == pytest.approx((2 + found["disk"]) / (2 - found["disk"]))
@@ -198,6 +219,16 @@ def test_the_disk_bounds_gain_and_phase_and_the_sensitivities():
     assert found["disk_gain"] < found["gain_up"]
     assert found["disk_phase"] < found["phase"]
     assert abs(found["sensitivity"] - found["complementary"]) < 1 < 1 / found["disk"] + 0.5
+
+
+def test_a_disk_that_reaches_all_gains_has_no_largest():
+    """L is 0 at rest and has a positive real part elsewhere: no gain, however large, ends stability."""
+    found = margins(recursion([0.1, -0.1], [1, -0.5]), "c.y")
+    assert found["disk"].value == pytest.approx(2, rel=1e-9)
+    assert found["disk_phase"].value == pytest.approx(90, rel=1e-9)
+    for name in ("gain_up", "disk_gain"):
+        assert np.isnan(found[name].value)
+        assert found[name].doubt == 0
 
 
 def recursion(num, den):

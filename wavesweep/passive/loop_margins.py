@@ -19,7 +19,7 @@ MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
 SPARED = 1e-6  # relative error of a margin up to which there is no doubt
 TOUCHES = 1e-7  # of 1, distance of a gain from 1 up to which it may be one that touches 1
-DIRECT = 1e-8  # of 1, distance of the direct term's size, from which on the pencil of the gain 1 is regular
+DIRECT = 1e-6  # of 1, distance of the direct term's size, from which on the pencil of the gain 1 is regular
 BESIDE = 1e-7  # rad, an angle that is as good as 0 for a peak
 NONE_FOUND = np.nan, np.nan, 0.0
 
@@ -44,6 +44,7 @@ class BrokenLoop:
     """A loop broken at a signal that is made once per frame: `-L(z) = C (z - 1 - E)^-1 B + D`, and bounds on errors of these.
 
     cut: a single loop, at the number by which the signal is multiplied.
+    Accuracy: see `slope_and_error`.
     """
 
     cut: Cut
@@ -111,7 +112,8 @@ class BrokenLoop:
             change = np.flatnonzero(above[:-1] != above[1:])
             rtol = 4 * np.finfo(float).eps
             found = np.array([brentq(size, *points[at : at + 2], xtol=1e-300, rtol=rtol) for at in change])
-        near = np.flatnonzero((np.abs(sizes) <= TOUCHES) & (points > 0) & (points < np.pi))
+        inside = (points > 0) & (points < np.pi)  # at the ends a rotation by 180 degrees is meant, which no other one exceeds
+        near = np.flatnonzero((np.abs(sizes) <= TOUCHES) & (inside | (found.size == 0)))
         beside = np.zeros(near.size, bool)
         for root in found:
             slope = abs((self.slope_and_error(root)[0] * self.response(root).conj()).real)
@@ -212,7 +214,9 @@ def _peaks(loop) -> Iterator[Margin]:
         disk = 1 / size
         yield _margin(name, disk, *rest)
         gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
-        of_gain = bound * 4 * disk / (4 - disk**2) if disk < 2 else np.inf
-        yield _margin("disk_gain", gain, rest[0], of_gain, rest[2])
+        if gain < MOST:
+            yield _margin("disk_gain", gain, rest[0], bound * 4 * disk / (4 - disk**2), rest[2])
+        else:
+            yield Margin("disk_gain", *NONE_FOUND, rest[2])
         half = np.arctan(disk / 2)
         yield _margin("disk_phase", float(np.degrees(2 * half)), rest[0], bound * np.sin(2 * half) / (2 * half), rest[2])

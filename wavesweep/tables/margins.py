@@ -14,7 +14,7 @@ from wavesweep.rows import Columns
 from wavesweep.spec import Spec
 from wavesweep.stability.certificate import OF_MARGINS, words
 from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
-from wavesweep.tables.table import Table, facts_of
+from wavesweep.tables.table import Table, facts_of, held
 
 METHOD = (
     "gains from the certified stable interval around 1 of a factor of the signal; crossings of the gain 1 from the pencil of "
@@ -81,7 +81,8 @@ def margins(spec: Spec, cut: str) -> Table:
     }
     counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
     timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, {"margins": METHOD}, counts, timings, over_preset(spec))
+    notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
+    facts = facts_of(spec, {"margins": METHOD}, counts, timings, [*notices, *over_preset(spec)])
     return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period})
 
 
