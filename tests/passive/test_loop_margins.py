@@ -98,9 +98,8 @@ def by_grid(L, period):
     real = L(angles)
     real = real.real[np.abs(real.imag) < 1e-6 * np.abs(real)]
     real = real[np.abs(real) < 1e8]  # an integrator's grows without end
-    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+    with suppress(np.linalg.LinAlgError):  # of an integrator
         at_rest = complex(L(0.0))
-    if np.isfinite(at_rest):
         real = np.append(real, at_rest.real)
     gains = -1 / real
     found["gain_up"] = gains[gains > 1].min(initial=np.inf)
@@ -114,7 +113,7 @@ def by_grid(L, period):
         i = int(np.argmax(size))
         ends = GRID[max(i - 1, 0)], GRID[min(i + 1, GRID.size - 1)]
         near = minimize_scalar(lambda t, less=less: -abs(1 / (1 + L(t)) - less), bounds=ends, options={"xatol": 1e-13})
-        best = max(float(size[i]), -near.fun, abs(1 / (1 + at_rest) - less) if np.isfinite(at_rest) else 0.0)
+        best = max(float(size[i]), -near.fun, abs(1 / (1 + at_rest) - less))
         found[name] = 1 / best if name == "disk" else best
     return {name: value if np.isfinite(value) and value < 1e6 else np.nan for name, value in found.items()}
 
