@@ -184,6 +184,7 @@ SAMPLED = {
     "simulate": "simulate mine.toml",
     "passivity": "passivity mine.toml --filters",
     "why": "why mine.toml --set environment.integration=explicit",
+    "margins": "margins mine.toml --cut avatar.out",
     "design": "design mine.toml",
     "check": "check mine.toml",
     "export": "export mine.toml --to c",

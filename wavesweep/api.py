@@ -24,6 +24,7 @@ from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.sweep.running import Options
 from wavesweep.tables import intervals, kind_named, responses, simulation
+from wavesweep.tables import margins as of_margins
 from wavesweep.tables import passivity as of_passivity
 from wavesweep.tables import why as of_why
 from wavesweep.tables.columns import fields_of
@@ -170,6 +171,14 @@ class Loop:
 
         spec = naming(self.spec, axes)
         return self._frame("passivity", in_memory(spec, axes_asked(spec, axes)))
+
+    def margins(self, cut: str) -> DataFrame:
+        """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
+
+        cut: an output of a block that runs once per frame, "block.port". Errors: UsageError for another signal, or if the loop
+        is not stable. Accuracy: every row has a bound on its relative error, or a reason of doubt.
+        """
+        return framed(of_margins.margins(self.spec, cut))
 
     def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 # Those of a SPEC that write tables.
 OTHERS = ("check", "verify", "explore", "export", "paper", "bench", "keys", "init", "plot")
 WITH_TABLES = [name for name in COMMANDS if name not in OTHERS]
-SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare", "design", "why")]
+SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare", "design", "why", "margins")]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -55,7 +55,7 @@ def test_the_examples_in_the_helps_are_valid(example, tmp_path):
         load(source, settings).as_simulated()
 
 
-@pytest.mark.parametrize("name", ["simulate", "why", "paper", "bench", "check", "export"])
+@pytest.mark.parametrize("name", ["simulate", "why", "margins", "paper", "bench", "check", "export"])
 @pytest.mark.parametrize("option", ["--jobs=2", "--backend=loky", "--scheduler=a", "--restart"])
 def test_workers_are_options_only_of_the_commands_that_use_them(name, option, wavesweep, spec):
     code, _, err = wavesweep(name, *([] if name in ("paper", "bench") else [spec]), option)

@@ -36,6 +36,7 @@ COMMANDS = {
     "simulate": ("simulate",),
     "passivity-filters": ("passivity", "--filters"),
     "why": ("why",),
+    "margins": ("margins", "--cut", "avatar.out"),
 }
 FORMATS = ("--format", "png", "--format", "svg", "--format", "pdf")
 

@@ -19,6 +19,7 @@ from wavesweep.results.verify import _compared, verify
 from wavesweep.spec import load
 from wavesweep.sweep.hands import hands_of
 from wavesweep.tables.intervals import intervals
+from wavesweep.tables.margins import margins
 from wavesweep.tables.passivity import filter_choices, passivity
 from wavesweep.tables.responses import responses
 from wavesweep.tables.simulation import simulate
@@ -61,6 +62,7 @@ def files_of(spec, kind):
         "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
         "passivity": lambda: [passivity(spec, 0.01, jobs=1), filter_choices(spec, 0.01)],
         "why": lambda: [why(load(TABLES | {"sweep": ALONG_B}))],
+        "margins": lambda: [margins(short, "avatar.out")],
         "simulate": lambda: simulate(short.as_simulated()),
     }
     return calls[kind]()
@@ -68,7 +70,9 @@ def files_of(spec, kind):
 
 @pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "why", "simulate"])
+@pytest.mark.parametrize(
+    "kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "why", "margins", "simulate"]
+)
 def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
     tables = files_of(load(TABLES), kind)
     for table in tables:

@@ -43,6 +43,7 @@ COMMANDS = MappingProxyType(
         "simulate": "Simulate the loop tick by tick, optionally with contact, friction and hardware limits.",
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
         "why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number.",
+        "margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal.",
         "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for.",
         "export": "Write the controller as C, with test vectors: what was analysed is what runs.",
         "paper": "Reproduce the paper's figures and test its statements.",

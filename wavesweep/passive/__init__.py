@@ -18,16 +18,19 @@ from wavesweep.passive.channel import (
 from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
 from wavesweep.passive.hand_box import BoxIntervals, box_intervals
 from wavesweep.passive.held_loop import HAND, HeldLoop
+from wavesweep.passive.loop_margins import BrokenLoop, Margin, margins_of
 from wavesweep.passive.margin import PortMargin, more_damping, port_margin
 
 __all__ = [
     "HAND",
     "HOLDING_A_DEVICE",
     "BoxIntervals",
+    "BrokenLoop",
     "ChannelNorm",
     "DampingNeeded",
     "HandBox",
     "HeldLoop",
+    "Margin",
     "PassiveWalls",
     "PortMargin",
     "any_hand_walls",
@@ -36,6 +39,7 @@ __all__ = [
     "damping_needed",
     "filter_table",
     "has_waves",
+    "margins_of",
     "more_damping",
     "port_margin",
     "port_passive_walls",

@@ -153,8 +153,8 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     channel = channel_of(drawing, values)
     if channel is None:
         return None
-    peaks = [_peak(way) for way in (channel.outward, channel.inward)]
-    whole = _peak(channel.whole) if channel.joined else None
+    peaks = [peak_of(way) for way in (channel.outward, channel.inward)]
+    whole = peak_of(channel.whole) if channel.joined else None
     batch, frame = channel.frame.shape, channel.frame
     sides = [part for side in peaks for part in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
     certified = np.logical_and.reduce([each.certified for each in ([whole] if whole else peaks)]).reshape(batch)
@@ -165,7 +165,7 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     return ChannelNorm(norm, omega, *sides, certified)
 
 
-def _peak(way: TickMaps) -> Peak:
+def peak_of(way: TickMaps) -> Peak:
     """The square of the norm of a direction; half of the tolerance is left for rounding."""
     lifted = way.lifted(measured=False)
     return peak_by_levels(

@@ -53,14 +53,14 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.in
         if not active.size:
             break
         level = value[active] + slack(active, value[active])
-        _raise(value, theta, value_at, active, _with_middles(angles_at(active, level)))
+        _raise(value, theta, value_at, active, with_middles(angles_at(active, level)))
         beaten = value[active] > level
         certified[active[~beaten]] = True
         active = active[beaten]
     return Peak(value, theta, certified)
 
 
-def _with_middles(found):
+def with_middles(found):
     """The angles found, 0 and pi, and the middles between neighbours; NaN if there are fewer."""
     ends = np.broadcast_to([0.0, np.pi], (*found.shape[:-1], 2))
     known = np.sort(np.concatenate([found, ends], axis=-1), axis=-1)  # NaN goes last

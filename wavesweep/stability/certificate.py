@@ -9,18 +9,20 @@ DOUBTS = {
     "overflow": "the frame's matrix overflows or is lost in rounding, so part of the range, or the response, is not known",
     "unstable": "the loop is unstable and has no steady response: the numbers are those of its equations",
     "defective": "two eigenvalues meet where the interval ends, which has no derivative there that doubles can find",
+    "fast": "the open loop's gain is not below 1 at half the rate of its frame, so that no delay follows from its phase",
 }
 """Word -> meaning, the most severe last; tables show the most severe of a slice."""
 OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow")
 OF_RESPONSES = ("rounding", "overflow", "unstable")
 OF_DERIVATIVES = (*OF_INTERVALS, "defective")
+OF_MARGINS = (*OF_INTERVALS, "fast")
 INCOMPLETE = ("counts", "crowded", "search", "overflow")
 """If a row has one of these, part of its range may be neither known to be stable nor known to be unstable."""
 
 FELT_ALIKE = 1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
 SPARED = 1e-6  # relative error of a response up to which a row has no doubt
 
-NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE = range(len(DOUBTS))
+NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE, FAST = range(len(DOUBTS))
 
 
 def words(codes):

@@ -27,6 +27,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "passivity": "passivity",
         "passivity-filters": "passivity",
         "why": "why",
+        "margins": "margins",
         "design": "design",
     }
 )

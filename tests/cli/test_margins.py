@@ -1,0 +1,55 @@
+"""`wavesweep margins` from the spec to its files and its words."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavesweep import results
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture
+def arm(tmp_path, monkeypatch):
+    """The drawn loop of the page on a first drawing."""
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / "first-drawing.md").read_text(encoding="utf-8")
+    Path("arm.toml").write_text(re.search(r"```toml\n(# arm\.toml.*?)```", page, re.DOTALL).group(1), encoding="utf-8")
+    return "arm.toml"
+
+
+@pytest.mark.usefixtures("arm")
+def test_the_lines_of_the_page_are_those_that_are_printed(wavesweep):
+    shown = re.findall(r"^    (.*)$", (DOCS / "margins.md").read_text(encoding="utf-8"), re.MULTILINE)
+    code, out, err = wavesweep(*shown[0].removeprefix("$ wavesweep ").split(), "--no-plot")
+    assert (code, out) == (0, "")
+    assert err.splitlines()[: len(shown) - 1] == shown[1:]
+
+
+@pytest.mark.slow
+def test_a_row_for_each_margin_in_files_with_a_figure(wavesweep, arm):
+    code, out, _ = wavesweep("margins", arm, "--cut", "camera.y", "--json")
+    assert code == 0
+    found = json.loads(out)["tables"]["margins"]
+    rows = results.read(Path("results/arm/margins.csv"))
+    assert rows["margin"].tolist() == list(found["margins"])
+    assert Path("results/arm/margins.png").exists()
+    assert rows["certified"].all()
+    assert np.isnan(rows["value"][rows["margin"] == "gain_down"]).all()
+    assert wavesweep("verify", "results/arm")[0] == 0
+
+
+def test_bad_input_is_one_message(wavesweep, arm):
+    for words, said in (
+        (("--cut", "arm.x"), r"cut: .*\(camera\.y, speed\.y\), found 'arm\.x': 20 times in a frame"),
+        (("--cut", "camera"), "an output of no block, or one that no wire reads; did you mean `camera.y`"),
+        (("--cut", "camera.y", "--set", "K=200"), "expected a loop that is stable, found one that is not"),
+        ((), "Missing option '--cut'"),
+    ):
+        code, out, err = wavesweep("margins", arm, *words, "--no-plot")
+        assert (code, out) == (2, "")
+        assert re.search(said, err)
+    assert not Path("results").exists()

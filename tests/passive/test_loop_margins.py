@@ -1,0 +1,284 @@
+"""Margins of a broken loop against dense grids of an open loop that scipy samples, refined, and against python-control."""
+
+import tomllib
+import warnings
+from contextlib import suppress
+from copy import deepcopy
+
+import control
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+from scipy.signal import cont2discrete
+from support.drawn import ARM
+
+from wavesweep import UsageError, load
+from wavesweep.api import compile as compiled
+from wavesweep.passive import margins_of
+from wavesweep.stability.certificate import words
+from wavesweep.sweep.broken_loops import broken_at
+from wavesweep.sweep.drawn_loops import drift_of, frames
+
+GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
+W = 2 * np.pi
+ARM_SPEC = tomllib.loads(ARM)
+
+
+def margins(spec, cut):
+    found, doubt = margins_of(broken_at(load(spec), cut))
+    assert doubt == 0
+    return {each.name: each for each in found}
+
+
+def sampled(num, den, tick_hz):
+    """A plant whose output is fed back at every tick."""
+    plant = {"type": "tf", "num": num, "den": den}
+    wires = {"plant.u": "c.y", "c.u": "-plant.y"}
+    return {"rates": {"tick_hz": tick_hz}, "block": {"plant": plant, "c": {"type": "gain"}}, "wire": wires}
+
+
+def random_spec(rng):
+    """A plant at every tick, and behind a sampler a slower controller with or without a delay."""
+    ticks = int(rng.choice([1, 2, 5, 20]))
+    period = 10 ** rng.uniform(-4, -1)
+    w, z = 10 ** rng.uniform(-2, -0.3, 3) * np.pi / period, rng.uniform(0.02, 1, 3)
+    pair, other = ([1, 2 * z[i] * w[i], w[i] ** 2] for i in (0, 1))
+    num, den = (
+        ([w[0] ** 2], pair),
+        ([w[0] * w[1]], [1, w[0], 0]),
+        ([w[0] ** 2 * w[1] ** 2 / w[2], w[0] ** 2 * w[1] ** 2], np.polymul(pair, other)),
+        ([w[0]], [1, rng.uniform(-0.3, 0.3) * w[0]]),
+    )[rng.integers(4)]
+    k, late = 10 ** rng.uniform(-1, 0.7), int(rng.integers(0, 3))
+    over = [k * (1 + 0.5 * z[1]), -k] if rng.random() < 0.3 else [k]
+    under = [1, 0] if rng.random() < 0.5 else [1, -rng.uniform(0, 0.9)]
+    spec = sampled([float(v) for v in num], [float(v) for v in den], ticks / period)
+    spec["block"]["c"] = {"type": "tf", "num": over, "den": under, "discrete": True, "every": ticks}
+    return (later(spec, late) if late else spec), period
+
+
+def later(spec, frames, signal="c.y", port="plant.u"):
+    """The loop with whole frames of delay more."""
+    spec = deepcopy(spec)
+    every = spec["block"][signal.partition(".")[0]].get("every", 1)
+    name = f"late{len(spec['block'])}"
+    spec["block"][name] = {"type": "delay", "steps": frames, "every": every}
+    spec["wire"][f"{name}.u"] = spec["wire"][port]
+    spec["wire"][port] = f"{name}.y"
+    return spec
+
+
+def open_loop(spec, period):
+    """L of a random spec as a function of the angle, and as a system of python-control."""
+    plant, c = spec["block"]["plant"], spec["block"]["c"]
+    A, B, C, D = control.ssdata(control.ss(control.tf(plant["num"], plant["den"])))
+    A, B, C, D, _ = cont2discrete((A, B, C, D), period)
+    late = next((each["steps"] for each in spec["block"].values() if each["type"] == "delay"), 0)
+
+    def L(theta):
+        z = np.exp(1j * np.asarray(theta, float))
+        state = np.linalg.solve(z[..., None, None] * np.eye(len(A)) - A, B + 0j * z[..., None, None])
+        return (C @ state + D)[..., 0, 0] * np.polyval(c["num"], z) / np.polyval(c["den"], z) * z**-late
+
+    whole = control.ss(A, B, C, D, period) * control.ss(control.tf(c["num"], c["den"], period))
+    return L, whole * control.ss(control.tf([1], [1] + [0] * late, period)) if late else whole
+
+
+def by_grid(L, period):
+    """Every margin from a dense grid, each refined by a root finder or by a search between its neighbours."""
+    values = L(GRID)
+
+    def roots(of):
+        size = of(values)
+        at = np.flatnonzero(np.sign(size[:-1]) != np.sign(size[1:]))
+        return np.array([brentq(lambda t: float(of(L(t))), GRID[i], GRID[i + 1], xtol=1e-300, rtol=1e-15) for i in at])
+
+    found, at_rest = {}, np.inf
+    angles = np.append(roots(np.imag), np.pi)
+    real = L(angles)
+    real = real.real[np.abs(real.imag) < 1e-6 * np.abs(real)]
+    real = real[np.abs(real) < 1e8]  # an integrator's grows without end
+    with suppress(np.linalg.LinAlgError):  # of an integrator
+        at_rest = complex(L(0.0))
+        real = np.append(real, at_rest.real)
+    gains = -1 / real
+    found["gain_up"] = gains[gains > 1].min(initial=np.inf)
+    found["gain_down"] = gains[(gains < 1) & (gains > 1e-6)].max(initial=-np.inf)
+    ones = roots(lambda some: np.log(np.abs(some)))
+    lag = np.angle(-L(ones)) if ones.size else ones
+    found["phase"] = np.degrees(np.abs(lag).min(initial=np.inf))
+    found["delay"] = ((lag % (2 * np.pi)) / ones).min(initial=np.inf) * period
+    for name, less in (("sensitivity", 0), ("complementary", 1), ("disk", 0.5)):
+        size = np.abs(1 / (1 + values) - less)
+        i = int(np.argmax(size))
+        ends = GRID[max(i - 1, 0)], GRID[min(i + 1, GRID.size - 1)]
+        near = minimize_scalar(lambda t, less=less: -abs(1 / (1 + L(t)) - less), bounds=ends, options={"xatol": 1e-13})
+        best = max(float(size[i]), -near.fun, abs(1 / (1 + at_rest) - less))
+        found[name] = 1 / best if name == "disk" else best
+    return {name: value if np.isfinite(value) and value < 1e6 else np.nan for name, value in found.items()}
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "gain"),
+    [([2], [1, 3, 2, 0], 2.79278620), ([1.1 * W**2], [1, 0.4 * W, W**2], 2.38419629)],  # python-control, issues 465 and 523
+)
+@pytest.mark.parametrize("cut", ["plant.y", "c.y"])
+def test_two_published_gain_margins(num, den, gain, cut):
+    found = margins(sampled(num, den, 20), cut)
+    assert found["gain_up"].value == pytest.approx(gain, abs=5e-9)
+    assert np.isnan(found["gain_down"].value)
+    assert not any(each.doubt for each in found.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_margins_of_random_loops(seed):
+    """Against the grid to 1e-9; whole frames that last less than the delay margin leave the loop stable."""
+    rng, stable, agree = np.random.default_rng(seed), 0, {"gain": 0, "phase": 0, "disk": 0}
+    while stable < 30:
+        spec, period = random_spec(rng)
+        found, doubt = margins_of(broken_at(load(spec), "c.y"))
+        assert doubt == 0
+        radius = compiled(spec).spectral_radius()
+        assert bool(found) == (radius < 1)
+        if not found:
+            continue
+        stable += 1
+        found = {each.name: each for each in found}
+        L, system = open_loop(spec, period)
+        wanted = by_grid(L, period)
+        for name, value in wanted.items():
+            each = found[name]
+            assert words([each.doubt])[0] == ("fast" if name == "delay" and abs(L(np.pi)) >= 1 else "")
+            if not each.doubt:
+                assert each.value == pytest.approx(value, rel=1e-9, nan_ok=True), (seed, stable, each)
+                assert each.bound < 1e-8
+        frames = found["delay"].value / period
+        if 1 <= frames < 40:
+            assert compiled(later(spec, int(frames * (1 - 1e-9)))).spectral_radius() < 1
+        for name, right in by_control(system, found).items():
+            agree[name] += right
+    assert min(agree.values()) >= 20  # of 30; margins misses crossings in some, and interpolates others
+
+
+def by_control(system, found):
+    """Which margins python-control has alike."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        gain, phase, *_ = control.margin(control.tf(system))
+        disk, *_ = control.disk_margins(system, np.geomspace(1e-4, np.pi, 2000) / system.dt)
+    gains = [found[name].value for name in ("gain_up", "gain_down")]
+    own = [1e300 if np.isnan(each) else each for each in (*gains, found["phase"].value)]
+    return {
+        "gain": np.isclose(min(gain, 1e300), own[:2], rtol=1e-6).any(),
+        "phase": np.isclose(min(phase, 1e300), own[2], rtol=1e-3),
+        "disk": np.isclose(disk, found["disk"].value, rtol=1e-3),
+    }
+
+
+def test_the_gain_margin_of_a_loop_of_two_rates_is_an_end_along_its_gain():
+    """The number kp of the arm multiplies net.y alone, which is made once in 20 ticks."""
+    loop = compiled(load(ARM_SPEC))
+    rows = loop.stable_intervals("kp", (0, 1e4))
+    found = loop.margins("net.y").set_index("margin")
+    assert found.loc["gain_up", "value"] == pytest.approx(rows.high.iloc[-1] / 240, rel=1e-11)
+    assert found.loc["gain_up", "omega"] == pytest.approx(rows.high_omega.iloc[-1], rel=1e-9)
+    assert found.certified.all()
+    frames = found.loc["delay", "value"] * 500
+    steps = {
+        k: compiled(load(ARM_SPEC, [f"block.net.steps={1 + k}"])).spectral_radius() for k in (int(frames), int(frames) + 1)
+    }
+    assert [radius < 1 for radius in steps.values()] == [True, False]
+
+
+def test_the_open_loop_of_two_rates_has_the_poles_of_the_closed_ones():
+    """det(z - A) of the loop is that of the loop without kp times 1 + L, and L goes with kp."""
+    spec, theta = load(ARM_SPEC), np.linspace(0.01, np.pi, 50)
+    L, z = broken_at(spec, "net.y").response(theta), np.exp(1j * theta) - 1
+    values = dict(spec.values)
+    drift = drift_of(spec.drawing, values)
+    one, half = (
+        np.linalg.eigvals(frames(spec.drawing, values | {"numbers.kp": kp}, drift)) for kp in (values["numbers.kp"], 120.0)
+    )
+    quotient = np.prod(z[:, None] - one, -1) / np.prod(z[:, None] - half, -1)
+    np.testing.assert_allclose((1 + L) / (1 + L / 2), quotient, rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.999])
+def test_a_gain_of_one_at_rest_is_in_doubt(size):
+    """L = size (1 - a)/(z - a) falls from there on: a rotation by 180 degrees would end stability at size 1."""
+    found = margins(recursion([0.5 * size], [1, -0.5]), "c.y")
+    assert (bool(found["phase"].doubt), np.isnan(found["phase"].value)) == (size == 1, True)
+
+
+def test_the_disk_bounds_gain_and_phase_and_the_sensitivities():
+    found = {name: each.value for name, each in margins(sampled([2], [1, 3, 2, 0], 20), "c.y").items()}
+    assert found["disk_gain"] == pytest.approx((2 + found["disk"]) / (2 - found["disk"]))
+    assert found["disk_phase"] == pytest.approx(np.degrees(2 * np.arctan(found["disk"] / 2)))
+    assert found["disk_gain"] < found["gain_up"]
+    assert found["disk_phase"] < found["phase"]
+    assert abs(found["sensitivity"] - found["complementary"]) < 1 < 1 / found["disk"] + 0.5
+
+
+def test_a_disk_that_reaches_all_gains_has_no_largest():
+    """L is 0 at rest and has a positive real part elsewhere: no gain, however large, ends stability."""
+    found = margins(recursion([0.1, -0.1], [1, -0.5]), "c.y")
+    assert found["disk"].value == pytest.approx(2, rel=1e-9)
+    assert found["disk_phase"].value == pytest.approx(90, rel=1e-9)
+    for name in ("gain_up", "disk_gain"):
+        assert np.isnan(found[name].value)
+        assert found[name].doubt == 0
+
+
+def recursion(num, den):
+    """A loop of one discrete transfer function, fed back with the opposite sign."""
+    return {
+        "rates": {"tick_hz": 100},
+        "block": {"c": {"type": "tf", "num": num, "den": den, "discrete": True}},
+        "wire": {"c.u": "-c.y"},
+    }
+
+
+def test_no_delay_margin_from_a_gain_that_is_large_at_half_the_rate():
+    """L = (2 z - 0.8)/(z - 0.5): the loop is stable, but not with any delay of a frame."""
+    spec = recursion([2, -0.8], [1, -0.5])
+    found = margins(spec, "c.y")
+    assert (words([found["delay"].doubt])[0], np.isnan(found["delay"].value)) == ("fast", True)
+    assert compiled(later(spec, 1, port="c.u")).spectral_radius() > 1
+    assert np.isnan(found["phase"].value)
+    assert found["phase"].doubt == 0
+
+
+def test_a_gain_that_touches_one_is_in_doubt():
+    """The gain (0.1 peaks of a resonance) is scaled so that its largest value is 1 but for rounding."""
+    den = np.poly(0.9 * np.exp([1j, -1j])).real
+    size = minimize_scalar(lambda t: -abs(1 / np.polyval(den, np.exp(1j * t))), bounds=(0.8, 1.2), options={"xatol": 1e-12})
+    spec = recursion([0, 0, 1 / -size.fun], [float(v) for v in den])
+    found = margins(spec, "c.y")
+    assert found["phase"].doubt or found["phase"].bound > 1e-6
+    beside = margins(recursion([0, 0, 0.999 / -size.fun], [float(v) for v in den]), "c.y")
+    assert (beside["phase"].doubt, np.isnan(beside["phase"].value)) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("cut", "said"),
+    [
+        ("arm.x", r"made once per frame.*\(net\.y\), found 'arm\.x': 20 times in a frame"),
+        ("net.u", "found 'net.u': an output of no block.*did you mean `net.y`"),
+        ("nothing", "an output of no block, or one that no wire reads"),
+    ],
+)
+def test_signals_that_break_no_loop_are_refused(cut, said):
+    with pytest.raises(UsageError, match=said):
+        broken_at(load(ARM_SPEC), cut)
+
+
+def test_a_signal_outside_the_loop_and_an_unstable_loop_are_refused():
+    spec = sampled([2], [1, 3, 2, 0], 20)
+    spec["block"]["seen"] = {"type": "hold"}
+    spec["block"]["more"] = {"type": "integrator"}
+    spec["wire"] |= {"seen.u": "plant.y", "more.u": "seen.y"}
+    with pytest.raises(UsageError, match="does not come back to itself"):
+        broken_at(load(spec), "seen.y")
+    with pytest.raises(UsageError, match="expected a loop that is stable, found one that is not"):
+        compiled(sampled([20], [1, 3, 2, 0], 20)).margins("c.y")

@@ -1,0 +1,124 @@
+"""How far a loop is from instability at one signal, at which it is broken: the table `margins`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from math import isnan, pi
+from typing import Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.rows import Columns
+from wavesweep.spec import Spec
+from wavesweep.stability.certificate import OF_MARGINS, words
+from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.table import Table, facts_of, held
+
+METHOD = (
+    "gains from the certified stable interval around 1 of a factor of the signal; crossings of the gain 1 from the pencil of "
+    "the level 1/2 of the real part of 1/(1 + L), found to rounding; peaks by level sets"
+)
+UNITS = {"phase": "deg", "delay": "s", "disk_phase": "deg"}  # of margins that have one
+SAID = {
+    "gain_up": "gain may grow by a factor up to",
+    "gain_down": "gain may fall by a factor down to",
+    "phase": "phase margin",
+    "delay": "delay margin",
+    "disk": "disk margin",
+    "disk_gain": "  gain alone within the disk, up or down by a factor of",
+    "disk_phase": "  phase alone within the disk",
+    "sensitivity": "peak sensitivity Ms",
+    "complementary": "peak complementary sensitivity Mt",
+}
+
+MARGINS = (
+    Field("cut", "string", "", "signal at which the loop is broken, made once per frame; L is the loop from it back to it"),
+    Field(
+        "margin",
+        "string",
+        "",
+        "gain_up, gain_down: factors of the signal at which stability ends; phase; delay: whole frames that last less leave "
+        "the loop stable; disk, disk_gain, disk_phase: gain and phase together; sensitivity: the largest |1/(1 + L)|; "
+        "complementary: the largest |L/(1 + L)|",
+    ),
+    Field("value", "number", "", "the margin, in its unit; missing without a limit (of gains from 1e-6 to 1e6), or in doubt"),
+    Field("unit", "string", "", "unit of the value"),
+    Field("omega", "number", "rad/s", "its frequency, up to half the rate of the frame"),
+    Field("bound", "number", "1", "bound on the relative error of the value, to first order"),
+    Field("certified", "boolean", "", "nothing was missed, and the bound is at most 1e-6"),
+    Field("doubt", "string", "", f"why it is not certified: {', '.join(OF_MARGINS)}; empty if it is"),
+)
+
+
+def margins(spec: Spec, cut: str) -> Table:
+    """The margins of the spec's own loop, broken at a signal that is made once per frame.
+
+    cut: the signal, "block.port". Errors: UsageError for a signal at which the loop cannot be broken, or a loop that is not
+    known to be stable.
+    """
+    from wavesweep.passive import margins_of
+    from wavesweep.sweep.assumptions import over_preset
+    from wavesweep.sweep.broken_loops import broken_at
+
+    started = time.perf_counter()
+    loop = broken_at(spec, cut)
+    found, doubt = margins_of(loop)
+    if not found:
+        reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
+        raise UsageError(f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it")
+    doubts = words([each.doubt for each in found])
+    columns = {
+        "cut": np.full(len(found), cut, object),
+        "margin": np.array([each.name for each in found], object),
+        "value": np.array([each.value for each in found]),
+        "unit": np.array([UNITS.get(each.name, "1") for each in found], object),
+        "omega": np.array([each.omega for each in found]),
+        "bound": np.array([each.bound for each in found]),
+        "certified": doubts == "",
+        "doubt": doubts,
+    }
+    counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
+    timings = {"compute_s": time.perf_counter() - started}
+    notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
+    facts = facts_of(spec, {"margins": METHOD}, counts, timings, [*notices, *over_preset(spec)])
+    return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period})
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    rows = zip(*(columns[name].tolist() for name in ("margin", "value", "unit", "omega", "doubt")), strict=True)
+    return {
+        "cut": facts["cut"],
+        "period_s": facts["period_s"],
+        "margins": {
+            name: {"value": _plain(value), "unit": unit, "omega": _plain(omega), "doubt": doubt}
+            for name, value, unit, omega, doubt in rows
+        },
+    }
+
+
+def _plain(value: float) -> float | None:
+    return None if isnan(value) else value
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    yield f"broken at {found['cut']}, once in {1e3 * found['period_s']:.6g} ms", False
+    for name, margin in found["margins"].items():
+        doubt = f"not certified ({margin['doubt']})" if margin["doubt"] else ""
+        if margin["value"] is None:
+            yield f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
+            continue
+        unit = "" if margin["unit"] == "1" else f" {margin['unit']}"
+        at = f"at {margin['omega']:.5g} rad/s ({margin['omega'] / (2 * pi):.4g} Hz)"
+        yield f"{SAID[name]} {margin['value']:.6g}{unit}, {at}{doubt and ', '}{doubt}", bool(doubt)
+
+
+def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+    from wavesweep.spec import load
+
+    spec = load(facts["spec"])
+    return Again(spec.sha256, margins(spec, facts["cut"]).blocks)
+
+
+KINDS = (Kind("margins", MARGINS, lambda _: Whole(_numbers, _lines), figure="nyquist.margins", again=_again),)
