@@ -96,6 +96,13 @@ def sweep(monkeypatch):
     return calls
 
 
+@pytest.fixture(autouse=True)
+def no_word_on_a_busy_machine(monkeypatch, request):
+    """A command that takes long says so after ten seconds; the tests of messages are about that."""
+    if request.path.name != "test_messages.py":
+        monkeypatch.setattr("wavesweep.cli.messages.FIRST_WORD", 1e6)
+
+
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """A spec file in the current folder, which is a new one."""
