@@ -428,7 +428,7 @@ def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():
     assert wavesweep.compile(tables).stable_intervals(span=(0, 20), kp=[60.0]).certified.all()
 
 
-AXIS = "along, one of kp, kd, mass, c or the path of a number in a block"
+AXIS = "along, require, one of kp, kd, mass, c or the path of a number in a block"
 DERIVED = (
     ("kd = 3.0", 'kd = 3.0\nw = "sqrt(kp/m)"\nm = "1*mass"\nmass = 0.2\ncc = { value = "c", unit = "N*s/m" }'),
     ("mass = 0.2\ndamping", 'mass = "m"\ndamping'),
