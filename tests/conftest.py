@@ -11,19 +11,17 @@ sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", 
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 
-SLOW = {"quick"}  # fixtures that take seconds, whichever test asks for them first
-THOROUGH = {"judged"}  # and those that take most of a minute
+THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
 
 
 def pytest_collection_modifyitems(items):
-    """Tests that read such a fixture are slow; of parameters that are sampled, those that are left out are thorough."""
+    """Tests that read such a fixture are thorough; of parameters that are sampled, those that are left out are thorough."""
     sampled = {}
     for item in items:
         if mark := item.get_closest_marker("sample"):
             sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
-        for mark, fixtures in (("slow", SLOW), ("thorough", THOROUGH)):
-            if fixtures.intersection(item.fixturenames):
-                item.add_marker(mark)
+        if THOROUGH.intersection(item.fixturenames):
+            item.add_marker("thorough")
     for number, same in sampled.values():
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}
         for at, item in enumerate(same):

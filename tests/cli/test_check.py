@@ -152,6 +152,7 @@ def test_a_block_that_nothing_reads_is_named(wavesweep, tmp_path, monkeypatch):
         assert ("nothing reads g, which counts for stability all the same" in out) == said
 
 
+@pytest.mark.thorough
 def test_a_motion_that_nothing_brakes_leaves_a_design_unknown(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     masses = '[block.a]\ntype = "mass"\nmass = 0.3\n[block.b]\ntype = "mass"\nmass = 0.5\n'

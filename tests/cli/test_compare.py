@@ -297,6 +297,7 @@ def test_the_figure_names_all_units_of_an_axis(compare, both, monkeypatch):
         assert found == [(f"B ({units[0]})", f"{title} ({units[1]})") for title in titles]
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("compare")
 def test_its_responses_take_the_same_workers_and_go_on_where_they_stopped(tmp_path):
     many = ("bode.frequency_hz={ start = 1, stop = 20, num = 100 }", "bode.b={ start = 5, stop = 50, num = 100 }")

@@ -200,6 +200,7 @@ def test_the_command_ends_with_ctrl_c(tmp_path):
     process.stderr.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_port_that_is_taken_is_named(tmp_path):
     process, port, _ = started(tmp_path)

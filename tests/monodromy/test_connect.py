@@ -214,6 +214,7 @@ def test_sizes_that_are_known_reach_the_whole_through_entries_that_are_zero():
     assert (closed.D, closed.terms[3]) == (0.0, 30.0)
 
 
+@pytest.mark.thorough
 def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
     """Each of them may work out its plan, in which nothing changes afterwards."""
     random = np.random.default_rng(3)

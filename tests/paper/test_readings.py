@@ -51,6 +51,7 @@ def test_readings_are_the_base_the_singles_and_the_pairs_of_different_keys():
 SOME = [PMW_LM[number] for number in np.random.default_rng(1).choice(len(PMW_LM), 12, replace=False)]
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("reading", SOME, ids=lambda reading: reading.label)

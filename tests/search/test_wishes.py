@@ -163,6 +163,7 @@ def test_designs_that_make_no_loop_are_none_and_change_no_other():
         assert worst.value[[0, 4]].tolist() == [each[name].value[0] for each in alone]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
     spec = load(TABLES)

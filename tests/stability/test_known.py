@@ -237,6 +237,7 @@ def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     assert soft.high == pytest.approx(turn, rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("velocity", ["exact", "difference"])

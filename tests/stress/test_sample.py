@@ -13,6 +13,7 @@ MANY = {  # of the slow ones; else 20
 }  # fmt: skip
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("family", [name for name in NAMES if name not in {"climbs", "hands"}])  # see below and test_hands
 def test_certified_rows_are_right(family):

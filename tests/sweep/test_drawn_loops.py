@@ -301,6 +301,7 @@ def test_results_do_not_depend_on_the_cuts(text, tmp_path):
     assert bytes_of(cut_otherwise(job, deep=7), folder=tmp_path / "parts") == whole
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_workers():
     for text in SWEEPS:

@@ -140,6 +140,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):
     spec = spec_of("dc-slow", **{"device.mass": [0.1, 0.2]})

@@ -81,6 +81,7 @@ def test_a_loop_that_keeps_no_digit_has_no_margin():
     assert run.columns["port_passive"].dtype == bool
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_workers_leave_no_trace(monkeypatch, same):
     spec = spec_of(b={"start": 5, "stop": 60, "num": 12}, B_VE=[0.5, 1.0])

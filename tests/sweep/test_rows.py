@@ -45,6 +45,7 @@ def one_by_one(spec):
     return joined(found)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, whole, same):
     assert (whole["intervals"] > 1).any()

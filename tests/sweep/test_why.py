@@ -39,6 +39,7 @@ def ends_of(table):
     return table[(table.limit != 0) & (table.value != 0)]
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LOOPS)
