@@ -364,7 +364,6 @@ def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
 
 def simulate(source: Source) -> list[DataFrame]:
     """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
-
     return [framed(table) for table in simulation.simulate(_spec(source).as_simulated())]
 
 

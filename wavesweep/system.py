@@ -13,9 +13,7 @@ except ImportError:  # Windows
 
 # Without the first, a pipe of that name would be waited for.
 _READING = ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
-READ = os.O_RDONLY | sum(
-    getattr(os, name, 0) for name in _READING
-)  # without the first, a pipe of that name would be waited for
+READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in _READING)
 OPEN = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", *_READING))
 STOPPING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 HANGUP = getattr(signal, "SIGHUP", None)

@@ -97,6 +97,8 @@ def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
     tenth = (table["lp1_cutoff_hz"] == 10) & (table["lp1_order"] == 1)
     assert table["channel_norm"][tenth] == pytest.approx(1.0532774, abs=1e-7)
     assert table["sufficient_order"][tenth] == [3]
+    assert table["energy_gain"][tenth] == pytest.approx(1.0532774**2 - 1, abs=1e-6)  # columns that follow from the norm
+    assert table["excess"][tenth] == pytest.approx(0.0532774, abs=1e-7)
     assert np.isnan(table["sufficient_order"][table["lp1_cutoff_hz"] == 25]).all()
     assert "2 at 2 Hz, 2 at 5 Hz, 3 at 8.57 Hz, 3 at 10 Hz, 4 at 15 Hz, 5 at 20 Hz" in err
     assert "no order up to 8 is enough at 25 Hz" in err

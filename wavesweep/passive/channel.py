@@ -183,8 +183,7 @@ CUTOFFS_HZ = (2.0, 5.0, 8.57, 10.0, 15.0, 20.0, 25.0)
 def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.ndarray]:
     """Columns over every order and cutoff (Hz) of LP1, orders slowest.
 
-    `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s); `excess`, norm less 1;
-    `energy_gain`, norm^2 - 1: the energy (J per J sent) that aliasing can add to a wave, at most;
+    `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s);
     `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of the same order and cutoff,
     which is power-complementary; `certified`. The inward direction of `pmw-lm` has the norm sqrt(2) for every LP2 that passes
     constants, because `v_m = v_1 + v_2` adds two waves, so it is not a column.
@@ -192,8 +191,7 @@ def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.n
     """
     cutoffs = np.asarray(cutoffs_hz, float)
     parts = [_of_order(dict(values), order, cutoffs) for order in orders]
-    table = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return table | {"excess": table["channel_norm"] - 1, "energy_gain": table["channel_norm"] ** 2 - 1}
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _of_order(values, order, cutoffs):
@@ -219,6 +217,6 @@ def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None
     """
     found = {}
     for cutoff in np.unique(table["lp1_cutoff_hz"]):
-        enough = (table["lp1_cutoff_hz"] == cutoff) & (table["energy_gain"] <= energy_gain)
+        enough = (table["lp1_cutoff_hz"] == cutoff) & (table["channel_norm"] ** 2 - 1 <= energy_gain)
         found[float(cutoff)] = int(table["lp1_order"][enough].min()) if enough.any() else None
     return found

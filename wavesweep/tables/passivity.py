@@ -43,8 +43,20 @@ PASSIVITY_FILTERS = (
     Field("lp1_order", "integer", "1", "Butterworth order of LP1, and of the high-pass to the local model"),
     Field("lp1_cutoff_hz", "number", "Hz", "-3 dB frequency of both"),
     *PASSIVITY[:2],
-    Field("excess", "number", "1", "channel_norm less 1: how far pmw is from passive"),
-    Field("energy_gain", "number", "1", "channel_norm^2 - 1: energy that aliasing can add to a wave, J per J, at most"),
+    Field(
+        "excess",
+        "number",
+        "1",
+        "channel_norm less 1: how far pmw is from passive",
+        derived=lambda columns: columns["channel_norm"] - 1,
+    ),
+    Field(
+        "energy_gain",
+        "number",
+        "1",
+        "channel_norm^2 - 1: energy that aliasing can add to a wave, J per J, at most",
+        derived=lambda columns: columns["channel_norm"] ** 2 - 1,
+    ),
     Field("bank_norm", "number", "1", "norm of the way out of pmw-lm, with a high-pass of the same order and cutoff"),
     Field("certified", "boolean", "", "no frequency exceeds either norm by more than 1e-10, relative"),
     Field("sufficient_order", "number", "1", "least order at this cutoff within the run's tolerance; missing where none is"),
@@ -139,7 +151,7 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     }
     facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
     facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
-    return Table.of("passivity-filters", columns, facts)
+    return Table.of("passivity-filters", KINDS[1].completed(columns), facts)
 
 
 class PassivityTally:
