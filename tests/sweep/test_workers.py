@@ -44,6 +44,16 @@ def cluster():
 
 
 @pytest.mark.slow
+def test_a_pool_without_its_own_thread_is_an_error_and_no_wait_without_end(long, tmp_path, monkeypatch):
+    from joblib.externals.loky import get_reusable_executor, process_executor
+
+    get_reusable_executor().shutdown(kill_workers=True)
+    monkeypatch.setattr(process_executor._ExecutorManagerThread, "run", lambda _: None)
+    with pytest.raises(WavesweepError, match="a worker process died"):
+        intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
+
+
+@pytest.mark.slow
 def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, same, cluster):
     run = intervals(long, backend="dask", scheduler=cluster)
     same(run.columns, long_table)
