@@ -49,6 +49,7 @@ def test_references_of_another_question_are_refused():
         checked({"digest": "old"}, "new", "it")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("problem", "column"), [(PROBLEMS[1], 20), (PROBLEMS[3], 103)], ids=["hole", "five-axes"])
 def test_references_can_be_made_again(problem, column):

@@ -43,6 +43,7 @@ def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_
     assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
 
 
+@pytest.mark.thorough
 def test_quiet_says_nothing_and_the_table_of_statements_reads_back_and_names_all_specs(wavesweep, tmp_path):
     assert wavesweep("paper", "--quiet", "--no-plot", "--out", "there") == (0, "", "")
     csv, parquet = (read(tmp_path / f"there/statements{suffix}") for suffix in (".csv", ".parquet"))

@@ -55,7 +55,7 @@ def spec(tmp_path):
     return path
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path, kind):
     made = tmp_path / "made"

@@ -130,6 +130,7 @@ def test_two_published_gain_margins(num, den, gain, cut):
     assert not any(each.doubt for each in found.values())
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))

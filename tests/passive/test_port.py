@@ -33,7 +33,7 @@ def over_frame(values, theta):
     return np.moveaxis(wavesweep.compile(tables).to_control("displacement")(np.exp(1j * theta), squeeze=False), -1, 0)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("block", range(5))
 def test_100_random_loops_agree_with_a_scan(random_values, block):

@@ -28,7 +28,7 @@ def size_of(png):
     return struct.unpack(">II", png[16:24])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("table", "draw", "inches"),
     [

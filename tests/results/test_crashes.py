@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 TRIES = os.environ.get("WAVESWEEP_CRASHES")
-FEW = ("--tries", "2", "--case", "new folder", "--case", "over another spec's", "--case", "responses")
+FEW = ("--tries", "1", "--case", "new folder", "--case", "over another spec's", "--case", "responses")
 # System calls of a run; few others make them.
 CALLS = ("rename", "unlink", "pwrite64", "fdatasync", "rmdir", "mkdir", "fsync", "flock", "ftruncate")
 CRASHES = Path(__file__).parents[1] / "support/crashes.py"

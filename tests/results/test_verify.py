@@ -283,6 +283,7 @@ def test_rows_that_new_ones_do_not_have_are_a_difference(folder):
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "device"])
 @pytest.mark.parametrize("name", ["zwidth.datapackage.json", "zwidth.csv", "zwidth.parquet"])

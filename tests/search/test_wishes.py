@@ -60,6 +60,7 @@ def loops(spec, number):
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("within", [False, True])
 def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
     """Between two generations or within one."""

@@ -200,6 +200,7 @@ def test_a_long_frame_that_contracts_keeps_its_digits():
         assert np.mean(shown, axis=0) @ np.append(start, 1) == pytest.approx(given, rel=1e-9)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("slow_hz", [60.1, 59.94])
 def test_rates_with_a_long_common_frame_have_a_response(slow_hz):
     tables = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "delay": 1}}

@@ -196,6 +196,7 @@ except KeyboardInterrupt:
     assert (run.stdout, run.stderr) == ("True\n", "")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
     run = start(tmp_path / "out", *LOKY)

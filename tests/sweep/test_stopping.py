@@ -132,6 +132,7 @@ b = { start = 5, stop = 100, num = 20 }
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["bode", "passivity"])
 def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(command, tmp_path):
