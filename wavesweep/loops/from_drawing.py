@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.loops import blocks
+from wavesweep.loops import blocks, dead_time
 from wavesweep.loops.block import numbers
 from wavesweep.loops.integrator_modes import equations_of
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
@@ -33,12 +33,14 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
     BESIDE. A value that is not finite makes entries that are not finite.
     """
-    known = _known(values)
+    known = dead_time.built(drawing, _known(values))
     with np.errstate(all="ignore"):
         rate = values_of(drawing.tick_hz, known)
         tick = 1 / numbers(rate)
-        placed = tuple(_placed(block, known, tick) for block in drawing.alone)
-        placed += tuple(_plant(plant, known, tick) for plant in drawing.plants)
+        placed = tuple(_placed(block, known, tick) for block in drawing.alone if not block.dead_time)
+        placed += tuple(_dead_time(drawing, name, known) for name in drawing.dead_times)
+        shares = dead_time.shares(drawing, known, rate)
+        placed += tuple(_plant(plant, known, tick, shares) for plant in drawing.plants)
         sums = {port: _gains(terms, known) for port, terms in drawing.wires}
         if out:
             placed = _take_out(drawing, placed, sums, known, out)
@@ -49,13 +51,26 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
         for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
             if terms is not None:
                 sums[signal] = _gains(terms, known)
-    return MultirateLoop(tick, placed, _of_plants(sums, drawing.inside), (*inputs, PRODUCT) if out else inputs, rate=rate)
+    sums = _of_plants(sums, drawing.inside)
+    if drawing.dead_times:
+        sums = dead_time.joined(sums, drawing.plants, drawing.inside, PRODUCT, FACTOR)
+    return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
 
 
-def _plant(plant, known, tick):
-    """A plant of several blocks, with its numbers."""
+def _plant(plant, known, tick, shares):
+    """A plant of several blocks, or one that dead times act on, with its numbers."""
     gains = {port: _gains(terms, known) for port, terms in plant.couplings}
-    return ScheduledBlock(plant_of(plant, {block.name: _keys(block, known) for block in plant.members}, gains, tick))
+    keys = {block.name: _keys(block, known) for block in plant.members}
+    return ScheduledBlock(plant_of(plant, keys, gains, tick, known, shares))
+
+
+def _dead_time(drawing, name, known):
+    """The block of a dead time."""
+    sensed = {signal for plant in drawing.plants for signal, each in plant.sensed if each == name}
+    arriving = any(name == each for plant in drawing.plants for _, each in plant.arriving)
+    others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
+    ticks = known[f"block.{name}.ticks"]
+    return ScheduledBlock(dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving))
 
 
 def _of_plants(sums, inside):
@@ -220,11 +235,21 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     if len(readers) != 1 or any(name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)):
         return ""
     path = readers.pop()
+    if path.startswith("wire.") and _split(drawing, path.removeprefix("wire."), number):
+        return ""
     is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
     trees = [tree for each, tree in drawing.trees() if each == path]
     if word := words.get(path.removesuffix(".y")):
         is_gain, trees = not any(number == name for tree in word["den"] for name, _ in names_in(tree)), word["num"]
     return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
+
+
+def _split(drawing, port, number):
+    """Whether a number multiplies what a dead time brings to a plant, or both what it reads of plants and other signals."""
+    signals = [signal for signal, gain in dict(drawing.wires)[port] if any(name == number for name, _ in names_in(gain))]
+    arriving = {(own, f"{name}.y") for plant in drawing.plants for own, name in plant.arriving}
+    sensed = {signal for plant in drawing.plants for signal, name in plant.sensed if f"{name}.u" == port}
+    return any((port, signal) in arriving for signal in signals) or 0 < len(sensed & {*signals}) < len(signals)
 
 
 def _inside(drawing):
@@ -236,7 +261,7 @@ def _inside(drawing):
 def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
     """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
     place = scalar_place(drawing, number)
-    if not place.startswith("wire.") or scalar_place(drawing, other) != place:
+    if not place.startswith("wire.") or scalar_place(drawing, other) != place or place[5:-2] in drawing.dead_times:
         return False
     return not any({number, other} <= {name for name, _ in names_in(tree)} for path, tree in drawing.trees() if path == place)
 

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from wavesweep.loops.block import Block
+from wavesweep.loops.dead_time import SENSED
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.spec.drawing import PORT, Drawing, scalars
 from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
@@ -278,9 +279,12 @@ class _Equations:
     def __init__(self, drawing, values, varied, out, numbers):
         self.types, self.numbers, self.varied = {block.name: block for block in drawing.cores}, numbers, varied
         self.plants, inside = {plant.name: plant for plant in drawing.plants}, drawing.inside
+        sensed = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}
         self.wires = {}  # at rest it is all one whether a wire is held
         for port, terms in (*drawing.wires, *drawing.couplings):
-            self.wires.setdefault(inside.get(port, port), []).extend((inside.get(name, name), gain) for name, gain in terms)
+            for name, gain in terms:  # what a dead time reads of a plant is what it is at rest
+                own = port if (name, port) not in sensed else f"{port[:-1]}{SENSED}"
+                self.wires.setdefault(inside.get(own, own), []).append((inside.get(name, name), gain))
         self.known = {name: value for name, value in scalars(values).items() if isinstance(value, (int, float))}
         self.known |= {out: 0.0} if out else {}
 
@@ -403,7 +407,7 @@ class _Equations:
         return [], {"y": {"u": 1}}, {}
 
     def _delay(self, _, own):
-        return [], {"y": {"u": 1}}, {state: {"u": 1} for state in own.states}
+        return [], {"y": dict.fromkeys(own.inputs, 1)}, {state: {state.rstrip("0123456789"): 1} for state in own.states}
 
     _mean = _delay
 

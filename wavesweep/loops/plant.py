@@ -8,14 +8,17 @@ from wavesweep.errors import IllPosedLoopError
 from wavesweep.loops.algebraic import loop_inverse
 from wavesweep.loops.block import Block, numbers
 from wavesweep.loops.blocks import continuous, held
+from wavesweep.loops.dead_time import with_ports
 from wavesweep.spec.drawing import PORT, Plant
 
 
-def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapping], period) -> Block:
+def plant_of(
+    plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapping], period, known=None, shares=None
+) -> Block:
     """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e are held over the period.
 
     plant: of blocks `x' = A x + B u`, `y = C x + D u`. keys: those of each with their values. gains: K, input port -> output ->
-    number or array over the batch. period: s.
+    number or array over the batch. period: s. known, shares: of dead times, see `with_ports`.
 
         x' = (A + B K M C) x + B (1 + K M D) e,   y = M (C x + D e),   M = (1 - D K)^-1
 
@@ -36,7 +39,7 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     A, B, of_A, of_B = A + back @ shown, B + back @ through, np.abs(A) + of_back @ of_C, np.abs(B) + of_back @ of_D
     E, G, *of_held = held(A, B, period, (of_A, of_B))
     states = [(block.name, state) for block, (own, _) in zip(plant.members, parts, strict=True) for state in own]
-    return Block(
+    block = Block(
         plant.name,
         *map(tuple, plant.ports),
         tuple(f"{name}{PORT}{state}".replace(".", PORT) for name, state in states),
@@ -47,6 +50,9 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
         ring=plant.acts_on_itself,
         **facts,
     )
+    if not (plant.arriving or plant.sensed):
+        return block
+    return with_ports(block, plant, (A, B), (of_A, of_B), period, known, shares)
 
 
 LABELS = {"v": "velocity", "x": "position"}

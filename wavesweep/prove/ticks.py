@@ -41,6 +41,8 @@ class Loop:
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
+        if drawing.dead_times:
+            raise UndecidedError
         self.drawing, self.number, self._kept = drawing, number, {}
         self.blocks = [*(block.core(drawing.tick_hz) for block in drawing.alone), *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}

@@ -122,7 +122,13 @@ TYPES = MappingProxyType(
             plant="continuous",
         ),
         "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0)),
-        "delay": _type("u of so many runs of the block ago", _U_Y, _whole("steps", "runs of the block", 0, LONGEST_DELAY, 1)),
+        "delay": _type(
+            "u of so many runs of the block ago, or of a dead time of so many seconds ago, to any fraction of a tick: held "
+            "signals then arrive at plants between two ticks, and what a plant does is read between two ticks",
+            _U_Y,
+            _whole("steps", "runs of the block", 0, LONGEST_DELAY, 1),
+            Key("seconds", "number", None, "s", "in place of steps: dead time", low=0.0),
+        ),
         "hold": _type("u as it was when the block ran last", _U_Y),
         "difference": _type("change of u since the last run, over the block's own period", _U_Y),
         "integrator": _type(

@@ -10,7 +10,7 @@ from itertools import product
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.block_types import BELOW_HALF, BODIES, EVERY, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import BELOW_HALF, BODIES, EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
@@ -26,6 +26,7 @@ STRUCTURE = ("every", "phase", "steps", "order", "n")  # keys that decide how a 
 Path = tuple[str, ...]
 
 PORT = ":"  # between the name of a member and its port or state, in the names of a plant's
+AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
 NOTHING = 1e-12  # of b, by which a local model does not divide
 LEAST = 1e-300  # size of a number that others are divided by
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
@@ -49,6 +50,11 @@ class DrawnBlock:
     def plant(self) -> bool:
         """Whether it runs in every tick in any case."""
         return TYPES[self.type].is_plant(dict(self.keys))
+
+    @property
+    def dead_time(self) -> Tree | None:
+        """The dead time (s) of a delay that is not one of steps."""
+        return dict(self.keys).get("seconds")
 
     @property
     def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -93,11 +99,14 @@ def _trees(kind: str, value: object) -> Iterator[Tree]:
 class Plant:
     """Blocks that act on each other continuously: their names and ports as those of one block, which runs in every tick.
 
-    couplings: by which they act on each other.
+    couplings: by which they act on each other. arriving: ports, and the dead times whose output arrives there between two
+    ticks. sensed: outputs, and the dead times that read them between two ticks. A block alone is a plant too if it has any.
     """
 
     members: tuple[DrawnBlock, ...]
     couplings: tuple[tuple[str, Terms], ...]
+    arriving: tuple[tuple[str, str], ...] = ()
+    sensed: tuple[tuple[str, str], ...] = ()
     every, phase, phases = ONE, ("number", 0.0, 0), ()
 
     @property
@@ -199,8 +208,22 @@ class Drawing:
 
     @property
     def plants(self) -> tuple[Plant, ...]:
-        """The plants that are made of several blocks: those that couplings connect."""
+        """The plants that are made of several blocks, those that couplings connect, and those that a dead time acts on or reads."""
         return _plants(self)
+
+    @property
+    def dead_times(self) -> dict[str, Tree]:
+        """The dead time (s) of each delay that has one."""
+        return _dead_times(self)
+
+    @property
+    def building(self) -> dict[str, tuple[str, ...]]:
+        """Paths of the whole numbers by which dead times decide how the loop is built, each with the dead times that it is of.
+
+        Those of one are its number of ticks. Those of two say whether what the first one brings to a plant has arrived before
+        the second one, or the same, reads the plant; see `wavesweep.loops.dead_time`.
+        """
+        return _building(self)
 
     @property
     def alone(self) -> list[DrawnBlock]:
@@ -287,6 +310,13 @@ class Drawing:
                 mistaken = f"one with which it is 0{between}"
                 yield Leaf(None, axis.place).mistake(f"{study}.{axis.name}", expected, mistaken, of_key=True)
 
+    def in_series(self) -> Iterator[tuple[str, str, str]]:
+        """Yield path, expected and found text for each dead time that reads another one."""
+        for port, terms in self.wires:
+            for signal, _ in terms if _block_of(port) in self.dead_times else ():
+                if _block_of(signal) in self.dead_times:
+                    yield f"wire.{port}", "one dead time, of the sum of the seconds", f"{signal}, a dead time behind another one"
+
     def displaced(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text if a part of the hand's displacement is known to be no position of a plant."""
         force, terms, _ = self.hand or ("", (), None)
@@ -315,15 +345,47 @@ def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
 @lru_cache(maxsize=64)
 def _plants(drawing: Drawing) -> tuple[Plant, ...]:
     plants: list[set[str]] = []
-    for port, terms in drawing.couplings:
-        joined = {name.rpartition(".")[0] for name in (port, *dict(terms))}
-        joined = joined.union(*(each for each in plants if each & joined))
-        plants = [each for each in plants if not each & joined] + [joined]
+    arriving, sensed = _between_ticks(drawing)
+    alone = [{_block_of(name)} for name, _ in (*arriving, *sensed)]
+    for joined in ({_block_of(name) for name in (port, *dict(terms))} for port, terms in drawing.couplings):
+        whole = joined.union(*(each for each in plants if each & joined))
+        plants = [each for each in plants if not each & whole] + [whole]
+    plants += [each for at, each in enumerate(alone) if each not in alone[:at] and not any(each <= whole for whole in plants)]
     found = []
     for names in plants:
-        couplings = tuple(each for each in drawing.couplings if each[0].rpartition(".")[0] in names)
-        found.append(Plant(tuple(block for block in drawing.blocks if block.name in names), couplings))
+        parts = ([each for each in some if _block_of(each[0]) in names] for some in (drawing.couplings, arriving, sensed))
+        found.append(Plant(tuple(block for block in drawing.blocks if block.name in names), *map(tuple, parts)))
     return tuple(sorted(found, key=lambda plant: drawing.blocks.index(plant.members[0])))
+
+
+@lru_cache(maxsize=64)
+def _dead_times(drawing: Drawing) -> dict[str, Tree]:
+    return {block.name: block.dead_time for block in drawing.blocks if block.dead_time}
+
+
+@lru_cache(maxsize=64)
+def _building(drawing: Drawing) -> dict[str, tuple[str, ...]]:
+    pairs = {(one, other) for plant in drawing.plants for _, one in plant.arriving for _, other in plant.sensed}
+    found = {f"block.{name}.ticks": (name,) for name in drawing.dead_times}
+    return found | {f"block.{one}.before.{other}": (one, other) for one, other in sorted(pairs)}
+
+
+def _between_ticks(drawing):
+    """Ports of plants with the dead times that arrive there, and outputs of plants with the dead times that read them."""
+    plants, delays, arriving, sensed = {block.name for block in drawing.blocks if block.plant}, drawing.dead_times, {}, {}
+    for port, terms in drawing.wires if delays else ():
+        own = _block_of(port)
+        for source in (_block_of(signal) for signal, _ in terms) if own in plants else ():
+            if source in delays:
+                arriving[port, source] = None
+        for signal, _ in terms if own in delays else ():
+            if _block_of(signal) in plants:
+                sensed[signal, own] = None
+    return tuple(arriving), tuple(sensed)
+
+
+def _block_of(name):
+    return name.rpartition(".")[0]
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
@@ -403,8 +465,9 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
     every, phase = known["every"], known["phase"]
     if every is None or "every" in wrong:
         return
-    if block.plant and every != 1:
-        yield "every", f"1, since a {block.type} that is continuous runs in every tick"
+    if (block.plant or block.dead_time) and every != 1:
+        what = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
+        yield "every", f"1, since {what} runs in every tick"
     elif phase is not None and "phase" not in wrong and phase >= every:
         yield "phase", f"a whole number < every = {every:g}"
     half = (tick_hz or math.inf) / every / 2
@@ -413,6 +476,8 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
             yield name, f"a number < {half:g} (half the block's own rate)"
     if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
         yield "den", "a first coefficient other than 0"
+    if block.dead_time and "seconds" not in wrong and known["seconds"] and known["seconds"] * (tick_hz or 0) > LONGEST_DELAY:
+        yield "seconds", f"at most {LONGEST_DELAY} ticks of the loop, {LONGEST_DELAY / tick_hz:g} s"
 
 
 def _undivided(block, known, total):
@@ -460,7 +525,7 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
             path = f"block.{block.name}.{name}"
             leaf = given.leaves.get(path)
             value = values.get(path, leaf.value if leaf else key.default)
-            if value is not None:
+            if value is not None and not (name == "steps" and block.dead_time):
                 found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")

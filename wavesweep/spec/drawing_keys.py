@@ -182,6 +182,8 @@ class KeyReader:
         every, phase = found.pop("every"), found.pop("phase")
         if found.get("inputs") == ():  # nothing comes in: a recursion by itself
             found["B"] = found["B"] or ((),) * len(found["A"])
+        if found.get("seconds") and "steps" not in given:
+            found["steps"] = None
         block = DrawnBlock(name, kind, tuple((key, value) for key, value in found.items() if value is not None), every, phase)
         wrong = _shape_fault(block)
         if wrong:
@@ -278,6 +280,8 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
         return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
+    if block.type == "delay" and len(keys) != 1:
+        return "seconds", "either steps or seconds", "both"
     if block.type == "lowpass" and len(keys) != 1:
         return "cutoff_hz", "either a or cutoff_hz", "both" if keys else "neither"
     if block.type != "ss":

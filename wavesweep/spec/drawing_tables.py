@@ -58,7 +58,7 @@ def read_drawing(
     reader = _TableReader(source, own_axes(leaves) | {RATE})
     tables = reader.grouped(leaves)
     drawing, values = reader.drawing(tables)
-    for path, expected, found in (*drawing.faults(values), *drawing.displaced(values)):
+    for path, expected, found in (*drawing.faults(values), *drawing.displaced(values), *drawing.in_series()):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
         reader.mistakes.append(leaf.mistake(path, expected, text))

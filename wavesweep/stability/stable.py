@@ -70,6 +70,20 @@ def joined(parts) -> Intervals:
     return replace(whole, index=np.where(count[column] > 0, index, -1), count=count[column], doubt=doubt[column])
 
 
+def without_seams(found: Intervals) -> Intervals:
+    """Return intervals in which those are one that meet at an end where nothing crosses."""
+    seam = (found.high[:-1] == found.low[1:]) & (found.column[:-1] == found.column[1:])
+    seam &= np.isnan(found.high_omega[:-1]) & np.isnan(found.low_omega[1:])
+    first, last = np.flatnonzero(np.append(True, ~seam)), np.flatnonzero(np.append(~seam, True))
+    if first.size == found.column.size or not first.size:
+        return found
+    ends = {name: getattr(found, name)[last] for name in ("high", "high_omega")}
+    column, stable = found.column[first], found.index[first] >= 0
+    index = np.where(stable, np.arange(column.size) - np.searchsorted(column, column), -1)
+    count, size = np.bincount(column[stable], minlength=column.max() + 1), np.maximum.reduceat(found.residual, first)
+    return replace(found.take(first), **ends, index=index, count=count[column], residual=size)
+
+
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what overflows is told from what it leaves
 def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Intervals:
     """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.

@@ -4,12 +4,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from math import prod
 
 import numpy as np
 
 from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.dead_time import breaks, structure
 from wavesweep.loops.domain import bends_at_zero, domains, guards_at
 from wavesweep.loops.from_drawing import (
     FACTOR,
@@ -28,6 +30,7 @@ from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.spec.expressions import names_in
 from wavesweep.stability import Intervals, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
@@ -35,6 +38,7 @@ from wavesweep.stability.crossings import SLIVER
 from wavesweep.stability.frames import Frames
 from wavesweep.stability.perturbation import shaken
 from wavesweep.stability.polishing import ATTACHED
+from wavesweep.stability.stable import without_seams
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
@@ -97,7 +101,10 @@ class DrawnTask:
 
             def stiffness(some, p, values=values, at=at):
                 found, columns = np.empty(p.size), at[some]
-                for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size):
+                alone = self.number in self._timing  # each is built in its own way
+                parts = np.arange(p.size)[:, None] if alone else distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size)
+                values = {path: v for path, v in values.items() if not (alone and path in self.drawing.building)}
+                for part in parts:
                     of = selected(values, columns[part]) | {self.along: p[part]}
                     found[part] = felt_of(self.drawing, of, part.size)
                 return found
@@ -172,7 +179,34 @@ class DrawnTask:
                 return OpenTicks.of(cut_open, whole, PRODUCT, FACTOR)
         return None
 
+    @property
+    def _timing(self):
+        """Names of the numbers that dead times follow from, in ticks."""
+        trees = self.drawing.dead_times.values()
+        return {name for tree in trees for name, _ in names_in(tree)}.union(self.drawing.rating if trees else ())
+
     def _intervals(self, values, size, opened):
+        return self._in_pieces(values, size) if self.number in self._timing else self._whole(values, size, opened)
+
+    def _in_pieces(self, values, size):
+        """The intervals from parts of the range, in each of which the loops are built alike."""
+        arrays = {path: value for path, value in values.items() if np.ndim(value)}
+        first, of = distinct_rows({path: v for path, v in arrays.items() if name_of(path) in self._timing}, size)
+        found = []
+        for number, at in enumerate(first.tolist()):
+            columns = np.flatnonzero(of == number)
+            own, parts = selected(values, columns), []
+            ends = breaks(self.drawing, selected(values, at), self.along, self.span)
+            for piece in pairwise(ends):
+                middle = selected(values, at) | {self.along: sum(piece) / 2}
+                built = {path: int(each) for path, each in structure(self.drawing, middle).items()}
+                parts.append(replace(self, span=piece)._whole(own | built, columns.size, None))
+            whole = without_seams(joined(parts))
+            found.append(replace(whole, column=columns[whole.column]))
+        whole = Intervals.join(found)
+        return whole.take(np.argsort(whole.column, kind="stable"))
+
+    def _whole(self, values, size, opened):
         parts = self._parts(values)
         if len(parts) <= 1:
             return self.connected(values, size, opened)

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
+from wavesweep.loops.dead_time import structure
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.assumptions import over_preset
 
@@ -150,7 +151,18 @@ def groups(
         zeros = [column[members] == 0 for column in plain.values()]
         for part in distinct(zeros, members.size):
             index = members[part]
-            yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
+            values = {**settled, **{path: column[index] for path, column in plain.items()}}
+            if spec.drawing and spec.drawing.dead_times:
+                yield from _by_dead_times(spec.drawing, index, values)
+            else:
+                yield index, values
+
+
+def _by_dead_times(drawing, members, values):
+    """Yield the members and values of loops that are built alike, with the whole numbers of ticks of their dead times."""
+    found = {path: np.broadcast_to(each, members.shape).astype(int) for path, each in structure(drawing, values).items()}
+    for part in distinct(list(found.values()), members.size):
+        yield members[part], selected(values, part) | {path: int(each[part[0]]) for path, each in found.items()}
 
 
 def drawn_groups(
@@ -167,7 +179,7 @@ def drawn_groups(
 
 def read_by(drawing: "Drawing", values: Mapping[str, object]) -> dict:
     """The flat values that a drawing reads."""
-    return {path: value for path, value in values.items() if path in drawing.reads}
+    return {path: value for path, value in values.items() if path in drawing.reads or path in drawing.building}
 
 
 def own_loop(spec: Spec, along: str = "") -> tuple["Drawing", dict]:

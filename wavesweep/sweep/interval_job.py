@@ -190,7 +190,7 @@ def _like_own(values, spec, drawing):
     """
     kept, found = {path_of(name) for name in drawing.shaping}, dict(values)
     for path, value in values.items():
-        own, one = spec.values[path], value[0] if np.ndim(value) else value
+        own, one = spec.values.get(path), value[0] if np.ndim(value) else value
         if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
             found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
     return found

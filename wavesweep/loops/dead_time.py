@@ -1,0 +1,181 @@
+"""Dead times of any fraction of a tick: of how many ticks they are, and what acts on plants or is read of them in between.
+
+With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. A held signal that was u in the tick k - m arrives in tick k:
+until `s T` before its end a plant is still under u[k-m], from then on under u[k-m+1]. Over the tick that adds
+
+    int_0^{s T} exp(A t) dt B (u[k-m+1] - u[k-m])
+
+to the plant's states, on which it acts by a port of its own. The output of a plant that is read at the tick k is that of `s T`
+after the tick k - m began. If another dead time arrives there before, `s' T` before the end, it has acted for `(s + s' - 1) T`.
+So m, and which comes first, decide how a loop is built, and s is a number of it like others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from wavesweep.loops.block import Block
+from wavesweep.loops.blocks import held
+from wavesweep.loops.values import values_of
+from wavesweep.spec.drawing import AT, Drawing, Plant, scalars
+
+SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+ROUNDED = 1e-12  # relative, of a dead time that is meant to be a whole number of ticks
+
+
+def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
+    """Return the whole numbers by which dead times decide how loops are built, by their paths; values: flat, real."""
+    known = scalars(values)
+    with np.errstate(all="ignore"):
+        rate = np.asarray(values_of(drawing.tick_hz, known)).real
+        ratio = {name: np.asarray(values_of(tree, known)).real * rate for name, tree in drawing.dead_times.items()}
+        ticks = {name: np.ceil(each * (1 - ROUNDED)) for name, each in ratio.items()}
+    return {
+        path: ticks[names[0]] if len(names) == 1 else sum(ticks[name] - ratio[name] for name in names) > 1
+        for path, names in drawing.building.items()
+    }
+
+
+def built(drawing: Drawing, known: Mapping[str, object]) -> dict[str, object]:
+    """Return the numbers with those of `structure`, which are the same in all loops of the batch. known: by name."""
+    if known.keys() >= drawing.building.keys():
+        return dict(known)
+    return {path: int(np.ravel(each)[0]) for path, each in structure(drawing, known).items()} | {**known}
+
+
+def shares(drawing: Drawing, known: Mapping[str, object], rate) -> dict[str, object]:
+    """Return s of each dead time; known: with `structure`; rate: of the tick (Hz)."""
+    return {name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+
+
+def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> list[float]:
+    """Return the ends of a number's span and the values within it at which dead times decide anew how the loop is built.
+
+    values: flat numbers of one loop.
+    """
+    from scipy.optimize import brentq
+
+    points = np.linspace(*span, POINTS)
+    ticks, found = _ticks(drawing, values, path, points), set()
+    for which, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
+        low, high = sorted(ticks[which, at : at + 2])
+        for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
+            less = partial(lambda p, which, whole: float(_ticks(drawing, values, path, np.array([p]))[which, 0]) - whole, which=which, whole=whole)
+            found.add(brentq(less, *points[at : at + 2], xtol=float(np.spacing(span[1]))))
+    return [span[0], *sorted(each for each in found if span[0] < each < span[1]), span[1]]
+
+
+POINTS = 4001  # of a span, between which a number of ticks is taken as monotone
+
+
+def _ticks(drawing, values, path, p):
+    """Dead times in ticks, and sums of two of which the order matters, at values of a number: `(sums, points)`."""
+    known = scalars({**values, path: p})
+    rate = values_of(drawing.tick_hz, known)
+    ratio = {name: values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+    return np.stack([sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()])
+
+
+def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
+    """Return the block of a dead time of so many ticks, m.
+
+    sensed, others: whether it reads plants, and other signals; arriving: whether it acts on a plant.
+    """
+    inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
+    states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
+    n, m = len(states), len(inputs)
+    E, B = np.kron(np.eye(m), np.eye(ticks, k=-1) - np.eye(ticks)), np.zeros((n, m))
+    C, D = np.zeros((2, n)), np.zeros((2, m))
+    for i in range(m):
+        B[i * ticks : i * ticks + 1, i] = 1
+    if ticks:
+        C[0, ticks - 1 :: ticks] = 1
+        if inputs[0] == "u":
+            C[1, ticks - 1] = -1
+            C[1, max(0, ticks - 2)] += ticks > 1
+            D[1, 0] = ticks == 1
+    else:
+        D[0] = 1
+    shown = slice(1 + arriving)
+    return Block(name, inputs, ("y", NEXT)[shown], states, E, B, C[shown], D[shown])
+
+
+def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: str) -> dict:
+    """Return junctions with those at the ports by which dead times act on plants and read them.
+
+    sums: with names of ports of plants. product, factor: the input that a number has become, and what it multiplies.
+    """
+    sums = dict(sums)
+    for plant in plants:
+        for port, name in plant.arriving:
+            sums[inside[port] + AT + name] = {f"{name}.{NEXT}": sums[inside[port]][f"{name}.y"]}
+        for signal, name in plant.sensed:
+            sources = dict(sums[f"{name}.u"])
+            read, own = sums.setdefault(f"{name}.{SENSED}", {}), inside[signal]
+            if own in sources:
+                read[own + AT + name] = sources.pop(own)
+            if product in sources and own in sums[factor]:
+                read[product] = sources.pop(product)
+            if product in read and own in sums[factor]:
+                sums[factor] = {own + AT + name if each == own else each: gain for each, gain in sums[factor].items()}
+            sums[f"{name}.u"] = sources
+    return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
+
+
+def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[str, object], shares) -> Block:
+    """Return the block of a plant with ports for the dead times that act on it or read it.
+
+    rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time. known: with `structure`.
+    Accuracy: that of `held`.
+    """
+    (A, B), (inputs, outputs), T = rates, plant.drawn_ports, period
+
+    def over(share, column=slice(None)):
+        return held(A, B[..., column], share * T, (sizes[0], sizes[1][..., column]))
+
+    of_E, of_B, of_C, of_D = block.terms
+    more = [(at := [inputs.index(port)], *(part for part in over(shares[name], at)[1::2])) for port, name in plant.arriving]
+    nothing = np.zeros((len(outputs), len(plant.arriving)))
+    G, of_G = (_joined(-1, part, *(each[k] for each in more)) for k, part in ((1, block.B), (2, of_B)))
+    C, D = [block.C], [_joined(-1, block.D, nothing)]
+    of_C, of_D = [of_C], [_joined(-1, of_D, nothing)]
+    for signal, name in plant.sensed:
+        i = [outputs.index(signal)]
+        row, size, through = block.C[..., i, :], of_C[0][..., i, :], block.D[..., i, :]
+        E, held_B, of_own, of_held = over(shares[name])
+        C.append(row + row @ E)
+        of_C.append(size @ np.abs(E + np.eye(E.shape[-1])) + np.abs(row) @ of_own)
+        columns = [(through + row @ held_B, block.terms[3][..., i, :] + size @ np.abs(held_B) + np.abs(row) @ of_held)]
+        for port, other in plant.arriving:
+            j = [inputs.index(port)]
+            _, step, _, of_step = over(shares[other] + shares[name] - 1, j)
+            if known[f"block.{other}.before.{name}"]:
+                columns.append(
+                    (through[..., j] + row @ step, block.terms[3][..., i, j] + size @ np.abs(step) + np.abs(row) @ of_step)
+                )
+            else:
+                columns.append((np.zeros((1, 1)),) * 2)
+        D.append(_joined(-1, *(each for each, _ in columns)))
+        of_D.append(_joined(-1, *(each for _, each in columns)))
+    A, B, rest_C, rest_D = block.at_rest
+    rows = [outputs.index(signal) for signal, _ in plant.sensed]
+    rest_C, rest_D = (np.concatenate([part, part[..., rows, :]], -2) for part in (rest_C, rest_D))
+    at_rest = A, *(_joined(-1, part, np.zeros((part.shape[-2], len(more)))) for part in (B,)), rest_C
+    return replace(
+        block,
+        inputs=(*block.inputs, *(f"{port.replace('.', ':')}{AT}{name}" for port, name in plant.arriving)),
+        outputs=(*block.outputs, *(f"{signal.replace('.', ':')}{AT}{name}" for signal, name in plant.sensed)),
+        B=G,
+        C=_joined(-2, *C),
+        D=_joined(-2, *D),
+        terms=(of_E, of_G, _joined(-2, *of_C), _joined(-2, *of_D)),
+        at_rest=(*at_rest, _joined(-1, rest_D, np.zeros((rest_D.shape[-2], len(more))))),
+    )
+
+
+def _joined(axis, *parts):
+    """Matrices of a batch side by side, or below each other."""
+    batch = np.broadcast_shapes(*(each.shape[:-2] for each in parts))
+    return np.concatenate([np.broadcast_to(each, (*batch, *each.shape[-2:])) for each in parts], axis)
