@@ -127,7 +127,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("every = 20", "evry = 20"), ("phase = 10\n", "")],
             "17:1: block.net.evry",
-            "one of type, steps, every, phase",
+            "one of type, steps, seconds, every, phase",
             "an unknown key; did you mean `every`?",
         ),
         ([('"delay"', '"dely"')], "16:8: block.net.type", TYPES, '"dely"; did you mean `delay`?'),

@@ -156,6 +156,11 @@ def _refuse(loop: Loop, plants: Sequence[Part]) -> None:
     if not plants or (len(plants) == len(loop.parts) and not loop.wall):
         found = "nothing else" if plants else "none"
         raise UsageError(f"export: expected a device (continuous blocks, as a mass) and further blocks, found {found}")
+    if waits := [f"block.{part.name}" for part in loop.parts if part.type == "dead time"]:
+        found = f"{waits[0]} with a dead time in seconds, which is between the ticks of a program"
+        raise UsageError(
+            f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {found}"
+        )
     read = {name for terms in loop.wires.values() for _, name in terms}
     for part in plants:
         shown = [port for port in part.outputs if f"{part.name}.{port}" in read]

@@ -1,7 +1,7 @@
 """Dead times of any fraction of a tick: of how many ticks they are, and what acts on plants or is read of them in between.
 
-With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. A held signal that was u in the tick k - m arrives in tick k:
-until `s T` before its end a plant is still under u[k-m], from then on under u[k-m+1]. Over the tick that adds
+With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. Of a signal u that is held, u[k-m] acts on a plant in tick
+k until `s T` before its end, and from then on u[k-m+1]. Over the tick that adds
 
     int_0^{s T} exp(A t) dt B (u[k-m+1] - u[k-m])
 
@@ -62,7 +62,11 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     for which, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
         low, high = sorted(ticks[which, at : at + 2])
         for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
-            less = partial(lambda p, which, whole: float(_ticks(drawing, values, path, np.array([p]))[which, 0]) - whole, which=which, whole=whole)
+            less = partial(
+                lambda p, which, whole: float(_ticks(drawing, values, path, np.array([p]))[which, 0]) - whole,
+                which=which,
+                whole=whole,
+            )
             found.add(brentq(less, *points[at : at + 2], xtol=float(np.spacing(span[1]))))
     return [span[0], *sorted(each for each in found if span[0] < each < span[1]), span[1]]
 

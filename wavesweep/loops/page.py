@@ -113,7 +113,8 @@ def _block(name, keys):
     found = []
     for path, key in TYPES[kind].keys.items():
         value = keys.get(path, key.default)
-        found.append((path, _tree(value) if key.type in ("number", "integer") else value))
+        if value is not None:
+            found.append((path, _tree(value) if key.type in ("number", "integer") else value))
     alone = phases if len(phases) > 1 else ()
     return DrawnBlock(name, kind, tuple(found), _tree(every), _tree(phases[0]), alone)
 

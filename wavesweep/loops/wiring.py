@@ -46,10 +46,8 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant.
     """
     known, parts, ticks = scalars(values), [], []
-    plants, members = (
-        {block.name for block in drawing.blocks if block.plant},
-        {name.rpartition(".")[0] for name in drawing.inside},
-    )
+    plants = {block.name for block in drawing.blocks if block.plant}
+    members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
     wires = {port: _texts(terms) for port, terms in drawing.wires}
     for port in (port for port in wires if port.rpartition(".")[0] in members):
         wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])

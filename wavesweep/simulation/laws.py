@@ -68,11 +68,12 @@ def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str],
     return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)}, keeps)
 
 
-def continuous(period: float, members, gains: Mapping[tuple[str, str], float], inputs, outputs) -> Law:
+def continuous(period: float, members, gains: Mapping[tuple[str, str], float], inputs, outputs, arriving=(), sensed=()) -> Law:
     """Blocks whose inputs are sums of their outputs at every instant, and of inputs from outside that are held: exact.
 
     members: name, type, keys, input and output ports of each. gains: of a port and an output. inputs, outputs: port -> its name
-    in the law.
+    in the law. arriving: port, name in the law and instant (share of the period) of what is added to inputs within the tick.
+    sensed: output, name in the law and instant of what is read within it.
     """
     rates, order, ports, shown = [], 0, {}, {}
     for name, kind, keys, into, out in members:
@@ -94,7 +95,31 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
     moved = np.hstack([A, B]) + B @ K @ through
     into, out = [ports[name] for name in inputs], [shown[name] for name in outputs]
     parts = moved[:, :order], moved[:, order:][:, into], through[out, :order], through[out, order:][:, into]
-    return ss(period, *(part.tolist() for part in parts), [*inputs.values()], [*outputs.values()], discrete=False)
+    if not (arriving or sensed):
+        return ss(period, *(part.tolist() for part in parts), [*inputs.values()], [*outputs.values()], discrete=False)
+    more = [(list(inputs).index(port), name, at) for port, name, at in arriving]
+    read = [(list(outputs).index(signal), name, at) for signal, name, at in sensed]
+    return _within_tick(period, *parts, [*inputs.values()], [*outputs.values()], more, read)
+
+
+def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
+    """A continuous model from instant to instant of a tick; arriving, sensed: see `continuous`, with indices of ports."""
+    order, names = len(A), [*(f"state {i}" for i in range(len(A))), *inputs, *(name for _, name, _ in arriving)]
+    state = np.eye(order, len(names))  # the state and the inputs at an instant, of those at the tick
+    pushed = np.eye(len(inputs), len(names), order)
+    shown, now = {name: C[i] @ state + D[i] @ pushed for i, name in enumerate(outputs)}, 0.0
+    events = [(at, 0, port, order + len(inputs) + k) for k, (port, _, at) in enumerate(arriving)]
+    events += [(at, 1, row, name) for row, name, at in sensed]
+    for at, kind, which, what in (*sorted(events), (1.0, 2, 0, 0)):
+        whole = np.block([[A, B], [np.zeros((len(inputs), order + len(inputs)))]])
+        change = exponential_minus_one(whole * ((at - now) * period))[:order]
+        state, now = state + change @ np.vstack([state, pushed]), at
+        if kind == 0:
+            pushed[which, what] += 1.0
+        elif kind == 1:
+            shown[what] = C[which] @ state + D[which] @ pushed
+    gives = {name: _sum(row.tolist(), names) for name, row in shown.items()}
+    return Law(gives, {name: _sum(row.tolist(), names) for name, row in zip(names, state, strict=False)})
 
 
 def _matrices(kind, keys, inputs, outputs):
@@ -149,6 +174,14 @@ def delay(period: float, steps: int) -> Law:
     """`u` of so many runs ago."""
     past = tuple(f"u{i}" for i in range(1, steps + 1))
     return Law({"y": ((1.0, past[-1]),)}, moves=(("u", past),)) if past else hold(period)
+
+
+def dead_time(ticks: int) -> Law:
+    """What was held, and what was read of plants, so many ticks ago; and by how much the former is about to change."""
+    held, read = ([port, *(f"{port}{i}" for i in range(1, ticks + 1))] for port in ("u", "sensed"))
+    soon = ((1.0, held[-2]), (-1.0, held[-1])) if ticks else ()
+    moves = tuple((port, tuple(past)) for port, *past in (held, read)) if ticks else ()
+    return Law({"y": ((1.0, held[-1]), (1.0, read[-1])), "next": soon}, moves=moves)
 
 
 def difference(period: float) -> Law:

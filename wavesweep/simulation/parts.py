@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from math import lcm
 from typing import Any
 
-from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, in_delta_form, local_model_away
+from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 from wavesweep.spec.block_types import BODIES, TYPES
-from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.drawing import AT, Drawing, scalars
 from wavesweep.spec.expressions import degree, names_in, value_of
 
 FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
@@ -165,8 +167,10 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     """Return the loop that a drawing with these numbers (flat keys) is."""
     known = scalars(values)
     rate = float(value_of(drawing.tick_hz, known))
-    parts = tuple(_part(block, known, 1.0 / rate) for block in drawing.alone)
-    parts += tuple(_plant(plant, drawing, known, 1.0 / rate) for plant in drawing.plants)
+    waits = {name: divided(value_of(tree, known) * rate) for name, tree in drawing.dead_times.items()}
+    parts = tuple(_part(block, known, 1.0 / rate) for block in drawing.alone if block.name not in waits)
+    parts += tuple(_plant(plant, drawing, known, 1.0 / rate, waits) for plant in drawing.plants)
+    parts += tuple(_dead_time(name, ticks) for name, (ticks, _) in waits.items())
     terms, hand = dict(drawing.wires), ""
     if drawing.hand:
         hand, *signals = drawing.hand
@@ -182,6 +186,8 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
         {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sum_) for port, sum_ in each.items()}
         for each in (wires, away)
     )
+    for name, each in product(waits, (wires, away)):
+        _within_ticks(name, drawing, each)
     own = Loop(1.0 / rate, rate, parts, wires, away)
     if (end := own.only("wave", "force")) and own.only("local_model"):
         others = {f"{part.name}.{port}" for part in parts if not (part.rhythm.slow or part.plant) for port in part.outputs}
@@ -224,15 +230,42 @@ def _part(block, known, tick):
     return Part(block.name, kind, *block.ports, rhythm, law, away, block.plant)
 
 
-def _plant(plant, drawing, known, tick):
-    """A plant of several blocks; its inputs are those that a wire from outside leads to."""
+def divided(ticks: float) -> tuple[int, float]:
+    """Return a time in ticks as whole ticks less a share of one."""
+    near = round(ticks)
+    whole = near if abs(ticks - near) <= SAME * max(1.0, ticks) else math.ceil(ticks)
+    return whole, max(0.0, whole - ticks)
+
+
+def _dead_time(name, ticks):
+    law = dead_time(ticks)
+    return Part(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law)
+
+
+def _within_ticks(name, drawing, wires):
+    """Lead what a dead time reads of plants, and what it is about to bring to them, to the ports that are for that."""
+    inside, sensed = drawing.inside, [each for plant in drawing.plants for each in plant.sensed if each[1] == name]
+    read = {inside[signal]: f"{inside[signal]}{AT}{name}" for signal, _ in sensed}
+    terms = wires[f"{name}.u"]
+    wires[f"{name}.u"] = tuple(term for term in terms if term[1] not in read)
+    wires[f"{name}.sensed"] = tuple((gain, read[signal]) for gain, signal in terms if signal in read)
+    for port, _ in (each for plant in drawing.plants for each in plant.arriving if each[1] == name):
+        soon = tuple((gain, f"{name}.next") for gain, signal in wires[inside[port]] if signal == f"{name}.y")
+        wires[f"{inside[port]}{AT}{name}"] = soon
+
+
+def _plant(plant, drawing, known, tick, waits):
+    """A plant of several blocks; its inputs are those that a wire from outside leads to. waits: of dead times, in ticks."""
     members = [(block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members]
     gains = {(port, name): gain for port, terms in plant.couplings for gain, name in _valued(terms, known)}
     wired = {port for port, terms in drawing.wires if terms}
     inputs, outputs = (dict(zip(*each, strict=True)) for each in zip(plant.drawn_ports, plant.ports, strict=True))
     inputs = {port: name for port, name in inputs.items() if port in wired}
-    law = continuous(tick, members, gains, inputs, outputs)
-    return Part(plant.name, "plant", (*inputs.values(),), (*outputs.values(),), Rhythm(), law, law, plant=True)
+    arriving = [(port, f"{inputs[port]}{AT}{name}", 1.0 - waits[name][1]) for port, name in plant.arriving if waits[name][0]]
+    sensed = [(signal, f"{outputs[signal]}{AT}{name}", waits[name][1]) for signal, name in plant.sensed]
+    law = continuous(tick, members, gains, inputs, outputs, arriving, sensed)
+    into, out = ((*ports.values(), *(name for _, name, _ in some)) for ports, some in ((inputs, arriving), (outputs, sensed)))
+    return Part(plant.name, "plant", into, out, Rhythm(), law, law, plant=True)
 
 
 def _valued(terms, numbers) -> Sum:

@@ -208,7 +208,7 @@ class Drawing:
 
     @property
     def plants(self) -> tuple[Plant, ...]:
-        """The plants that are made of several blocks, those that couplings connect, and those that a dead time acts on or reads."""
+        """The plants that are made of several blocks, which couplings connect, and those that a dead time acts on or reads."""
         return _plants(self)
 
     @property
@@ -283,6 +283,9 @@ class Drawing:
                 yield f"block.{block.name}.{name}", expected, f"{known[name]:g}"
                 every[block.name] = None if name == "every" else every.get(block.name, known["every"])
             every.setdefault(block.name, known["every"])
+            if block.dead_time and (known["seconds"] or 0.0) * (tick_hz or 0.0) > LONGEST_DELAY:
+                expected = f"at most {LONGEST_DELAY} ticks of the loop, {LONGEST_DELAY / tick_hz:g} s"
+                yield f"block.{block.name}.seconds", expected, f"{known['seconds']:g}"
             if tick_hz and block.type == "local_model" and None not in known.values():
                 yield from _undivided(block, known, _value(block.divisor(self.tick_hz), numbers))
         runs = {name: int(ticks) for name, ticks in every.items() if ticks}
@@ -309,13 +312,6 @@ class Drawing:
                 between = "" if axis.values else f" between {axis.start:g} and {axis.stop:g}"
                 mistaken = f"one with which it is 0{between}"
                 yield Leaf(None, axis.place).mistake(f"{study}.{axis.name}", expected, mistaken, of_key=True)
-
-    def in_series(self) -> Iterator[tuple[str, str, str]]:
-        """Yield path, expected and found text for each dead time that reads another one."""
-        for port, terms in self.wires:
-            for signal, _ in terms if _block_of(port) in self.dead_times else ():
-                if _block_of(signal) in self.dead_times:
-                    yield f"wire.{port}", "one dead time, of the sum of the seconds", f"{signal}, a dead time behind another one"
 
     def displaced(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text if a part of the hand's displacement is known to be no position of a plant."""
@@ -476,8 +472,6 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
             yield name, f"a number < {half:g} (half the block's own rate)"
     if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
         yield "den", "a first coefficient other than 0"
-    if block.dead_time and "seconds" not in wrong and known["seconds"] and known["seconds"] * (tick_hz or 0) > LONGEST_DELAY:
-        yield "seconds", f"at most {LONGEST_DELAY} ticks of the loop, {LONGEST_DELAY / tick_hz:g} s"
 
 
 def _undivided(block, known, total):

@@ -9,7 +9,7 @@ from typing import TypeVar
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
-from wavesweep.spec.drawing import DrawnBlock, keys_of_block
+from wavesweep.spec.drawing import RATE, DrawnBlock, keys_of_block
 from wavesweep.spec.expressions import (
     Fault,
     Tree,
@@ -24,6 +24,8 @@ from wavesweep.spec.expressions import (
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
+EITHER = {"lowpass": ("a", "cutoff_hz"), "delay": ("steps", "seconds")}  # keys of which a block has one
+PERIOD = "dt"  # the name of a block's own period in its expressions
 LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
 _Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
@@ -35,7 +37,8 @@ class KeyReader:
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
     value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, the hand's force and the names in [signals].
     meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
-    themselves. needed: those of their inputs that they have in any case.
+    themselves. needed: those of their inputs that they have in any case. tick_hz: the rate of the tick. period: what `dt`
+    stands for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
     """
 
     def __init__(self, source: Place, axes: frozenset[str]) -> None:
@@ -51,6 +54,8 @@ class KeyReader:
         self.extents: dict[str, tuple[int, int]] = {}
         self.broken: set[str] = set()
         self.needed: list[str] = []
+        self.tick_hz: Tree = ("name", RATE, 0)
+        self.period: Tree | None = None
 
     def leaf(self, path: str) -> Leaf:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
@@ -101,6 +106,8 @@ class KeyReader:
             return None
         self.read.update(name for name, _ in names_in(tree))
         known = {*self.numbers, *(self.signals if signals else ())}
+        meanings = self.meanings if PERIOD in known or self.period is None else {**self.meanings, PERIOD: self.period}
+        known |= {PERIOD} if self.period else set()
         expected = (
             "the output of a block, a number, or the force of [ports] hand" if signals else "the name of a number in [numbers]"
         )
@@ -110,7 +117,7 @@ class KeyReader:
             if signals and (own := [each for each in sorted(self.signals) if each.startswith(f"{block}.")]):
                 fault.expected = f"an output of {block}: {' or '.join(own)}"
             self.fault(path, leaf, fault)
-        return None if faults else with_trees(tree, self.meanings)
+        return None if faults else with_trees(tree, meanings)
 
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
@@ -169,27 +176,33 @@ class KeyReader:
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
             return None
         keys = keys_of_block(kind)
-        for key, leaf in given.items():
-            if key not in keys and key not in ("", "type"):
-                known, limits = ("type", *keys), any(word in key for word in LIMITS)
-                found = "a limit, with which no block is linear" if limits else "an unknown key"
-                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), found, "" if limits else nearest(key, known))
+        self.refuse_unknown_keys(path, given, keys)
+        every = self.read_key(f"{path}.every", keys.pop("every"), given.get("every"))
+        self.period = every and ("/", every, self.tick_hz, 0)
+        if kind == "delay" and "seconds" in given and "steps" not in given:
+            del keys["steps"]  # whose default is for a delay of steps
         found = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
+        self.period = None
         if len(self.mistakes) > before:
             if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
                 self.needed += [f"{name}.{port}" for port in TYPES[kind].ports[0]]
             return None
-        every, phase = found.pop("every"), found.pop("phase")
+        phase = found.pop("phase")
         if found.get("inputs") == ():  # nothing comes in: a recursion by itself
             found["B"] = found["B"] or ((),) * len(found["A"])
-        if found.get("seconds") and "steps" not in given:
-            found["steps"] = None
         block = DrawnBlock(name, kind, tuple((key, value) for key, value in found.items() if value is not None), every, phase)
         wrong = _shape_fault(block)
         if wrong:
             self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
             return None
         return block
+
+    def refuse_unknown_keys(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> None:
+        for key, leaf in given.items():
+            if key not in keys and key not in ("", "type"):
+                known, limits = ("type", *keys), any(word in key for word in LIMITS)
+                found = "a limit, with which no block is linear" if limits else "an unknown key"
+                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), found, "" if limits else nearest(key, known))
 
     def read_type(self, path: str, leaf: Leaf | None) -> str | None:
         key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES))
@@ -280,10 +293,9 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
         return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
-    if block.type == "delay" and len(keys) != 1:
-        return "seconds", "either steps or seconds", "both"
-    if block.type == "lowpass" and len(keys) != 1:
-        return "cutoff_hz", "either a or cutoff_hz", "both" if keys else "neither"
+    if block.type in EITHER and len(keys) != 1:
+        one, other = EITHER[block.type]
+        return other, f"either {one} or {other}", "both" if keys else "neither"
     if block.type != "ss":
         return None
     n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])

@@ -58,7 +58,7 @@ def read_drawing(
     reader = _TableReader(source, own_axes(leaves) | {RATE})
     tables = reader.grouped(leaves)
     drawing, values = reader.drawing(tables)
-    for path, expected, found in (*drawing.faults(values), *drawing.displaced(values), *drawing.in_series()):
+    for path, expected, found in (*drawing.faults(values), *drawing.displaced(values)):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
         reader.mistakes.append(leaf.mistake(path, expected, text))
@@ -101,7 +101,7 @@ class _TableReader(KeyReader):
         force = tables["ports"].get("hand", {}).get("force")
         self.force = force.value if force else None
         numbers, values = self.read_numbers(tables["numbers"])
-        tick = self.read_rate(tables["rates"])
+        self.tick_hz = tick = self.read_rate(tables["rates"]) or ("name", RATE, 0)
         found = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
         self.broken = {name for name, block in found.items() if block is None}
         blocks = tuple(block for block in found.values() if block is not None)
@@ -114,7 +114,8 @@ class _TableReader(KeyReader):
         self.signals |= {self.force} if isinstance(self.force, str) else set()
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
-        read = {port: self.read_wire(port, leaf, plants) for port, leaf in tables["wire"].items()}
+        periods = {block.name: ("/", block.every, tick, 0) for block in blocks}
+        read = {port: self.read_wire(port, leaf, plants, periods) for port, leaf in tables["wire"].items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
         hand, wall = self.read_ports(tables["ports"])
@@ -123,7 +124,6 @@ class _TableReader(KeyReader):
         self.unconnected(tables["wire"])
         self.unread(tables["signals"])
         values |= self.own
-        tick = tick or ("name", RATE, 0)
         turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
         drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
@@ -195,7 +195,9 @@ class _TableReader(KeyReader):
             return None
         return self.read_number(RATE, TICK_HZ, leaf)
 
-    def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
+    def read_wire(
+        self, port: str, leaf: Leaf, plants: Mapping[str, str], periods: Mapping[str, Tree]
+    ) -> tuple[Terms, Terms] | None:
         """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
         path = f"wire.{port}"
         if port not in self.inputs and port.rpartition(".")[0] not in self.broken:
@@ -203,7 +205,10 @@ class _TableReader(KeyReader):
             expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
             self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
         own = port.rpartition(".")[0]
-        return self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
+        self.period = periods.get(own)
+        found = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
+        self.period = None
+        return found
 
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
         for port in (*self.inputs, *self.needed):

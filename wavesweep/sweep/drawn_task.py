@@ -102,7 +102,11 @@ class DrawnTask:
             def stiffness(some, p, values=values, at=at):
                 found, columns = np.empty(p.size), at[some]
                 alone = self.number in self._timing  # each is built in its own way
-                parts = np.arange(p.size)[:, None] if alone else distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size)
+                parts = (
+                    np.arange(p.size)[:, None]
+                    if alone
+                    else distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size)
+                )
                 values = {path: v for path, v in values.items() if not (alone and path in self.drawing.building)}
                 for part in parts:
                     of = selected(values, columns[part]) | {self.along: p[part]}
@@ -186,7 +190,7 @@ class DrawnTask:
         return {name for tree in trees for name, _ in names_in(tree)}.union(self.drawing.rating if trees else ())
 
     def _intervals(self, values, size, opened):
-        return self._in_pieces(values, size) if self.number in self._timing else self._whole(values, size, opened)
+        return self._in_pieces(values, size) if self.number in self._timing else self.between_breaks(values, size, opened)
 
     def _in_pieces(self, values, size):
         """The intervals from parts of the range, in each of which the loops are built alike."""
@@ -200,13 +204,14 @@ class DrawnTask:
             for piece in pairwise(ends):
                 middle = selected(values, at) | {self.along: sum(piece) / 2}
                 built = {path: int(each) for path, each in structure(self.drawing, middle).items()}
-                parts.append(replace(self, span=piece)._whole(own | built, columns.size, None))
+                parts.append(replace(self, span=piece).between_breaks(own | built, columns.size, None))
             whole = without_seams(joined(parts))
             found.append(replace(whole, column=columns[whole.column]))
         whole = Intervals.join(found)
         return whole.take(np.argsort(whole.column, kind="stable"))
 
-    def _whole(self, values, size, opened):
+    def between_breaks(self, values, size, opened) -> Intervals:
+        """The intervals of loops that are built alike at all values of the number; opened: as for `connected`."""
         parts = self._parts(values)
         if len(parts) <= 1:
             return self.connected(values, size, opened)

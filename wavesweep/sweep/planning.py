@@ -7,7 +7,8 @@ from wavesweep.loops.controllers import keys_of_page
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
-from wavesweep.spec.expressions import text_of
+from wavesweep.spec.drawing import scalars
+from wavesweep.spec.expressions import text_of, value_of
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import make_grid, own_loop
@@ -140,6 +141,7 @@ def _drawn_plan(spec):
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
         *_runs_lines(drawing, drawn),
         *_plant_lines(drawing),
+        *_dead_time_lines(drawing, spec.values),
         *_unread_lines(drawing),
         *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
         *_number_lines(spec),
@@ -165,7 +167,7 @@ def _runs_lines(drawing, drawn):
 
 def _plant_lines(drawing):
     """What acts continuously, and which forces of plants on themselves are computed from samples."""
-    for plant in drawing.plants:
+    for plant in (each for each in drawing.plants if each.couplings):
         names = [block.name for block in plant.members]
         yield f"  one plant, within which all acts continuously: {', '.join(names)}"
         yield from (f"    {port}: {_sum(terms)}" for port, terms in plant.couplings)
@@ -174,6 +176,21 @@ def _plant_lines(drawing):
         sampled = [term for term in terms if term[0].rpartition(".")[0] in plants]
         if sampled and port.rpartition(".")[0] in plants:
             yield f"  from samples of every tick, and held over it: {port}: {_sum(sampled)}"
+
+
+def _dead_time_lines(drawing, values):
+    """How long dead times are in ticks, and what they read or bring between two ticks."""
+    for name, tree in drawing.dead_times.items():
+        seconds, wires = value_of(tree, scalars(values)), dict(drawing.wires)
+        arriving = [port for plant in drawing.plants for port, each in plant.arriving if each == name]
+        sensed = [signal for plant in drawing.plants for signal, each in plant.sensed if each == name]
+        held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
+        readers = [port for port, terms in wires.items() if any(signal == f"{name}.y" for signal, _ in terms)]
+        readers = [port for port in readers if sensed or port not in arriving]
+        parts = [f"reads {_listed(sensed)} between two ticks"] if sensed else []
+        parts += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
+        parts += [f"is read in ticks by {_listed(readers)}"] if readers else []
+        yield f"  {name}: {1e3 * seconds:.6g} ms, {seconds * drawing.rate(values):.6g} ticks; {', '.join(parts)}"
 
 
 def _sum(terms):

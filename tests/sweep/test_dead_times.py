@@ -1,0 +1,195 @@
+"""Loops with dead times in seconds: exact for any fraction of a tick."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import wavesweep
+from wavesweep import SpecError, UsageError
+from wavesweep.export.source import exported
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.spec import load
+
+T = 1e-3
+
+
+def drawn(order, fine, q, act, sensor, seed):
+    """A loop with delays of `act` and `sensor` q-ths of a tick; fine: drawn with a tick that is q times as short."""
+    rng = np.random.default_rng(seed)
+    den = np.poly(-rng.uniform(5, 400, order)).tolist()
+    every = q if fine else 1
+    blocks = {
+        "p": {"type": "tf", "num": [den[-1] * rng.uniform(0.3, 2)], "den": den},
+        "c": {"type": "pi", "kp": "k", "ki": 20.0, "every": every},
+    }
+    wires = {"p.u": "c.y", "c.u": "-p.y"}
+    for name, of, read, port in (("act", act, "c.y", "p.u"), ("sens", sensor, "-p.y", "c.u")):
+        if of is not None:
+            blocks[name] = {"type": "delay"} | ({"steps": of} if fine else {"seconds": of * T / q})
+            wires |= {f"{name}.u": read, port: f"{name}.y"}
+    rates = {"tick_hz": every / T}
+    return {"rates": rates, "numbers": {"k": 1.0}, "block": blocks, "wire": wires, "sweep": {"k": {"start": 1e-3, "stop": 1e4}}}
+
+
+SAMPLES = [pytest.param(seed, marks=[pytest.mark.thorough] * (seed % 20 > 0)) for seed in range(200)]
+
+
+@pytest.mark.parametrize("seed", SAMPLES)
+def test_intervals_are_those_of_a_tick_of_which_the_dead_times_are_multiples(seed):
+    rng = np.random.default_rng(seed)
+    q, order = int(rng.choice([3, 4, 5, 10])), int(rng.integers(1, 4))
+    act, sensor = ((int(rng.integers(0, 3 * q)) if read else None) for read in ((1, 0), (0, 1), (1, 1))[seed // 20 % 3])
+    found, fine = (wavesweep.compile(drawn(order, each, q, act, sensor, seed)).stable_intervals() for each in (False, True))
+    assert found.certified.all()
+    np.testing.assert_allclose(found[["low", "high"]], fine[["low", "high"]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("where", ["into the plant", "out of it", "round it"])
+def test_an_integrator_behind_a_network_has_the_published_limit(where):
+    """W. Zhang, M. S. Branicky, S. M. Phillips, IEEE Control Systems Magazine 21 (1), 2001, for delays of up to a period."""
+    wires = {
+        "into the plant": {"g.u": "-p.y", "net.u": "g.y", "p.u": "net.y"},
+        "out of it": {"net.u": "p.y", "g.u": "-net.y", "p.u": "g.y"},
+        "round it": {"net.u": "-K*p.y", "p.u": "net.y"},
+    }[where]
+    gain = {} if where == "round it" else {"g": {"type": "gain", "k": "K"}}
+    r = np.array([0.1, 1 / 3, 0.45, 0.5, 0.7, 1.0])
+    spec = {
+        "rates": {"tick_hz": 1 / T},
+        "numbers": {"K": 1.0, "tau": 0.0},
+        "block": {"p": {"type": "tf", "num": [1], "den": [2.0, 0]}, "net": {"type": "delay", "seconds": "tau"}} | gain,
+        "wire": wires,
+        "sweep": {"along": "K", "K": {"start": 0.01, "stop": 1e5}},
+    }
+    found = wavesweep.compile(spec).stable_intervals(tau=r * T)
+    assert found.certified.all()
+    with np.errstate(divide="ignore"):
+        limit = np.minimum(1 / r, np.where(r < 0.5, 1 / (0.5 - r), np.inf)) * 2.0 / T
+    np.testing.assert_allclose(found.high, limit, rtol=1e-12)
+
+
+def held_over(A, B, t):
+    """What a time does to states, and to them from inputs that are held."""
+    whole = expm(np.block([[A, B], [np.zeros((B.shape[1], len(A) + B.shape[1]))]]) * t)
+    return whole[: len(A), : len(A)], whole[: len(A), len(A) :]
+
+
+def radius(A, B, C, k, h, tau):
+    """The spectral radius of `u = -k y` of every h seconds, which acts on the plant tau later."""
+    m = int(np.ceil(tau / h * (1 - 1e-12)))
+    n, left = len(A), m * h - tau
+    F = np.zeros((n + m, n + m))
+    (F[:n, :n], whole), (_, late), unit = held_over(A, B, h), held_over(A, B, left), np.eye(n + m)
+    u = np.append(-k * C, np.zeros(m))
+    old, new = (unit[n + m - 1], u if m == 1 else unit[n + m - 2]) if m else (u, u)
+    F[:n] += np.outer(whole, old) + np.outer(late, new - old)
+    F[n : n + 1] = u
+    F[n + 1 :, n : n + m - 1] = np.eye(max(0, m - 1))
+    return np.abs(np.linalg.eigvals(F)).max()
+
+
+@pytest.mark.parametrize(
+    ("along", "seed"),
+    [
+        pytest.param(along, seed, marks=[pytest.mark.thorough] * (seed > 1) + [pytest.mark.slow])
+        for along in ("tau", "h")
+        for seed in range(10)
+    ],
+)
+def test_a_dead_time_and_the_tick_are_numbers_to_look_along(along, seed):
+    rng = np.random.default_rng(seed)
+    order = int(rng.integers(1, 4))
+    den = np.poly(-rng.uniform(5, 400, order))
+    A, B, C = np.vstack([-den[None, 1:], np.eye(order)[:-1]]), np.eye(order)[:, :1], np.eye(order)[-1] * den[-1]
+    own = {"h": float(rng.uniform(1e-3, 5e-3)), "tau": float(rng.uniform(0, 8e-3)), "k": float(rng.uniform(1, 8))}
+    span = {"tau": (0.0, 12e-3), "h": (1e-3, 12e-3)}[along]
+    spec = {
+        "rates": {"tick_hz": "1/h"},
+        "numbers": own,
+        "block": {"p": {"type": "tf", "num": [den[-1]], "den": den.tolist()}, "net": {"type": "delay", "seconds": "tau"}},
+        "wire": {"net.u": "-k*p.y", "p.u": "net.y"} if seed % 2 else {"net.u": "p.y", "p.u": "-k*net.y"},
+        "sweep": {along: dict(zip(("start", "stop"), span, strict=True))},
+    }
+    found = wavesweep.compile(spec).stable_intervals()
+    assert found.certified.all()
+    rows = found[found.intervals > 0]
+
+    def at(p):
+        return radius(A, B, C, **(own | {along: p}))
+
+    for end in {*rows.low, *rows.high} - {*span}:
+        below, above = (at(end * (1 + step)) for step in (-1e-7, 1e-7))
+        assert (below < 1) != (above < 1)
+    grid = np.linspace(*span, 300)
+    inside = ((grid[:, None] >= rows.low.to_numpy()) & (grid[:, None] <= rows.high.to_numpy())).any(1)
+    truth = np.array(list(map(at, grid)))
+    sure = np.abs(truth - 1) > 1e-6
+    np.testing.assert_array_equal(inside[sure], (truth < 1)[sure])
+
+
+ARM = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"kp": 300.0, "kd": 4.0, "tau": 0.00137},
+    "block": {
+        "arm": {"type": "mass", "mass": 0.2, "damping": 0.1},
+        "net": {"type": "delay", "seconds": "tau"},
+        "sens": {"type": "delay", "seconds": "0.6*tau"},
+        "vel": {"type": "difference"},
+    },
+    "wire": {"sens.u": "arm.x", "vel.u": "sens.y", "net.u": "-kp*sens.y - kd*vel.y", "arm.f": "net.y + hand"},
+    "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+}
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.0004, 0.00137, 0.002])
+def test_a_simulation_goes_from_instant_to_instant_of_a_tick(tau):
+    """Two programs, which share no discretisation."""
+    spec = load(ARM).with_values({"numbers.tau": tau})
+    force = np.random.default_rng(0).normal(size=400)
+    (each,) = (ticks := ticks_of(assembled(spec.drawing, spec.values), ("ports.hand.displacement",))).maps
+    x, expected = np.zeros(len(ticks.states)), []
+    for f in force:
+        expected.append(each.C[0] @ x)
+        x = x + each.E @ x + each.B[:, 0] * f
+    seen = wavesweep.compile(ARM).with_(tau=tau).simulate(force)
+    np.testing.assert_allclose(seen.x, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_only_delays_of_steps_are_exported():
+    with pytest.raises(UsageError, match="dead time"):
+        exported(load(ARM))
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ({"seconds": 0.001, "steps": 3}, "expected either steps or seconds"),
+        ({"seconds": -1.0}, ">= 0"),
+        ({"seconds": 2.0}, "expected at most 1000 ticks of the loop, 1 s"),
+        ({"seconds": 0.001, "every": 2}, "expected 1, since a dead time runs in every tick"),
+    ],
+)
+def test_a_dead_time_that_is_none_is_said(keys, expected):
+    spec = ARM | {"block": ARM["block"] | {"net": {"type": "delay"} | keys}}
+    with pytest.raises(SpecError, match=expected):
+        wavesweep.compile(spec)
+
+
+def test_dt_is_the_own_period_of_the_block():
+    """In every expression of a block and of its wires."""
+    lag, wires = {"type": "ss", "discrete": True, "C": [[1]], "every": 4}, {"f.u": "-p.y", "p.u": "k*f.y"}
+    rates, plant = {"tick_hz": 1000}, {"type": "tf", "num": [1], "den": [1, 1, 0]}
+    ends = []
+    for A, B, into in (("1 - 30*dt", "30*dt", "-p.y*dt*250"), ("0.88", "0.12", "-p.y")):
+        blocks = {"p": plant, "f": lag | {"A": [[A]], "B": [[B]]}}
+        spec = {"rates": rates, "numbers": {"k": 1.0}, "block": blocks, "wire": wires | {"f.u": into}}
+        ends.append(wavesweep.compile(spec | {"sweep": {"k": {"start": 0, "stop": 1e4}}}).stable_intervals().high[0])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-12)
+    own = {"numbers": {"k": 1.0, "dt": 0.1}, "wire": wires | {"f.u": "-p.y*dt*10"}}
+    spec = {"rates": rates, "block": {"p": plant, "f": lag | {"A": [[0.88]], "B": [[0.12]]}}} | own
+    assert wavesweep.compile(spec | {"sweep": {"k": {"start": 0, "stop": 1e4}}}).stable_intervals().high[0] == pytest.approx(
+        ends[1], rel=1e-12
+    )
+    with pytest.raises(SpecError, match='unknown name "dt"'):
+        wavesweep.compile(spec | {"numbers": {"k": 1.0, "w": "2*dt"}})
