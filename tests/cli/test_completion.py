@@ -131,7 +131,7 @@ type = "delay"
     [
         (("--set", "k"), ["kp=", "kd="]),
         (("--set", "numbers."), ["numbers.kp=", "numbers.kd="]),
-        (("--set", "block.n"), ["block.net.steps=", "block.net.every=", "block.net.phase="]),
+        (("--set", "block.n"), ["block.net.steps=", "block.net.seconds=", "block.net.every=", "block.net.phase="]),
         (("--set", "sweep.k"), ["sweep.kp=", "sweep.kd="]),
         (("--set", "bode.k"), ["bode.kp=", "bode.kd="]),
         (("--set", "bode.f"), ["bode.frequency_hz="]),
