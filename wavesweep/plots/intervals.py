@@ -42,6 +42,7 @@ from wavesweep.plots.style import (
 from wavesweep.rows import Columns
 from wavesweep.spec.require import words_of
 from wavesweep.tables.columns import swept_range
+from wavesweep.tables.interval_tally import whose_column
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
@@ -55,6 +56,8 @@ HANDS = {
     "box": (Look("#D55E00", (0, (5, 1.2, 1, 1.2))), "hands of the box"),
     "passive": (Look("#009E73", (0, (3, 1))), "every passive hand"),
     "port": (Look("#CC79A7", (0, (1.5, 0.8))), "passive port"),
+    "spec": (Look("#0072B2", "-"), "the spec's own numbers"),
+    "for_all": (Look("#D55E00", (0, (5, 1.2, 1, 1.2))), "proved for all"),
 }
 
 
@@ -87,7 +90,7 @@ class Picture(Kept):
     def add(self, columns: Columns) -> None:
         """Look for the best design in a block (its columns by name), and keep it if it fits."""
         super().add(columns)
-        self._best, self._hands = best_of([self._best, best_row(columns)]), "hand" in columns
+        self._best, self._hands = best_of([self._best, best_row(columns)]), bool(whose_column(columns))
 
     def draw(self, facts: Mapping[str, Any]) -> Any:
         """Draw the figure."""
@@ -97,7 +100,7 @@ class Picture(Kept):
 
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = list(columns)[: list(columns).index("intervals")]  # the hand is among them
+    names = [*list(columns)[: list(columns).index("intervals")], *filter(None, [whose_column(columns)])]
     labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in (*names, "interval")]
     rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
     return {name: column[rows] for name, column in columns.items()}
@@ -143,8 +146,8 @@ def _mark_best(axes: Any, columns: Columns, layout: Layout, best: Mapping[str, A
         return
     if layout.x is not None:
         axes.plot(best[layout.x], best["high"], **_BEST)
-    elif "hand" in columns:
-        axes.plot(best["high"], list(_members(columns)).index(best["hand"]), **_BEST)
+    elif whose_column(columns):
+        axes.plot(best["high"], list(_members(columns)).index(best[whose_column(best)]), **_BEST)
     elif (own := {name: best[name] for name in layout.bars[0]}) in layout.bars:
         axes.plot(best["high"], layout.bars.index(own), **_BEST)
 
@@ -154,7 +157,9 @@ def _own_points(
 ) -> tuple[list[float], list[float]]:
     """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it; view: see `_view`."""
     spec = spec_of(facts)
-    if spec is None or (layout.x is None and facts.get("for_hands")):  # bars of hands are none of designs
+    if spec is None or (
+        layout.x is None and (facts.get("for_hands") or "for_all" in facts.get("spec", {}))
+    ):  # bars of hands are none of designs
         return [], []
     bars = layout.bars[0] if layout.x is None else ()
     names = (along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
@@ -177,7 +182,7 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
     if layout.x is not None and not (columns["intervals"] > 0).any():
         nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
-    if "hand" in columns:
+    if whose_column(columns):
         members = _members(columns)
         looks, names = [HANDS[hand][0] for hand in members], list(members)
         members = list(members.values())
@@ -185,14 +190,14 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         members = [_rows_with(columns, values) for values in layout.bars]
         looks, names = family_looks(len(members)), [_name_of(values, facts) for values in layout.bars]
     if layout.x is None:
-        draw_bars(axes, members, names, [look.colour for look in looks] if "hand" in columns else ())
+        draw_bars(axes, members, names, [look.colour for look in looks] if whose_column(columns) else ())
         return
     logarithmic = is_logarithmic(columns[layout.x])
     if logarithmic:
         by_factors(axes.xaxis, columns[layout.x].min(), columns[layout.x].max())
     view = view_of(layout.x, logarithmic, *inches)
     felt = _shows_felt(columns, facts, layout)
-    curves = _curves(members, view, facts, "hand" in columns)
+    curves = _curves(members, view, facts, whose_column(columns))
     for number, (look, curve) in enumerate(zip(looks, curves, strict=True)):
         shift = _APART * (number - (len(looks) - 1) / 2)
         draw_region(axes, curve, view, look, filled=len(members) == 1, shift=shift)
@@ -214,7 +219,7 @@ def _curves(members: Sequence[Columns], view: Any, facts: Mapping[str, Any], han
 
 def _shows_felt(columns: Columns, facts: Mapping[str, Any], layout: Layout) -> bool:
     """Whether the hand feels other stiffnesses at the limits, some of which the panels show."""
-    if layout.x != "B_VE" or str(columns["along"][0]) != "K_VE" or "hand" in columns or not felt_differs(columns):
+    if layout.x != "B_VE" or str(columns["along"][0]) != "K_VE" or whose_column(columns) or not felt_differs(columns):
         return False
     low, high = _view(columns, facts)
     return bool(((columns["felt_high"] >= low) & (columns["felt_high"] <= high)).any())
@@ -289,7 +294,7 @@ def _entries(
     from matplotlib.patches import Patch
 
     certain = bool((columns["certified"] | promised(columns)).all())
-    handles = hand_handles(columns) if "hand" in columns else []
+    handles = hand_handles(columns) if whose_column(columns) else []
     if layout.x is not None and layout.family is not None:
         rows, bottom = (
             [_rows_where(columns, layout.family, value) for value in layout.members],
@@ -358,9 +363,9 @@ def _draw_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> Non
 
 def promised(columns: Columns) -> np.ndarray:
     """Flags of the rows with a guarantee for hands; their certainty is in the legend, not in the style of the line."""
-    if "hand" not in columns:
+    if not whose_column(columns):
         return np.zeros(len(columns["along"]), bool)
-    return ~np.isin(columns["hand"].astype(str), ("free", "operator"))
+    return ~np.isin(columns[whose_column(columns)].astype(str), ("free", "operator", "spec", "for_all"))
 
 
 def hand_handles(columns: Columns) -> list[Any]:
@@ -390,5 +395,5 @@ def _extent(rows: Columns, bottom: float) -> str:
 def _members(columns: Columns) -> dict[str, dict[str, np.ndarray]]:
     """The rows of each hand of the table."""
     shown = {**columns, "certified": columns["certified"] | promised(columns)}
-    rows = {hand: columns["hand"] == hand for hand in HANDS}
+    rows = {hand: columns[whose_column(columns)] == hand for hand in HANDS}
     return {hand: {name: column[chosen] for name, column in shown.items()} for hand, chosen in rows.items() if chosen.any()}

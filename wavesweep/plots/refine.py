@@ -17,6 +17,7 @@ import numpy as np
 
 from wavesweep.plots.style import incomplete
 from wavesweep.rows import Columns
+from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns of a figure may take; by an estimate, so that equal tables give equal figures
 FEWEST = 64  # cells along a figure that are examined, however few values the table has; fewer if columns are dear
@@ -233,8 +234,8 @@ def _question(members, x, facts) -> _Question | None:
     takes from tenths of a second to some seconds.
     """
     spec, rows = spec_of(facts), members[0]
-    hand = str(rows["hand"][0]) if "hand" in rows else ""
-    if spec is None or hand not in ("", "free", "operator"):
+    hand = str(rows[whose][0]) if (whose := whose_column(rows)) else ""
+    if spec is None or hand not in ("", "free", "operator", "spec"):
         return None
     from wavesweep.spec import sweep_axes
     from wavesweep.sweep.grid import is_plain, make_grid

@@ -548,7 +548,7 @@ def names_of(leaves: Mapping[Path, Leaf]) -> Names:
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
     """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
     blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # of which those of a class have two names
-    named = [path[1:] for path in leaves if path[0] in ("sweep", "bode")]
+    named = [path[1:] for path in leaves if path[0] in ("sweep", "bode", "for_all")]
     named += [path[2:] for path in leaves if path[0] == "design"]
     along = leaves.get(("sweep", "along"))
     if along and isinstance(along.value, str):

@@ -10,8 +10,9 @@ from wavesweep.spec.checking import nearest, show
 from wavesweep.spec.keys import BUILT_IN, KEYS, SIMULATE_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 
-STUDIES = ("sweep", "bode")
+STUDIES = ("sweep", "bode", "for_all")
 SPAN_PARTS = ("start", "stop", "num", "scale")
+RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
 DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
 TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, "simulate", "design")
@@ -30,6 +31,7 @@ class Sorted:
 
     loop: dict[str, Leaf] = field(default_factory=dict)
     along: Leaf | None = None
+    lost: Leaf | None = None
     require: dict[str, Leaf] = field(default_factory=dict)
     simulate: dict[str, Leaf] = field(default_factory=dict)
     frequencies: dict[str, Leaf] = field(default_factory=dict)
@@ -118,6 +120,8 @@ def _sort_study(path: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
             result.refuse(leaf, study, "a table", show(leaf.value))
     elif path == ("sweep", "along"):
         result.along = leaf
+    elif path == ("for_all", "lost") and not names.find("lost"):
+        result.lost = leaf
     elif parts[0] == "require" and study == "sweep" and not names.find("require"):
         result.require[".".join(parts[1:])] = leaf
     else:
@@ -147,15 +151,15 @@ def _tables_of(names: Names) -> set[str]:
 
 
 def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result: Sorted) -> None:
-    part = ".".join(rest)
-    if rest and part not in SPAN_PARTS:
-        suggestion = nearest(part, SPAN_PARTS)
-        result.refuse(leaf, f"{axis}.{part}", "one of " + ", ".join(SPAN_PARTS), "an unknown key", suggestion)
+    part, known = ".".join(rest), RANGE_PARTS if axis.startswith("for_all.") else SPAN_PARTS
+    if rest and part not in known:
+        suggestion = nearest(part, known)
+        result.refuse(leaf, f"{axis}.{part}", "one of " + ", ".join(known), "an unknown key", suggestion)
     parts[part] = leaf
 
 
 def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names) -> None:
-    own = ("frequency_hz",) if study == "bode" else ("along", "require")
+    own = {"bode": ("frequency_hz",), "sweep": ("along", "require")}.get(study, ("lost",))
     paths = f" or the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
     expected = f"{', '.join(own)}, one of {', '.join(names.symbols) or 'no number'}{paths}"
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)

@@ -11,6 +11,7 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
+from wavesweep.spec.for_all import ForAll
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.require import Require
@@ -135,6 +136,11 @@ class Spec:
         """What [sweep] requires of every mode, None if it is stability alone."""
         return self._studies.require
 
+    @property
+    def for_all(self) -> ForAll | None:
+        """What every answer has to hold for; None if it is for the spec's own numbers alone."""
+        return self._studies.for_all
+
     def refuse_require(self, what: str) -> None:
         """Raise UsageError if [sweep] requires more than stability, which is all that `what` is about."""
         if self.require:
@@ -216,6 +222,8 @@ class Spec:
         along = {"along": self.along} if self.along else {}
         require = {"require": self.require.written()} if self.require else {}
         tables["sweep"] = {**along, **require, **{axis.name: axis.written() for axis in self.sweep}}
+        if self.for_all:
+            tables["for_all"] = self.for_all.written()
         bode = (self._studies.frequencies, *self.bode)
         tables["bode"] = {axis.name: axis.written() for axis in bode}
         if self.for_simulation:

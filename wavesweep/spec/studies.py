@@ -11,6 +11,7 @@ from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmi
 from wavesweep.spec.checking import Rejected, apart, check, nearest, show
 from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
+from wavesweep.spec.for_all import ForAll, build_for_all, refuse_swept
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.require import Require, build_require
@@ -163,8 +164,8 @@ def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[fl
 
 @dataclass(frozen=True, slots=True)
 class Studies:
-    """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, the experiment, the design, and what
-    [sweep] requires of every mode."""
+    """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, the experiment, the design, what
+    [sweep] requires of every mode, and what answers have to hold for."""
 
     along: str
     sweep: tuple[Axis, ...]
@@ -173,12 +174,14 @@ class Studies:
     experiment: Experiment
     design: Design | None = None
     require: Require | None = None
+    for_all: ForAll | None = None
 
     @property
     def axes(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
         """The axes of each study by its name."""
         designed = (("design.vary", self.design.vary), ("design.for_all", self.design.for_all)) if self.design else ()
-        return ("sweep", self.sweep), ("bode", self.bode), *designed
+        ranges = (("for_all", self.for_all.axes),) if self.for_all else ()
+        return ("sweep", self.sweep), ("bode", self.bode), *designed, *ranges
 
 
 def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
@@ -188,6 +191,8 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     mistakes += wrong
     axes: dict[str, list[Axis]] = {}
     for study, named in leaves.axes.items():
+        if study == "for_all":
+            continue
         built = [build_axis(study, name, parts, names) for name, parts in named.items()]
         axes[study] = [axis for axis, _ in built if axis]
         mistakes += [mistake for _, wrong in built for mistake in wrong]
@@ -200,7 +205,11 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
         wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)
     frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
-    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require), mistakes + wrong + wrong_design
+    for_all, wrong_ranges = build_for_all(leaves, names)
+    if for_all:
+        wrong_ranges += refuse_swept({axis.path: axis for axis in axes["sweep"]}, for_all)
+    found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all)
+    return found, mistakes + wrong + wrong_design + wrong_ranges
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

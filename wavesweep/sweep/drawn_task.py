@@ -426,7 +426,7 @@ class _Along:
         varied, shape = self._varied(number, p), p.shape
         if self.open_ticks is None:
             found = self._shared(number, p) if self.shared else None
-            found = _where_solvable(self.drawing, varied, self.drift, shape) if found is None else found
+            found = frames_where_solvable(self.drawing, varied, self.drift, shape) if found is None else found
         else:
             E, *facts = self.open_ticks.frames(number, p)
             found = _frames(filled(without_drift(E, self.drift)), facts, shape)
@@ -531,7 +531,7 @@ def _ticks(drawing, values, terms=False):
         return ticks_of(drawn, alone=True, terms=terms)
 
 
-def _where_solvable(drawing, values, drift, shape):
+def frames_where_solvable(drawing, values, drift, shape):
     """The frames of a batch of that shape, which the values broadcast to, one after the other; NaN for loops of direct terms
     without a solution, which a search may come across."""
     size = prod(shape)
@@ -545,4 +545,6 @@ def _where_solvable(drawing, values, drift, shape):
             return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
     values = {path: np.broadcast_to(v, shape).ravel() if np.ndim(v) else v for path, v in values.items()}
     parts = [slice(size // 2), slice(size // 2, size)]
-    return Frames.join([_where_solvable(drawing, selected(values, part), drift, (len(range(size)[part]),)) for part in parts])
+    return Frames.join(
+        [frames_where_solvable(drawing, selected(values, part), drift, (len(range(size)[part]),)) for part in parts]
+    )

@@ -47,6 +47,11 @@ class Guarantee:
     box: HandBox | None = None
 
     @property
+    def dtype(self) -> np.dtype:
+        """The records have fields about hands."""
+        return HAND_RECORD
+
+    @property
     def method(self) -> str:
         """How the intervals are found, in a line."""
         return METHODS[self.kind]

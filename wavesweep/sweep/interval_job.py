@@ -21,9 +21,10 @@ from wavesweep.sweep.grid import FAST, Grid, drawing_for, drawn_groups, groups, 
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
-from wavesweep.sweep.tasks import HAND_RECORD, RECORD, Task
+from wavesweep.sweep.tasks import RECORD, Task
 
 if TYPE_CHECKING:
+    from wavesweep.sweep.for_all import ForAllGuarantee
     from wavesweep.sweep.hands import Guarantee
 
 # Seconds per slice and squared order, measured: one polynomial per slice; arcs, which crowded poles of high order need;
@@ -38,13 +39,13 @@ STRUCTURES = 8  # of a sweep's loops, whose way is looked for
 class IntervalJob(Job):
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
-    guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. exact: whether
+    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. exact: whether
     the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. prove: whether columns in doubt are
     computed again in ball arithmetic. require: of every mode, in place of stability alone.
     """
 
     axis: Axis
-    guarantee: "Guarantee | None" = None
+    guarantee: "Guarantee | ForAllGuarantee | None" = None
     exact: bool | None = False
     prove: bool = False
     require: Require | None = None
@@ -56,7 +57,7 @@ class IntervalJob(Job):
         """Guarantees for hands have more fields, and so have proofs."""
         if self.prove:
             return PROVED_RECORD
-        return RECORD if self.guarantee is None else HAND_RECORD
+        return RECORD if self.guarantee is None else self.guarantee.dtype
 
     @property
     def identity(self) -> dict[str, object]:

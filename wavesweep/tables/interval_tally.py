@@ -24,6 +24,12 @@ HANDS = {
     "passive": ("stable with every passive hand", "stable", "nowhere stable with every passive hand in the swept range"),
     "box": ("stable with every hand of the box", "stable", "nowhere stable with every hand of the box in the swept range"),
     "port": ("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
+    "spec": ("the spec's own numbers", "stable", "no {such} anywhere in the swept range"),
+    "for_all": (
+        "proved for all numbers of [for_all]",
+        "proved",
+        "nothing proved for all numbers of [for_all] in the swept range",
+    ),
 }
 STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
@@ -144,7 +150,7 @@ class IntervalTally:
         row, ended = first.row, "stability"
         if not row:
             return None
-        if self._hand in SEARCHED:
+        if self._hand in (*SEARCHED, "for_all"):
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
@@ -279,8 +285,15 @@ def _at_an_edge(value: float, values: Sequence[float]) -> bool:
 
 def _ended_by(row: Mapping[str, Any]) -> str:
     """Text: the hand that ends the interval, if one is known."""
+    if row.get("fails_from", np.nan) == row.get("fails_from", np.nan):
+        return f", refuted from {row['fails_from']:.6g} on by {row['counterexample']}" if row.get("counterexample") else ""
     hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
     return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
+
+
+def whose_column(columns: Columns) -> str:
+    """The column that says for whom a row is, if the table has one."""
+    return next((name for name in ("hand", "guarantee") if name in columns), "")
 
 
 class HandTally:
@@ -297,17 +310,18 @@ class HandTally:
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows, all of one hand."""
-        if "hand" not in columns:
+        whose = whose_column(columns)
+        if not whose:
             self._plain.add(columns)
             return
-        if not len(columns["hand"]):
+        if not len(columns[whose]):
             return
-        hand = str(columns["hand"][0])
-        rows = {name: column for name, column in columns.items() if name != "hand"}
+        hand = str(columns[whose][0])
+        rows = {name: column for name, column in columns.items() if name != whose}
         if hand not in self._tallies:
             self._tallies[hand] = IntervalTally(hand, self._axes, self._facts)
         self._tallies[hand].add(rows)
-        if "settled" in columns and hand == "box":
+        if "settled" in columns and hand in ("box", "for_all"):
             self._unsettled += int((~columns["settled"]).sum())
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -316,6 +330,8 @@ class HandTally:
         if not self._tallies:
             return slices | self._plain.numbers()
         hands = {hand: tally.numbers() for hand, tally in self._tallies.items()}
+        if "for_all" in hands:
+            return slices | {"guarantees": hands, "rows_not_settled": self._unsettled}
         return slices | {"hands": hands, "rows_of_the_box_not_proved": self._unsettled}
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
@@ -336,7 +352,10 @@ class HandTally:
             yield f"{HANDS[hand][0]} ({hand}): {'; '.join(part for part in parts if part)}", False
         if "box" in self._tallies and not self._unsettled:
             yield "every row of the box is proved (settled 1)", False
-        if self._unsettled:
+        if self._unsettled and "for_all" in self._tallies:
+            rows = count(self._unsettled, "row")
+            yield f"{rows} of for_all not settled: between what is proved and what is refuted more than 1 % is not known", True
+        elif self._unsettled:
             rows = count(self._unsettled, "row")
             yield f"{rows} of the box not proved (settled 0): a hand that the search missed may be unstable", True
 

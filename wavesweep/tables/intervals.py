@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.errors import UsageError
 from wavesweep.rows import Columns
 from wavesweep.stability.certificate import OF_INTERVALS
 from wavesweep.tables.interval_tally import HandTally
@@ -17,6 +18,7 @@ from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
+    from wavesweep.sweep.for_all import ForAllGuarantee
     from wavesweep.sweep.hands import Guarantee, Hands
     from wavesweep.sweep.interval_job import IntervalJob
     from wavesweep.sweep.running import Options
@@ -51,6 +53,25 @@ ABOUT_ENDS = (
         "the interval holds for every hand that the row is for: for a box proved but for a thousandth of the interval at "
         "either end, where a search found no hand that it does not hold for; else as certified",
         optional=True,
+    ),
+)
+
+
+FOR_ALL = (
+    Field(
+        "guarantee",
+        "string",
+        "",
+        "spec: of the spec's own numbers; for_all: proved for all numbers of [for_all], from low to high",
+        optional=True,
+    ),
+    Field("fails_below", "number", OF_ALONG, "nearest value below low that numbers of [for_all] refute; missing without", True),
+    Field(
+        "fails_from", "number", OF_ALONG, "nearest value beyond high that numbers of [for_all] refute; missing without", True
+    ),
+    Field("settled", "boolean", "", "what is proved and what is refuted are within 1 % of each other at both ends", True),
+    Field(
+        "counterexample", "string", "", "the numbers with which it is unstable beyond fails_from, and below fails_below", True
     ),
 )
 
@@ -103,6 +124,8 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool
 
     own = job_of(spec, along, prove=prove)
     how = method(own)
+    if spec.for_all:
+        return [Stage("", own, how), _for_all(spec, own, hands)]
     if hands is None:
         return [Stage("", own, how)]
     hands.refuse(own)
@@ -113,7 +136,20 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool
     return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees]
 
 
-def _guaranteed(own: IntervalJob, guarantee: Guarantee) -> IntervalJob:
+def _for_all(spec: Spec, own: IntervalJob, hands: Hands | None) -> Stage:
+    """The stage of rows for all numbers of [for_all]."""
+    from wavesweep.sweep.for_all import ForAllGuarantee, refuse_unsuitable_ranges
+    from wavesweep.sweep.grid import own_loop
+
+    if hands:
+        raise UsageError("for hands: expected a spec without [for_all], which may have the operator's numbers, found both")
+    spec.refuse_require("[for_all]")
+    refuse_unsuitable_ranges(spec.for_all, own_loop(spec, own.axis.path)[0], own.axis.path)
+    guarantee = ForAllGuarantee(spec.for_all)
+    return Stage(guarantee.kind, _guaranteed(own, guarantee), guarantee.method)
+
+
+def _guaranteed(own: IntervalJob, guarantee: Guarantee | ForAllGuarantee) -> IntervalJob:
     from wavesweep.sweep.job import cut_otherwise
 
     return replace(cut_otherwise(own, deep=FEW), guarantee=guarantee)
@@ -123,7 +159,7 @@ def _rows(stages, found, hands) -> Iterator[Columns]:
     """Yield the rows of one stage after the other."""
     for stage in stages:
         for block in found.blocks(stage.hand):
-            yield _finished(block, stage.hand, hands)
+            yield _finished(block, stage.hand, hands, len(stages) > 1)
 
 
 def rows_again(
@@ -143,7 +179,7 @@ def rows_again(
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])]).records()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield _finished(block, stage.hand, hands)
+        yield _finished(block, stage.hand, hands, len(stages) > 1)
 
 
 def combinations(spec: Spec, along: str | None, hands: Hands | None) -> int:
@@ -151,9 +187,15 @@ def combinations(spec: Spec, along: str | None, hands: Hands | None) -> int:
     return sum(stage.job.grid.size for stage in stages_of(spec, along, hands))
 
 
-def _finished(block, hand, hands) -> Columns:
+def _finished(block, hand, hands, for_all=False) -> Columns:
     """The block with the column `hand` if there are hands, and those about the ends if these are of a box, in order."""
-    if hands is not None:
+    if hand == "for_all" or (hands is None and for_all):
+        rows = len(block["along"])
+        missing = {"fails_below": np.full(rows, np.nan), "fails_from": np.full(rows, np.nan), "settled": block["certified"]}
+        missing |= {"counterexample": np.full(rows, "", dtype=object)}
+        found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
+        block = missing | found | {"guarantee": np.full(rows, hand or "spec", dtype=object)}
+    elif hands is not None:
         rows = len(block["along"])
         about = [each.name for each in ABOUT_ENDS]
         missing = {name: np.full(rows, np.nan) for name in about} | {"settled": block["certified"]}
@@ -224,7 +266,7 @@ def _kind(name: str, along: str | None, fields: tuple[Field, ...], figure: str) 
     return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), figure, partial(_again, along))
 
 
-COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT)
+COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT, *FOR_ALL), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT)
 KINDS = (
     _kind("zwidth", "K_VE", COLUMNS, "intervals.zwidth"),
     _kind("stability-region", None, COLUMNS, "intervals.stability_region"),

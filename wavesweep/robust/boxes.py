@@ -1,0 +1,256 @@
+"""Loops that are stable for all numbers of a box, proved by the signs of their guardian maps.
+
+With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are positive if it is
+stable, and one of them vanishes where an eigenvalue reaches the circle (L. Saydy, A. L. Tits, E. H. Abed, Math. Control
+Signals Systems 3, 1990). So a connected set of which one loop is stable is stable throughout if they do not vanish on it. On
+a box they are analytic in all of its numbers. They are interpolated at Chebyshev nodes, with a bound on what the nodes do not show from their
+size on an ellipse about each number in turn; then the Bernstein coefficients of the interpolant say that it is positive, or the
+box is divided.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from math import comb
+
+import numpy as np
+
+from wavesweep.monodromy.rounding import balance
+from wavesweep.stability.frames import Frames
+from wavesweep.stability.guardian_maps import MOST_ORDER, SURELY_UNSTABLE, from_coefficients, from_eigenvalues
+
+MOST_NODES, LEAST_NODES = 12, 3  # for one number of a box
+ELLIPSE, RIM_POINTS = 4.0, 8  # sum of the semi-axes of the ellipse about a number; points on its upper half
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
+RIM = (RIM + 1 / RIM) / 2
+EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
+COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers, at which an ellipse about one is looked at
+SHARE = 0.25  # of the smallest value that is seen, what the nodes may hide of it
+MOST_GRID = 20_000  # nodes in all
+WIDE = 3.0  # ratio of the ends of a number above which its logarithm is divided
+LEBESGUE = 0.7  # logarithm of what each further number adds to the error of an interpolant
+HALVES = 9  # halvings of an interpolant, for each number
+SWEEPS = 12
+MOST_PIECES = 4096
+STEEP = 0.3  # change of a logarithm from one coarse place to the next
+EPS = np.finfo(float).eps
+
+Box = np.ndarray
+"""Low and high ends of some numbers, `(2, numbers)`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cover:
+    """What is known of a box.
+
+    open: the parts that are not proved, `(parts, 2, numbers)`; none if all of it is. unstable: points at which the loop is
+    unstable, `(points, numbers)`. used: frames that were computed.
+    """
+
+    open: np.ndarray
+    unstable: np.ndarray
+    used: int
+
+
+def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: int) -> Cover:
+    """Prove that a box has stable loops alone, but for the parts that are left open; ends at the first unstable ones.
+
+    frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: numbers whose ends are the same are no
+    dimensions of it. bounds: between which the loops are analytic functions of each number. most: frames to compute.
+    """
+    box, bounds = np.asarray(box, float), np.asarray(bounds, float)
+    ratio = (box[0] > 0) & (box[1] > WIDE * box[0])
+
+    def of(x):
+        return np.where(ratio, np.exp(np.where(ratio, x, 0.0)), x)
+
+    with np.errstate(all="ignore"):
+        inner = np.where(ratio, np.log(box), box)
+        limits = np.where(ratio, np.where(bounds > 0, np.log(bounds), -np.inf), bounds)
+    function = _Function(lambda x: frames(of(x)), limits)
+    queue, left, unstable = [inner], [], np.zeros((0, box.shape[1]))
+    while queue and function.used < most and not len(unstable):
+        piece = queue.pop(0)
+        unstable, open_ = function.judged(piece)
+        queue += open_
+    left = np.array(queue).reshape(-1, *box.shape)
+    return Cover(of(left), of(unstable), function.used)
+
+
+class _Function:
+    """The guardian maps as functions of the numbers of a box, and how many frames they have taken."""
+
+    def __init__(self, frames, limits):
+        self.frames, self.limits, self.used = frames, limits, 0
+
+    def judged(self, piece):
+        """Unstable points of a piece, and its parts that are not proved."""
+        wide = np.flatnonzero(piece[0] < piece[1])
+        middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
+        units = self._units(middle)
+        grid = _grid([COARSE] * wide.size)
+        sign, log, error, pivots = self._at(middle, half, wide, grid, units)
+        if (surely := (sign < 0) & (EPS * error < 1)).any():
+            return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
+        outside = (middle - EXTENT * half < self.limits[0]) | (middle + EXTENT * half > self.limits[1])
+        if not np.isfinite(log).all() or outside[wide].any():
+            return self._none, _divided(piece, wide, half[wide] * (outside[wide] | ~outside[wide].any()))
+        trend = _trend(log, grid)
+        peak = (log - trend @ grid.T).max(1)
+        least = np.exp((log - trend @ grid.T).min(1) - peak)
+        centre = pivots.real.mean(0)
+        rims = [self._beyond(middle, half, wide, at, units, trend, peak, centre) for at in range(wide.size)]
+        far, steps = np.stack([size for size, _ in rims]), np.max([step for _, step in rims], axis=0)
+        with np.errstate(divide="ignore"):
+            needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(1, initial=0.0)
+        counts = np.clip(np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf)
+        if (counts > MOST_NODES).any() or counts.prod() > MOST_GRID:
+            # Where the ellipses about the others differ much along a number, it is what keeps them large.
+            steep = np.isfinite(counts).all() and steps.max() > STEEP
+            return self._none, _divided(piece, wide, steps if steep else counts)
+        return self._within(piece, wide, [_nodes(int(count)) for count in counts], units, trend, peak, far)
+
+    @property
+    def _none(self):
+        return np.zeros((0, self.limits.shape[1]))
+
+    def _within(self, piece, wide, nodes, units, trend, peak, far):
+        """The same of a piece, from the values at these nodes for each number."""
+        middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
+        grid, counts = _grid(nodes), [len(each) for each in nodes]
+        sign, log, error, _ = self._at(middle, half, wide, grid, units)
+        if (surely := (sign < 0) & (EPS * error < 1)).any():
+            return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
+        if not np.isfinite(log).all():
+            return self._none, _divided(piece, wide, half[wide])
+        value = sign * np.exp(log - trend @ grid.T - peak[:, None])
+        constants = np.array([_lebesgue(count) for count in counts])
+        noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
+        sizes = np.array([4 * ELLIPSE ** (1 - count) / (ELLIPSE - 1) for count in counts])
+        noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
+        open_ = [each for row, off in zip(value, noise, strict=True) for each in _positive(row.reshape(counts), off)]
+        if not open_:
+            return self._none, []
+        low, high = np.min([low for low, _ in open_], 0), np.max([high for _, high in open_], 0)
+        part = piece.copy()
+        part[0, wide], part[1, wide] = middle[wide] + half[wide] * low, middle[wide] + half[wide] * high
+        if (high - low).prod() <= 2 ** (wide.size - 1):
+            return self._none, [part]
+        return self._none, _divided(part, wide, (high - low) * np.array(counts))
+
+    def _at(self, middle, half, wide, grid, units):
+        phase, log, error, pivots = self._values(_placed(middle, half, wide, grid), units)
+        return phase.real, log, error, pivots
+
+    def _values(self, x, units):
+        found = self.frames(x)
+        self.used += len(x)
+        n = found.E.shape[-1]
+        of = from_coefficients if n <= MOST_ORDER else from_eigenvalues
+        phase, log, error = (part[:SURELY_UNSTABLE] for part in of(found.E, np.broadcast_to(units, (len(x), n))))
+        return phase, log, error, found.pivots
+
+    def _units(self, middle):
+        E = np.nan_to_num(np.abs(self.frames(middle[None]).E), posinf=0.0)
+        return balance(E, SWEEPS)[1][0]
+
+    def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
+        """A bound on the size of each function on the ellipse about one number, the others at COARSE, infinite with a pole; and
+        by how much its logarithm changes along each of the others."""
+        others = _grid([COARSE] * (wide.size - 1))
+        place = np.insert(others.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2).reshape(-1, wide.size)
+        _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
+        log = log + np.log1p(np.minimum(EPS * error, 10.0)) - (trend @ place.T).real - peak[:, None]
+        log = log.reshape(len(log), *[len(COARSE)] * (wide.size - 1), RIM_POINTS)
+        # Between two points it may be larger than at both, by no more than they differ.
+        steps = [np.abs(np.diff(log, axis=axis)).max(tuple(range(1, wide.size + 1))) for axis in range(1, wide.size + 1)]
+        size = 2 * np.exp(log.max(tuple(range(1, wide.size + 1))) + sum(steps) / 2)
+        turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1  # a pole may be inside
+        own = np.nan_to_num([0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)], posinf=1e9)
+        return np.where(np.isfinite(size) & ~turns, size, np.inf), own
+
+
+def _grid(nodes):
+    return np.array(list(product(*nodes)), float).reshape(int(np.prod([len(each) for each in nodes])), len(nodes))
+
+
+def _placed(middle, half, wide, grid):
+    """Points of a piece: a row of `grid`, from -1 to 1, for each."""
+    x = np.repeat(middle[None].astype(grid.dtype), len(grid), 0)
+    x[:, wide] += grid * half[wide]
+    return x
+
+
+def _divided(piece, wide, size):
+    """The halves of a piece across the number of which `size` is largest."""
+    which = wide[np.argmax(size)]
+    both = [piece.copy(), piece.copy()]
+    both[0][1, which] = both[1][0, which] = piece[:, which].mean()
+    return both
+
+
+def _trend(log, grid):
+    """The exponential growth of each function with each number, by least squares."""
+    whole = np.column_stack([grid, np.ones(len(grid))])
+    return np.linalg.lstsq(whole, log.T, rcond=None)[0][:-1].T
+
+
+@lru_cache
+def _nodes(count):
+    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+@lru_cache
+def _lebesgue(count):
+    """More than the constant of so many Chebyshev nodes."""
+    return 2 / np.pi * np.log(count) + 1
+
+
+@lru_cache
+def _to_bernstein(count):
+    """From values at the nodes to Bernstein coefficients on [-1, 1]."""
+    k, x = np.arange(count), np.linspace(-1, 1, count)
+    T = np.polynomial.chebyshev.chebvander(x, count - 1)
+    B = np.stack([comb(count - 1, j) * ((1 + x) / 2) ** j * ((1 - x) / 2) ** (count - 1 - j) for j in k.tolist()], axis=1)
+    series = 2 / count * np.cos(np.outer(k, np.arccos(_nodes(count))))
+    series[0] /= 2
+    return np.linalg.solve(B, T) @ series
+
+
+def _positive(values, noise):
+    """The parts of [-1, 1]^n in which an interpolant is not known to be more than noise, as (low, high) of each."""
+    dimensions, pieces, rounding = values.ndim, values, 50 * EPS
+    for axis in range(dimensions):
+        to = _to_bernstein(values.shape[axis])
+        pieces = np.moveaxis(np.tensordot(to, pieces, (1, axis)), 0, axis)
+        rounding *= np.linalg.norm(to, np.inf)
+    pieces, low, high = pieces[None], np.full((1, dimensions), -1.0), np.full((1, dimensions), 1.0)
+    over = tuple(range(1, dimensions + 1))
+    for _ in range(HALVES * dimensions):
+        open_ = pieces.min(over) <= noise + rounding
+        pieces, low, high = pieces[open_], low[open_], high[open_]
+        if not len(pieces) or len(pieces) > MOST_PIECES:
+            break
+        which = np.stack([np.abs(np.diff(pieces, axis=1 + axis)).max(over) for axis in range(dimensions)]).argmax(0)
+        parts = []
+        for axis in np.unique(which):
+            some = which == axis
+            lower, upper = low[some], high[some]
+            middle = (lower[:, axis] + upper[:, axis]) / 2
+            below, above = upper.copy(), lower.copy()
+            below[:, axis] = above[:, axis] = middle
+            parts += zip(_halved(pieces[some], 1 + axis), (lower, above), (below, upper), strict=True)
+        pieces, low, high = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return list(zip(low, high, strict=True))
+
+
+def _halved(b, axis):
+    """The Bernstein coefficients of both halves, by de Casteljau's algorithm."""
+    b = np.moveaxis(b, axis, -1)
+    count, left, right, now = b.shape[-1], [], [], b
+    for _ in range(count):
+        left.append(now[..., 0])
+        right.append(now[..., -1])
+        now = (now[..., :-1] + now[..., 1:]) / 2
+    return np.moveaxis(np.stack(left, -1), -1, axis), np.moveaxis(np.stack(right[::-1], -1), -1, axis)

@@ -1,0 +1,91 @@
+"""What every answer has to hold for, the table [for_all]: numbers that are not known, or vary from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.axes import Axis, axis_place, build_axis
+from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.keys import BUILT_IN, Key, Names
+from wavesweep.spec.reading import Leaf
+from wavesweep.spec.sorting import Sorted
+
+LOST = Key(
+    "for_all.lost", "integer", 0, "1", "slow results in a row that may fail to come; the last one is held", low=0, high=16
+)
+VARYING = Key("varying", "boolean", False, "", "whether the number may be another one in every frame, in any order")
+MOST_VARYING = 64  # values of a number that varies
+
+
+@dataclass(frozen=True, slots=True)
+class ForAll:
+    """The table [for_all].
+
+    axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
+    not known, but constant. lost: so many results of the slow environment in a row may fail to come.
+    """
+
+    axes: tuple[Axis, ...]
+    varying: frozenset[str] = frozenset()
+    lost: int = 0
+
+    @property
+    def unknown(self) -> tuple[Axis, ...]:
+        """The numbers that are constant."""
+        return tuple(axis for axis in self.axes if axis.path not in self.varying)
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        found: dict[str, object] = {axis.name: _written(axis, axis.path in self.varying) for axis in self.axes}
+        return found | ({"lost": self.lost} if self.lost else {})
+
+
+def _written(axis, varying):
+    range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
+    return range_ | ({"varying": True} if varying else {})
+
+
+def build_for_all(leaves: Sorted, names: Names = BUILT_IN) -> tuple[ForAll | None, list[Mistake]]:
+    """Return the table and its mistakes; None if the spec has none."""
+    axes, varying, mistakes, lost = [], set(), [], 0
+    for name, parts in leaves.axes["for_all"].items():
+        axis, varies, wrong = _range(name, dict(parts), names)
+        mistakes += wrong
+        if axis:
+            axes.append(axis)
+            varying |= {axis.path} if varies else set()
+    if leaves.lost:
+        try:
+            lost = check(LOST, leaves.lost.value)
+        except Rejected as error:
+            mistakes.append(leaves.lost.mistake(LOST.path, error.expected, error.found))
+    return (ForAll(tuple(axes), frozenset(varying), lost) if axes or lost else None), mistakes
+
+
+def _range(name: str, parts: dict[str, Leaf], names: Names) -> tuple[Axis | None, bool, list[Mistake]]:
+    label, varying = f"for_all.{name}", parts.pop("varying", None)
+    if varying is not None and not isinstance(varying.value, bool):
+        return None, False, [varying.mistake(f"{label}.varying", "true or false", show(varying.value))]
+    varies = bool(varying and varying.value)
+    if not parts:
+        return None, varies, [varying.mistake(label, "start and stop, or values", "neither", of_key=True)]
+    if "values" in parts:
+        if len(parts) > 1:
+            leaf = Leaf(None, axis_place(parts))
+            return None, varies, [leaf.mistake(label, "either start and stop or values", "both", of_key=True)]
+        parts = {"": parts["values"]}
+    axis, mistakes = build_axis("for_all", name, parts, names)
+    return axis, varies, mistakes
+
+
+def refuse_swept(axes: Mapping[str, Axis], for_all: ForAll) -> list[Mistake]:
+    """Return a mistake for each number that is swept and has a range to hold for as well; axes: of [sweep], by path."""
+    return [
+        Leaf(None, axis.place).mistake(
+            f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name, of_key=True
+        )
+        for axis in for_all.axes
+        if axis.path in axes
+    ]

@@ -1,0 +1,347 @@
+"""Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.domain import domain
+from wavesweep.robust.boxes import cover
+from wavesweep.spec import Axis
+from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.spec.expressions import names_in
+from wavesweep.spec.for_all import ForAll
+from wavesweep.stability.certificate import NONE, SEARCH
+from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, one_loop
+from wavesweep.sweep.drawn_task import TINY, DrawnTask, frames_where_solvable
+from wavesweep.sweep.grid import distinct, read_by
+from wavesweep.sweep.tasks import FELT, FIELDS, felt_at_ends
+
+MOST_CASES = 256  # combinations of numbers that have values in place of a range
+MOST_UNKNOWN = 5  # ranges
+SCATTERED = 24  # points of a box that are looked at beside its corners, its middle and the spec's own numbers
+SHRINK = 12  # halvings of the steps of the search for the worst numbers
+FRAMES = 400_000  # that a proof may take
+MOST_UNSTABLE = 8  # points that a proof has met, at which it is looked again
+ROUNDS = 4  # of a search after a proof has met an unstable loop
+NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
+SETTLED = 1e-2  # of an end, how far proof and refutation may be apart
+FROM_ZERO = 1e-3  # of the high end, from which on is proved what begins at 0, where a mode may stand still
+TEXT = 160  # characters of a counterexample
+
+FOR_ALL_RECORD = np.dtype(
+    [
+        *FIELDS,
+        *((name, "<f8") for name in FELT),
+        ("fails_below", "<f8"),
+        ("fails_from", "<f8"),
+        ("settled", "?"),
+        ("counterexample", f"<U{TEXT}"),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ForAllGuarantee:
+    """The numbers of [for_all], as `IntervalJob.guarantee`."""
+
+    for_all: ForAll
+    dtype = FOR_ALL_RECORD
+    kind = "for_all"
+
+    @property
+    def method(self) -> str:
+        """How the intervals are found, in a line."""
+        return (
+            "guardian maps of all numbers at once, interpolated with a bound and proved positive by Bernstein coefficients; "
+            "refuted by the exact intervals of the worst numbers found"
+        )
+
+    def task(self, along: str, span: tuple[float, float], parts: tuple) -> "ForAllTask":
+        """The task for loops with these numbers."""
+        return ForAllTask(self.for_all, along, span, parts)
+
+
+def refuse_unsuitable_ranges(for_all: ForAll, drawing: Drawing, along: str) -> None:
+    """Raise UsageError for numbers that cannot be held for beside intervals along a number."""
+    swept = [axis.name for axis in for_all.axes if axis.path == along]
+    ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
+    trees = drawing.dead_times.values()
+    timing = {name for tree in trees for name, _ in names_in(tree)} | (drawing.rating if trees else set())
+    timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing]
+    cases = np.prod([len(_values(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
+    for wrong, expected, found in (
+        (swept, "another number than that of the intervals", ", ".join(swept)),
+        (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
+        (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
+        (timed, "values of a number that dead times follow from", f"the range of {', '.join(timed)}"),
+    ):
+        if wrong:
+            raise UsageError(f"[for_all]: expected {expected}, found {found}")
+
+
+def _values(axis: Axis) -> tuple:
+    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForAllTask:
+    """Intervals for all numbers of [for_all] along the number `along` within span = (low, high), a loop at a time.
+
+    parts: (members, drawing, values), see `drawn_groups`.
+    """
+
+    for_all: ForAll
+    along: str
+    span: tuple[float, float]
+    parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
+
+    def records(self) -> np.ndarray:
+        """The intervals as records, sorted by slice."""
+        found = {}
+        for members, drawing, values in self.parts:
+            for place, number in enumerate(members.tolist()):
+                records = _recorded(*_Loop(self, drawing, one_loop(values, place)).intervals())
+                records["slice"] = number
+                found[number] = _with_felt(drawing, one_loop(values, place), self.along, records)
+        return np.concatenate([found[number] for number in sorted(found)])
+
+
+def _with_felt(drawing, values, along, records):
+    if feels(drawing) and records["intervals"][0]:
+        felt_at_ends(records, np.arange(records.size), lambda _, p: felt_of(drawing, {**values, along: p}, p.size))
+    return records
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """An interval that no number which was looked at refutes, by which numbers each end is set, none at the range's, and the
+    oscillation that starts there (rad/s)."""
+
+    low: float
+    high: float
+    low_by: Mapping[str, float] | None = None
+    high_by: Mapping[str, float] | None = None
+    low_omega: float = np.nan
+    high_omega: float = np.nan
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    low: float
+    high: float
+    part: _Part
+    settled: bool
+    text: str
+
+
+class _Loop:
+    """One loop of a sweep with all numbers of [for_all]."""
+
+    def __init__(self, task, drawing, values):
+        self.task, self.drawing, self.values = task, drawing, values
+        unknown = [axis for axis in task.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+        self.ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
+        listed = [axis for axis in unknown if axis.values or axis.structural]
+        self.cases = [dict(zip((axis.path for axis in listed), each, strict=True)) for each in product(*map(_values, listed))]
+
+    def intervals(self) -> tuple[list[_Row], bool]:
+        """The rows, and whether the search was certified."""
+        seen = [_Case(self, each) for each in self.cases]
+        parts = [_Part(*self.task.span)]
+        for case in seen:
+            parts = _shared(parts, case.parts())
+        parts = [part for part in parts if part.high > part.low]
+        rows = [row for part in parts if (row := self._proved(seen, part))]
+        return rows, all(case.certified for case in seen)
+
+    def _proved(self, cases, part) -> _Row | None:
+        """What is proved of a part; None if nothing is, or if it falls apart."""
+        for _ in range(ROUNDS):
+            low, high = self._within(part)
+            if not low < high:
+                return None
+            covers = [(case, case.cover(low, high)) for case in cases]
+            parts = [part]
+            for case, found in covers:
+                for point in found.unstable[:MOST_UNSTABLE]:
+                    parts = _shared(parts, case.at(point[1:]))
+            if parts == [part]:
+                break
+            part = max(parts, key=lambda each: each.high - each.low, default=_Part(0.0, 0.0))
+        proved = _largest_free(low, high, [box[:, 0] for _, found in covers for box in found.open])
+        if proved is None:
+            return None
+        near = [_near(proved[0], part.low) or (part.low_by is None and proved[0] == low), _near(proved[1], part.high)]
+        return _Row(*proved, part, all(near), _text(part))
+
+    def _within(self, part):
+        """The interval that is tried to be proved: next to what is refuted, and from FROM_ZERO on if that is 0."""
+        least = FROM_ZERO * (part.high - part.low)
+        low = part.low if part.low_by is None else part.low + NEAR * max(abs(part.low), least)
+        high = part.high if part.high_by is None else part.high - NEAR * max(abs(part.high), least)
+        return (FROM_ZERO * high if low == 0 else low), high
+
+
+def _near(one, other):
+    return abs(one - other) <= SETTLED * max(abs(other), abs(one))
+
+
+def _text(part):
+    ends = [("below", part.low_by), ("from", part.high_by)]
+    texts = [(end, ", ".join(f"{path} = {value:.6g}" for path, value in by.items())) for end, by in ends if by is not None]
+    if len(texts) == 1:
+        return texts[0][1][:TEXT]
+    return "; ".join(f"{end}: {text}" for end, text in texts)[:TEXT]
+
+
+def _largest_free(low, high, spans):
+    """The largest part of an interval that some spans leave free; None if none does."""
+    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
+    for a, b in edges:
+        if a > at:
+            free.append((at, a))
+        at = max(at, b)
+    if at < high:
+        free.append((at, high))
+    return max(free, key=lambda each: each[1] - each[0], default=None)
+
+
+def _shared(parts, others):
+    """The parts that two sets of intervals have in common, each end with the numbers that set it."""
+    found = []
+    for one in parts:
+        for other in others:
+            low = max(one, other, key=lambda each: each.low)
+            high = min(one, other, key=lambda each: each.high)
+            if low.low < high.high:
+                found.append(_Part(low.low, high.high, low.low_by, high.high_by, low.low_omega, high.high_omega))
+    return found
+
+
+class _Case:
+    """The loops of one combination of the numbers that have values; its box has the ranges of the others."""
+
+    def __init__(self, loop: _Loop, case: Mapping[str, object]):
+        self.along, self.span, self.case = loop.task.along, loop.task.span, dict(case)
+        values = loop.values | case
+        self.drawing = loop.drawing
+        if "controller.kind" in values:
+            self.drawing = loop_drawing(values, (self.along,))
+        self.values = read_by(self.drawing, values)
+        self.ranges = [axis for axis in loop.ranges if axis.path in self.drawing.reads]
+        self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
+        self.certified = True
+
+    def parts(self) -> list[_Part]:
+        """What none of the numbers that are looked at refutes; a search goes to the worst ones for each end."""
+        points = self._points()
+        parts = self._met([_Part(*self.span)], points)
+        for _ in range(SHRINK if self.ranges else 0):
+            ends = {tuple(self._place(by)) for part in parts for by in (part.low_by, part.high_by) if by is not None}
+            step = (self.box[1] - self.box[0]) * 0.5 ** (_ + 1)
+            near = np.array(
+                [
+                    np.clip(np.array(end) + sign * step * unit, *self.box)
+                    for end in ends
+                    for unit in np.eye(len(step))
+                    for sign in (-1, 1)
+                ]
+            )
+            if not len(near):
+                break
+            parts = self._met(parts, np.unique(near, axis=0))
+        return parts
+
+    def _points(self):
+        count = len(self.ranges)
+        share = [*product((0.0, 1.0), repeat=count), (0.5,) * count]
+        if count:
+            golden = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))[:count]
+            share += list(np.mod(np.outer(np.arange(1, SCATTERED + 1), golden), 1.0))
+        return np.array(share).reshape(-1, count) * (self.box[1] - self.box[0]) + self.box[0] if count else np.zeros((1, 0))
+
+    def _place(self, by):
+        return [by[axis.path] for axis in self.ranges]
+
+    def at(self, point) -> list[_Part]:
+        """The exact intervals at one point of the box."""
+        return self._met([_Part(*self.span)], np.asarray(point, float)[None])
+
+    def _met(self, parts, points):
+        for point, found in zip(points, self._exact(points), strict=True):
+            by = self.case | dict(zip((axis.path for axis in self.ranges), point.tolist(), strict=True))
+            own = [
+                _Part(low, high, by if low > self.span[0] else None, by if high < self.span[1] else None, *omegas)
+                for low, high, *omegas in found
+            ]
+            parts = _shared(parts, own)
+        return parts
+
+    def _exact(self, points):
+        """The stable intervals at each point."""
+        found = [[] for _ in points]
+        for some in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
+            task = DrawnTask(self.drawing, self.along, self.span, ((np.arange(some.size), self.values | arrays),), False, True)
+            records = task.records()
+            self.certified &= bool(records["certified"].all())
+            for record in records[records["intervals"] > 0]:
+                ends = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
+                found[some[record["slice"]]].append(tuple(ends))
+        return found
+
+    def cover(self, low, high):
+        """The proof that all loops of the box are stable from low to high of the number."""
+        box = np.column_stack([[low, high], self.box])
+        paths = [self.along, *(axis.path for axis in self.ranges)]
+        bounds = np.array(
+            [domain(self.drawing, self.values, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]
+        ).T
+        varied = self.values | {
+            path: np.array(ends) if ends[0] < ends[1] else ends[0] for path, ends in zip(paths, box.T, strict=True)
+        }
+        frames = partial(_frames, self.drawing, self.values, paths, _with_lead(self.drawing, varied, paths, box, self.values))
+        return cover(frames, box, bounds, FRAMES)
+
+
+def _frames(drawing, values, paths, drift, x):
+    x = np.where(x == 0, TINY, x)
+    return frames_where_solvable(drawing, values | {path: x[:, i].copy() for i, path in enumerate(paths)}, drift, (len(x),))
+
+
+def _with_lead(drawing, varied, paths, box, values):
+    """The drift of all loops of a box, counted from the state from which their entries are smallest."""
+    drift = drift_of(drawing, varied)
+    if len(drift.folded) != 1:
+        return drift
+    corners = np.array(list(product(*box.T)))
+    leads = [replace(drift, folded=(state,)) for state in sorted({*drift.kept, *drift.folded})]
+    with np.errstate(all="ignore"):
+        sizes = [
+            np.nan_to_num(np.abs(_frames(drawing, values, paths, each, corners).E), nan=np.inf).max(initial=0.0)
+            for each in leads
+        ]
+    return leads[int(np.argmin(sizes))]
+
+
+def _recorded(rows, certified):
+    records = np.zeros(max(1, len(rows)), FOR_ALL_RECORD)
+    for name in FOR_ALL_RECORD.names:
+        if FOR_ALL_RECORD[name].kind == "f":
+            records[name] = np.nan
+    records["residual"] = 0.0
+    records["intervals"], records["doubt"] = len(rows), NONE if rows and certified else SEARCH
+    records["certified"] = bool(rows and certified)
+    for number, row in enumerate(rows):
+        records[number]["interval"] = number
+        records["low"][number], records["high"][number] = row.low, row.high
+        records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
+        records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan
+        records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega
+        records["settled"][number], records["counterexample"][number] = row.settled, row.text
+    return records
