@@ -1,5 +1,6 @@
 """Makes support, benchmarks and the paper's program importable, gives BLAS one thread, marks tests by their fixtures."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests")]
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
+
+gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
 THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
 
@@ -30,3 +33,8 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker("thorough"):
             item.add_marker("slow")
+
+
+def pytest_collection_finish():
+    """What is there before the first test stays to the end."""
+    gc.freeze()

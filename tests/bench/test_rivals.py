@@ -33,7 +33,7 @@ def test_it_misses_what_lies_between_two_angles_without_a_word():
 
 def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
     spec = PROBLEMS[0].ask(min(COLUMNS))
-    assert np.array_equal(bisected_by_feedback(spec, 1e-2).high, bisected_together(spec, 1e-2).high)
+    assert np.array_equal(bisected_by_feedback(spec, 0.1).high, bisected_together(spec, 0.1).high)
 
 
 def test_random_loops_that_it_misses_are_certified_here():

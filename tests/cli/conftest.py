@@ -7,6 +7,7 @@ import pytest
 from support.tables import rows_of
 
 from wavesweep.cli import main
+from wavesweep.sweep import estimates
 from wavesweep.tables.table import Table
 
 SPEC = """
@@ -101,6 +102,12 @@ def no_word_on_a_busy_machine(monkeypatch, request):
     """A command that takes long says so after ten seconds; the tests of messages are about that."""
     if request.path.name != "test_messages.py":
         monkeypatch.setattr("wavesweep.cli.messages.FIRST_WORD", 1e6)
+
+
+@pytest.fixture(autouse=True)
+def a_word_on_the_time_after_one_sample(monkeypatch):
+    """How long a run takes is measured in samples of it for a third of a second; the tests of jobs are about that."""
+    monkeypatch.setattr(estimates.expected_seconds, "__defaults__", (0.0,))
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from functools import cache
 import pytest
 
 from reproduce import figures, open_choices, passive_bank
+from reproduce.specs import load_paper
 from reproduce.statements.stability import STATEMENTS
 from wavesweep.cli.entry import group
 from wavesweep.results import read
@@ -17,8 +18,12 @@ STUDIES = {open_choices: "open_choices", passive_bank: "passive_bank"}
 
 @pytest.fixture(scope="module")
 def studies():
-    """The two studies that no statement needs, computed once for all runs."""
-    return {module: cache(getattr(module, name)) for module, name in STUDIES.items()}
+    """The two studies that no statement needs, of few designs, computed once for all runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(passive_bank, "DESIGNS", passive_bank.SHOWN)
+        few = ("sweep.B_VE=[1, 15]", "sweep.b=[10, 25]", "sweep.environment.delay=[0, 1]")
+        patch.setattr(open_choices, "load_paper", lambda name: load_paper(name, few * (name == "open-choices")))
+        yield {module: cache(getattr(module, name)) for module, name in STUDIES.items()}
 
 
 @pytest.fixture(autouse=True)

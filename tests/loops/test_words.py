@@ -284,7 +284,7 @@ def test_numbers_of_words_are_swept_to_where_eigenvalues_cross(block, along, spa
         whole = np.block([[A - B @ d @ C, B @ c], [-b @ C, a]])
         return np.abs(np.linalg.eigvals(whole)).max() < 1
 
-    inside = np.linspace(*span, 400)
+    inside = np.linspace(*span, 100)
     margin = 1e-6 * (span[1] - span[0])
     for value in inside:
         if np.abs(found - value).min() > margin:

@@ -117,7 +117,7 @@ def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_
 def test_the_walls_for_the_box_are_within_those_of_each_of_its_hands(values, walls):
     v = loop_of(values, "dc-slow")
     found = walls("dc-slow", v)
-    hands = sampled(HOLDING_A_DEVICE, 200)
+    hands = sampled(HOLDING_A_DEVICE, 60)
     parts = dict(zip(("operator.mass", "operator.damping", "operator.stiffness"), hands.T, strict=True))
     each = stable_of(WALL, (0.0, 20000.0), held(v | parts, WALL))
     assert found.high.max() <= min(max(high for _, high in pieces) for pieces, _ in each) * (1 + 1e-9)

@@ -35,9 +35,9 @@ def over_frame(values, theta):
 
 @pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("block", range(10))
 def test_100_random_loops_agree_with_a_scan(random_values, block):
-    for seed in range(20 * block, 20 * block + 20):
+    for seed in range(10 * block, 10 * block + 10):
         v = random_values(seed)
         found, seen = port_margin(v), scan(v).min()
         noise = 1e-9 * (abs(found.margin) + found.mean) + 1e-9 * abs(seen)

@@ -202,8 +202,8 @@ def test_rows_of_another_numpy_are_compared_with_a_tolerance(folder, change, dif
 @pytest.mark.slow
 def test_the_sample_is_drawn_by_its_seed(folder):
     change_a_number(folder)
-    found = [bool(verify(folder, rows=1, seed=seed).differences) for seed in range(30)]
-    assert 0 < sum(found) < 30
+    found = [bool(verify(folder, rows=1, seed=seed).differences) for seed in range(12)]
+    assert 0 < sum(found) < 12
 
 
 def test_a_folder_is_needed_and_no_spec(tmp_path, capfd):

@@ -69,7 +69,7 @@ def test_any_slip_is_one_line_with_a_place_in_the_text(write):
     """Texts with a character more, less or another."""
     whole = '[device]\nmass = 0.1 # kg\n[sweep]\nb = [1, 2.5]\nK_VE = { start = 0, stop = "x" }\n'
     dice, seen = random.Random(5), 0  # noqa: S311 - no secret
-    for _ in range(2000):
+    for _ in range(1000):
         at = dice.randrange(len(whole))
         text = whole[:at] + dice.choice(["", *"[]{}=,.\"'#\\ \n\x01\u00e90a-"]) + whole[at + dice.randrange(2) :]
         try:
@@ -82,4 +82,4 @@ def test_any_slip_is_one_line_with_a_place_in_the_text(write):
             assert 1 <= column <= len(text.split("\n")[line - 1]) + 1
             assert str(error.value).isprintable()
             seen += 1
-    assert seen > 500
+    assert seen > 250

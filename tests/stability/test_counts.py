@@ -19,7 +19,7 @@ B_FIXED = np.exp(np.linspace(0, 9, 12))
     ("along", "span", "fixed"), [("K_VE", (0, 2e4), K_FIXED), ("K_VE", (100, 2e3), K_FIXED), ("B_VE", (0, 300), B_FIXED)]
 )
 def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeypatch):
-    """60 loops of all kinds, 12 columns each: most follow, and every one of these is counted here after all."""
+    """24 loops of all kinds, 12 columns each: most follow, and every one of these is counted here after all."""
     usual, seen = regions._first_counts, []
 
     def compared(owner, above, followed, least, count):
@@ -30,7 +30,7 @@ def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeyp
         return begins, counted
 
     monkeypatch.setattr(regions, "_first_counts", compared)
-    for seed in range(60):
+    for seed in range(24):
         stable_intervals(cut_of(random_values(seed)), along, span, fixed[None])
     columns, followed = np.sum(seen, axis=0)
     assert followed > 0.5 * columns > 100

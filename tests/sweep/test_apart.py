@@ -236,6 +236,6 @@ def test_values_are_stable_if_all_parts_are(seed):
         if rows.certified.all():
             inside = np.array([any(low < each < high for low, high in zip(rows.low, rows.high, strict=True)) for each in p])
             near = np.array([np.min(np.abs(np.r_[rows.low, rows.high, 1e9] / each - 1)) < 1e-6 for each in p])
-            stable = np.array([float(loop.spectral_radius(p=each, c=value)) < 1 for each in p])
+            stable = loop.spectral_radius(p=p, c=value) < 1
             assert (inside == stable)[~near].all()
     assert table.certified.any()

@@ -521,9 +521,9 @@ def test_a_controller_written_as_blocks_runs_as_its_own_law(kind, changes):
 
 @pytest.mark.slow
 def test_a_run_and_its_response_as_tables():
-    tables = tomllib.loads(ARM) | {"simulate": {"settle_s": 6.0, "frequency_hz": [3.0, 20.0], "input": "stepped-sine"}}
+    tables = tomllib.loads(ARM) | {"simulate": {"settle_s": 4.5, "frequency_hz": [3.0, 20.0], "input": "stepped-sine"}}
     run, response = wavesweep.simulate(tables)
-    assert (run.frame.max(), run.phase.max(), len(run)) == (len(run) // 20, 19, 146_667)
+    assert (run.frame.max(), run.phase.max(), len(run)) == (len(run) // 20, 19, 116_667)
     assert response.controller.tolist() == ["drawn"] * 2
     for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im"):
         assert response[name].to_numpy() == pytest.approx(response[f"linear_{name}"].to_numpy(), rel=1e-9)

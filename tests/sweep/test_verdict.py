@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.specs import KINDS, nested, values_of
+from support.specs import nested, values_of
 
 import wavesweep
 from wavesweep.spec import SYMBOLS, load
@@ -25,7 +25,7 @@ def limit_of(found, name):
 
 @pytest.mark.slow
 def test_it_can_be_written_as_json():
-    for kind in KINDS:
+    for kind in ("dc", "pmw-lm"):  # without a channel, and with all that there is
         json.dumps(verdict(values_of(kind)), allow_nan=False)
 
 

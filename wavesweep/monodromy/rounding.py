@@ -134,7 +134,7 @@ def _cancelled(terms, row, column, little):
     return np.where(np.isnan(found), np.inf, found)
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(all="ignore")
 def balance(E, sweeps: int = BALANCING):
     """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
 
@@ -148,13 +148,14 @@ def balance(E, sweeps: int = BALANCING):
         changed = False
         for k in index:
             row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
-            with np.errstate(all="ignore"):
-                factor = np.exp2(np.round(np.log2(row / column) / 2))
+            factor = np.exp2(np.round(np.log2(row / column) / 2))
             factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
+            if (factor == 1).all():
+                continue
             size[:, :, k] *= factor
             size[:, k, :] /= factor
             units[:, k] *= factor[:, 0]
-            changed |= bool((factor != 1).any())
+            changed = True
         if not changed:
             break
     return E * (units[:, None, :] / units[:, :, None]), units
