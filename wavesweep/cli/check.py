@@ -125,6 +125,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     bounded = [each for each in found["limits"] if _bounded(each)]
+    if "for_all" in found:
+        yield f"  for all of [for_all]: {_for_all(found['for_all'])}"
     yield from (f"  {_limit(spec, each)}" for each in bounded)
     others = [each for each in found["limits"] if each not in bounded]
     if others:
@@ -143,6 +145,12 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
     if found["assumes"] and not first:
         yield f"  assumes: {found['assumes']}"
+
+
+def _for_all(found: Facts) -> str:
+    if found["verdict"] == "refuted":
+        return f"not stable with {found['counterexample']}"
+    return "proved stable" if found["verdict"] == "proved" else "not known: no unstable numbers found, and no proof"
 
 
 def _bounded(limit: Facts) -> bool:

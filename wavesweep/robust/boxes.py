@@ -3,9 +3,9 @@
 With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are positive if it is
 stable, and one of them vanishes where an eigenvalue reaches the circle (L. Saydy, A. L. Tits, E. H. Abed, Math. Control
 Signals Systems 3, 1990). So a connected set of which one loop is stable is stable throughout if they do not vanish on it. On
-a box they are analytic in all of its numbers. They are interpolated at Chebyshev nodes, with a bound on what the nodes do not show from their
-size on an ellipse about each number in turn; then the Bernstein coefficients of the interpolant say that it is positive, or the
-box is divided.
+a box they are analytic in all of its numbers. They are interpolated at Chebyshev nodes, with a bound on what the nodes do not
+show from their size on an ellipse about each number in turn; then the Bernstein coefficients of the interpolant say that it
+is positive, or the box is divided.
 """
 
 from collections.abc import Callable

@@ -224,6 +224,7 @@ COLUMNS = frozenset(
     (
         *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
         *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
+        *("guarantee", "fails_below", "fails_from", "counterexample"),
         *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
         *("channel_passive", "port_passive", "damping_needed"),
         *(f"{name}_{part}" for name in ("admittance", "impedance") for part in ("re", "im", "abs", "deg", "error")),

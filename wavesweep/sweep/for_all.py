@@ -10,15 +10,15 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.domain import domain
-from wavesweep.robust.boxes import cover
-from wavesweep.spec import Axis
+from wavesweep.robust.boxes import Cover, cover
+from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.for_all import ForAll
 from wavesweep.stability.certificate import NONE, SEARCH
-from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, one_loop
+from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, one_loop, radii_of
 from wavesweep.sweep.drawn_task import TINY, DrawnTask, frames_where_solvable
-from wavesweep.sweep.grid import distinct, read_by
+from wavesweep.sweep.grid import distinct, own_loop, read_by
 from wavesweep.sweep.tasks import FELT, FIELDS, felt_at_ends
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
@@ -74,7 +74,9 @@ def refuse_unsuitable_ranges(for_all: ForAll, drawing: Drawing, along: str) -> N
     timing = {name for tree in trees for name, _ in names_in(tree)} | (drawing.rating if trees else set())
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing]
     cases = np.prod([len(_values(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
+    varying = [axis.name for axis in for_all.axes if axis.path in for_all.varying] + ["lost"] * bool(for_all.lost)
     for wrong, expected, found in (
+        (varying, "numbers that are constant", f"{', '.join(varying)}, which vary from frame to frame"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -193,10 +195,14 @@ def _near(one, other):
 
 def _text(part):
     ends = [("below", part.low_by), ("from", part.high_by)]
-    texts = [(end, ", ".join(f"{path} = {value:.6g}" for path, value in by.items())) for end, by in ends if by is not None]
+    texts = [(end, _numbers(by)) for end, by in ends if by is not None]
     if len(texts) == 1:
         return texts[0][1][:TEXT]
     return "; ".join(f"{end}: {text}" for end, text in texts)[:TEXT]
+
+
+def _numbers(by):
+    return ", ".join(f"{name_of(path)} = {value:.6g}" for path, value in by.items())
 
 
 def _largest_free(low, high, spans):
@@ -274,7 +280,7 @@ class _Case:
 
     def _met(self, parts, points):
         for point, found in zip(points, self._exact(points), strict=True):
-            by = self.case | dict(zip((axis.path for axis in self.ranges), point.tolist(), strict=True))
+            by = self.named(point)
             own = [
                 _Part(low, high, by if low > self.span[0] else None, by if high < self.span[1] else None, *omegas)
                 for low, high, *omegas in found
@@ -295,10 +301,10 @@ class _Case:
                 found[some[record["slice"]]].append(tuple(ends))
         return found
 
-    def cover(self, low, high):
-        """The proof that all loops of the box are stable from low to high of the number."""
-        box = np.column_stack([[low, high], self.box])
-        paths = [self.along, *(axis.path for axis in self.ranges)]
+    def cover(self, low=0.0, high=0.0) -> Cover:
+        """The proof that all loops of the box are stable, from low to high of the number if there is one."""
+        box = np.column_stack([[low, high], self.box]) if self.along else self.box
+        paths = [*filter(None, [self.along]), *(axis.path for axis in self.ranges)]
         bounds = np.array(
             [domain(self.drawing, self.values, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]
         ).T
@@ -307,6 +313,37 @@ class _Case:
         }
         frames = partial(_frames, self.drawing, self.values, paths, _with_lead(self.drawing, varied, paths, box, self.values))
         return cover(frames, box, bounds, FRAMES)
+
+    def unstable(self) -> Mapping[str, float] | None:
+        """Numbers among those that are looked at with which the loop is not stable, or not known to be; None without."""
+        points = self._points()
+        for some in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
+            radius = radii_of(self.drawing, self.values | arrays, some.size)
+            if (wrong := np.flatnonzero(~(radius < 1))).size:
+                return self.named(points[some[wrong[0]]])
+        return None
+
+    def named(self, point) -> dict[str, float]:
+        """The numbers of a point of the box."""
+        return self.case | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
+
+
+def verdict(spec: Spec) -> dict[str, str]:
+    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown") and
+    counterexample, the numbers with which it is unstable."""
+    drawing, values = own_loop(spec)
+    refuse_unsuitable_ranges(spec.for_all, drawing, "")
+    loop, known = _Loop(ForAllTask(spec.for_all, "", (0.0, 0.0), ()), drawing, values), True
+    for case in (_Case(loop, each) for each in loop.cases):
+        numbers = case.unstable()
+        found = case.cover() if numbers is None and case.ranges else None
+        if found is not None and len(found.unstable):
+            numbers = case.named(found.unstable[0])
+        if numbers is not None:
+            return {"verdict": "refuted", "counterexample": _numbers(numbers)}
+        known &= found is None or not len(found.open)
+    return {"verdict": "proved" if known else "unknown", "counterexample": ""}
 
 
 def _frames(drawing, values, paths, drift, x):

@@ -13,6 +13,7 @@ from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
+from wavesweep.sweep import for_all
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.drawn_loops import loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
@@ -36,9 +37,11 @@ def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
     The numbers of `own_design`; limits: per number of the loop the stable interval that its value lies in (see `limits`);
-    delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name.
+    delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with
+    [for_all], whether it is stable for all of it, see `wavesweep.sweep.for_all.verdict`.
     """
-    return own_design(spec) | {"limits": limits(spec), "delay": _delays(spec)}
+    found = own_design(spec) | {"limits": limits(spec), "delay": _delays(spec)}
+    return found | ({"for_all": for_all.verdict(spec)} if spec.for_all else {})
 
 
 def own_design(spec: Spec, loop=None) -> dict:
