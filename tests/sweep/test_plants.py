@@ -191,3 +191,17 @@ def test_check_says_what_is_continuous_and_what_is_sampled():
         "  from samples of every tick, and held over it: motor.f: -kp*motor.x - kd*motor.v",
     ):
         assert line in lines
+
+
+@pytest.mark.parametrize(
+    ("damping", "every", "rings"), [(0, 5, ["v, torque"]), (1, 5, ["v, torque"]), (1, 0, ["v"]), (0, 0, [])]
+)
+def test_check_names_the_blocks_that_are_solved_within_a_tick(damping, every, rings):
+    """An implicit velocity under a torque that reads it in the same tick; every = 0: by a delay, which is no ring."""
+    hold = {"type": "hold", "every": every} if every else {"type": "delay"}
+    blocks = {name: {"type": "integrator", "method": method} for name, method in (("v", "implicit"), ("x", "explicit"))}
+    wires = {"torque.u": "-kp*x.y - kd*v.y", "v.u": "(torque.y - d*v.y)/0.027", "x.u": "v.y"}
+    numbers = {"kp": 17.0, "kd": 0.5, "d": damping}
+    lines = plan(load({"rates": {"tick_hz": 500}, "numbers": numbers, "block": blocks | {"torque": hold}, "wire": wires}))
+    start = "  solved within a tick, in which what they read depends on what they give: "
+    assert [line.removeprefix(start) for line in lines if line.startswith(start)] == rings

@@ -20,6 +20,8 @@ from wavesweep.sweep.workers import choose
 PATIENCE = 5.0  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV
 
+SOLVED = "solved within a tick, in which what they read depends on what they give"
+
 
 def plan(spec: Spec) -> list[str]:
     """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped and why."""
@@ -140,6 +142,7 @@ def _drawn_plan(spec):
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
         *_runs_lines(drawing, drawn),
         *_plant_lines(drawing),
+        *(f"  {SOLVED}: {', '.join(ring)}" for ring in drawn.rings()),
         *_unread_lines(drawing),
         *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
         *_number_lines(spec),
