@@ -4,7 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from stress.drawings import verdict
+from stress.drawings import NUMBERS, SPANS, monodromy, verdict
+from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
@@ -93,6 +94,76 @@ def test_parts_have_shorter_frames_and_what_rests_has_to_be_as_fast(along, span,
     assert [each > 0 for each in found] == inside[::10].tolist()
 
 
+def turned(tables, name, value):
+    """By how much modes are outside of the spiral of the damping ratio: a function of it, by a run of the blocks."""
+    spec = load(tables)
+    values = {key: each for key, each in spec.values.items() if each is not None} | {spec.names.find(name).path: float(value)}
+    z = np.linalg.eigvals(monodromy(spec.drawing, values)).astype(complex)
+    s = np.log(z[(np.abs(z - 1) > 1e-9) & (np.abs(z) > 0.01)])  # neither drift, nor what rounding makes of 0
+    return lambda ratio: (s.real + ratio / np.sqrt(1 - ratio**2) * np.abs(s.imag)).max(initial=-1.0)
+
+
+@pytest.mark.sample(8)
+@pytest.mark.parametrize("draw", [random_tables, random_feedback])
+@pytest.mark.parametrize("seed", range(16))
+def test_eigenvalues_have_the_damping_ratio_inside_and_not_outside(seed, draw):
+    tables, r = draw(seed), np.random.default_rng(seed)
+    along, ratio = str(r.choice(NUMBERS)), float(r.choice([0.05, 0.1, 0.3, 0.5, 0.8]))
+    low, high = SPANS[along]
+    table = wavesweep.compile(tables).stable_intervals(along, (low, high), require={"damping_ratio": ratio})
+    rows = list(table.itertuples())
+    ends = [end for row in rows for end, omega in ((row.low, row.low_omega), (row.high, row.high_omega)) if omega >= 0]
+    beside = [end + side * (2e-7 * abs(end) + 1e-11 * (high - low)) for end in ends for side in (-1, 1)]
+    for value in [*r.uniform(low, high, 6), *beside]:
+        inside, beyond = any(row.low < value < row.high for row in rows), turned(tables, along, value)(ratio)
+        if low < value < high and (inside or table.certified.all()) and abs(beyond) > 1e-10:
+            assert (beyond < 0) == inside
+
+
+def test_nearly_all_columns_of_a_damping_ratio_are_certified_and_cost_no_more_than_a_few_panels():
+    tables = random_tables(1)
+    found = wavesweep.compile(tables).stable_intervals(
+        "k", (0.0, 300.0), require={"damping_ratio": 0.1}, d=np.linspace(1, 3, 9)
+    )
+    assert found.certified.all()
+
+
+RATIO = 0.4
+TURN = np.exp(-np.pi * RATIO / np.sqrt(1 - RATIO**2))  # |z| of a negative eigenvalue of that damping ratio
+
+
+def test_the_damping_ratio_of_an_integrator_and_of_an_oscillator_has_closed_forms():
+    """z = 1 - K T, and the mass `m x'' + d x' + k x`, whose damping ratio is `d/(2 sqrt(k m))` at any rate above its own."""
+    integrator = {"type": "tf", "num": [1], "den": [1, 0]}
+    tables = {"rates": {"tick_hz": 50}, "numbers": {"K": 1.0}, "block": {"p": integrator}, "wire": {"p.u": "-K*p.y"}}
+    (row,) = wavesweep.compile(tables).stable_intervals("K", (-5.0, 200.0), require={"damping_ratio": RATIO}).itertuples()
+    assert (row.certified, row.low) == (True, pytest.approx(0, abs=1e-9))
+    assert row.high == pytest.approx(50 * (1 + TURN), rel=1e-9)
+    assert row.high_omega == pytest.approx(50 * np.pi)
+    body = {"m": {"type": "mass", "mass": "m", "damping": 3.0, "stiffness": "k"}, "seen": {"type": "hold"}}
+    tables = {
+        "rates": {"tick_hz": 200},
+        "numbers": {"m": 1.0, "k": 9.0},
+        "block": body,
+        "wire": {"m.f": "0*seen.y", "seen.u": "m.x"},
+    }
+    loop = wavesweep.compile(tables)
+    for along, span, end in (("k", (1.0, 100.0), 9 / 4 / RATIO**2), ("m", (0.1, 10.0), 9 / 4 / RATIO**2 / 9)):
+        (row,) = loop.stable_intervals(along, span, require={"damping_ratio": RATIO}).itertuples()
+        assert (row.certified, row.low) == (True, span[0])
+        assert row.high == pytest.approx(end, rel=1e-8)
+
+
+def test_a_damping_ratio_and_a_radius_are_what_both_have_in_common():
+    loop = wavesweep.compile(load(JOINTS))
+    both, ratio, radius = (
+        loop.stable_intervals("kp", (0.0, 400.0), require=require)
+        for require in ({"damping_ratio": 0.5, "radius": 0.95}, {"damping_ratio": 0.5}, {"radius": 0.95})
+    )
+    assert both.certified.all()
+    assert (both.low[0], both.high[0]) == (max(ratio.low[0], radius.low[0]), min(ratio.high[0], radius.high[0]))
+
+
 def test_a_radius_next_to_one_is_stability():
     loop = wavesweep.compile(SPEC)
     one, other = loop.stable_intervals(require={"radius": 0.999999}), loop.stable_intervals()
@@ -117,8 +188,9 @@ def test_the_table_says_what_is_required():
 @pytest.mark.parametrize(
     ("require", "expected"),
     [
-        ({"damping_ratio": 0.3}, "sweep.require.damping_ratio: expected one of radius, settling, found an unknown key"),
-        ({}, "sweep.require: expected a table with some of radius, settling, found an empty table"),
+        ({"damping": 0.3}, "sweep.require.damping: expected one of radius, settling, damping_ratio, found an unknown key"),
+        ({}, "sweep.require: expected a table with some of radius, settling, damping_ratio, found an empty table"),
+        ({"damping_ratio": 1}, "sweep.require.damping_ratio: expected a number <= 0.999, found 1"),
         ({"radius": 1}, "sweep.require.radius: expected a number <= 0.999999, found 1"),
         ({"settling": 0}, "sweep.require.settling: expected a number > 0, found 0"),
         ({"settling": 1e-4}, "sweep.require.settling: expected at least 0.00566 s where a frame takes 0.02 s, found 0.0001"),

@@ -239,6 +239,15 @@ REQUIRE_KEYS = MappingProxyType(
             "intervals in which every mode is down to 2 % of its size in this time, which is 3.912 of its time constants",
             high=1e6,
         ),
+        "sweep.require.damping_ratio": Key(
+            "sweep.require.damping_ratio",
+            "number",
+            None,
+            "1",
+            "intervals in which every mode has at least this damping ratio, from the principal logarithm of its eigenvalue",
+            low=0.001,
+            high=0.999,
+        ),
     }
 )
 

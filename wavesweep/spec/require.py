@@ -18,10 +18,11 @@ KNOWN = ", ".join(path.rpartition(".")[2] for path in REQUIRE_KEYS)
 
 @dataclass(frozen=True, slots=True)
 class Require:
-    """The bounds on every mode: its largest eigenvalue of a frame, and the time (s) in which it is down to SETTLED."""
+    """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio."""
 
     radius: float | None = None
     settling: float | None = None
+    damping_ratio: float | None = None
 
     @classmethod
     def of(cls, numbers: Mapping[str, object]) -> Require:
@@ -66,4 +67,6 @@ def words_of(written: Mapping[str, float]) -> str:
         parts.append(f"within {written['radius']:g} per frame")
     if "settling" in written:
         parts.append(f"down to {100 * SETTLED:g} % in {written['settling']:g} s")
+    if "damping_ratio" in written:
+        parts.append(f"of a damping ratio of at least {written['damping_ratio']:g}")
     return f"every mode {' and '.join(parts)}"

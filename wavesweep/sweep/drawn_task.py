@@ -28,7 +28,7 @@ from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
-from wavesweep.stability import Intervals, joined, stable_along_any
+from wavesweep.stability import Intervals, damped_along_any, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
 from wavesweep.stability.crossings import SLIVER
@@ -226,6 +226,9 @@ class DrawnTask:
 
         Columns in which the search along the circle leaves a doubt are searched by panels.
         """
+        if self.bound and self.bound.damping_ratio:
+            found, of_size = self._damped(values, size), self.bound.of_size
+            return common([found, replace(self, bound=of_size).connected(values, size, opened)]) if of_size else found
         if opened is None or opened.loops.cut is None:
             return self._by_panels(values, size)
         found = self._by_cut(opened)
@@ -264,6 +267,14 @@ class DrawnTask:
         elif self.span[0] <= 0 <= self.span[1]:
             found = self._from_zero(found, loops, period, bounds, values)
         found = self._unshaken(found, period, values, loops)
+        return found if self.number not in self.drawing.rating else self._in_own_time(found, values)
+
+    def _damped(self, values, size):
+        """The intervals in which every mode has the damping ratio that is required."""
+        drawn, loops = assembled(self.drawing, values), self._loops(values)
+        period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+        bounds = domains(self.drawing, values, self.along, self.span, size)
+        found = damped_along_any(loops.frames, loops.errors, self.span, size, period, bounds, self.bound.damping_ratio)
         return found if self.number not in self.drawing.rating else self._in_own_time(found, values)
 
     def _in_own_time(self, found, values):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 # Seconds per slice and squared order, measured: one polynomial per slice; arcs, which crowded poles of high order need;
 # panels, along any parameter but the wall.
 BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
+BY_DISCS = 0.05  # s per slice, measured, of a damping ratio
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
@@ -148,7 +149,8 @@ def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | 
     ours = ((drawing, selected(values, [0])) for _, drawing, values in parts[:STRUCTURES])
     costs, ways = zip(*(_cost(spec, drawing, axis, values) for drawing, values in ours), strict=True)
     exact = ways[0] if len({*ways}) == 1 else None
-    job = IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, exact=exact, prove=prove, require=require)
+    cost = BY_DISCS if require and require.damping_ratio else costs[0]
+    job = IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, prove=prove, require=require)
     return cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)) if prove else job
 
 
@@ -216,12 +218,17 @@ def at_points(
 
 
 EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+DISCS = "discs about the frame's eigenvalues against the spiral of the damping ratio, on panels halved down to the ends"
 PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
 
 
 def method(job: IntervalJob) -> str:
     """How the intervals of a job are found, in a line."""
-    circle = "; of frames over the required radius, whose unit circle is its circle" if job.require else ""
+    found = EXACT if job.exact else PANELS
     if job.exact is None:
-        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others{circle}"
-    return f"{EXACT if job.exact else PANELS}{circle}"
+        found = f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
+    if job.require and Bound.of(job.require).of_size:
+        found += "; of frames over the required radius, whose unit circle is its circle"
+    if not (job.require and job.require.damping_ratio):
+        return found
+    return f"{DISCS}; and {found}" if Bound.of(job.require).of_size else DISCS
