@@ -7,7 +7,7 @@ from wavesweep.loops.controllers import keys_of_page
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
-from wavesweep.spec.expressions import text_of
+from wavesweep.spec.expressions import sum_of
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import make_grid, own_loop
@@ -171,18 +171,12 @@ def _plant_lines(drawing):
     for plant in drawing.plants:
         names = [block.name for block in plant.members]
         yield f"  one plant, within which all acts continuously: {', '.join(names)}"
-        yield from (f"    {port}: {_sum(terms)}" for port, terms in plant.couplings)
+        yield from (f"    {port}: {sum_of(terms)}" for port, terms in plant.couplings)
     plants = {block.name for block in drawing.blocks if block.plant}
     for port, terms in drawing.wires:
         sampled = [term for term in terms if term[0].rpartition(".")[0] in plants]
         if sampled and port.rpartition(".")[0] in plants:
-            yield f"  from samples of every tick, and held over it: {port}: {_sum(sampled)}"
-
-
-def _sum(terms):
-    """A sum of signals times gains as a text."""
-    texts = (text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms)
-    return " + ".join(texts).replace("+ -", "- ")
+            yield f"  from samples of every tick, and held over it: {port}: {sum_of(sampled)}"
 
 
 def _unread_lines(drawing):
