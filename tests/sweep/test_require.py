@@ -120,12 +120,14 @@ def test_eigenvalues_have_the_damping_ratio_inside_and_not_outside(seed, draw):
             assert (beyond < 0) == inside
 
 
-def test_nearly_all_columns_of_a_damping_ratio_are_certified_and_cost_no_more_than_a_few_panels():
-    tables = random_tables(1)
-    found = wavesweep.compile(tables).stable_intervals(
-        "k", (0.0, 300.0), require={"damping_ratio": 0.1}, d=np.linspace(1, 3, 9)
+def test_columns_of_a_sweep_have_the_intervals_that_each_has_alone():
+    loop = wavesweep.compile(random_tables(1))
+    whole, alone = (
+        [loop.stable_intervals("k", (0.0, 300.0), require={"damping_ratio": 0.1}, d=each) for each in some]
+        for some in ([np.array([0.5, 2.0])], [0.5, 2.0])
     )
-    assert found.certified.all()
+    assert whole[0].certified.all()
+    assert whole[0].high.tolist() == pytest.approx([each.high[0] for each in alone], rel=1e-9)
 
 
 RATIO = 0.4
@@ -152,6 +154,48 @@ def test_the_damping_ratio_of_an_integrator_and_of_an_oscillator_has_closed_form
         (row,) = loop.stable_intervals(along, span, require={"damping_ratio": RATIO}).itertuples()
         assert (row.certified, row.low) == (True, span[0])
         assert row.high == pytest.approx(end, rel=1e-8)
+
+
+def steps(**numbers):
+    """Multiple time steps (r-RESPA): a fast spring kicks in every step h, a slow one in every N-th, as integrators draw it."""
+    numbers = {"h": 0.1, "N": 8, "k1": 1.0, "k2": 0.1} | numbers
+    kicks = {"type": "integrator", "method": "implicit"}
+    block = {"x": {"type": "integrator", "method": "explicit"}, "v": kicks, "w": kicks | {"every": "N"}}
+    wire = {"x.u": "v.y + w.y", "v.u": "-k1*x.y", "w.u": "-k2*x.y"}
+    return {"rates": {"tick_hz": "1/h"}, "numbers": numbers, "block": block, "wire": wire}
+
+
+@pytest.mark.parametrize(("N", "first"), [(2, True), (4, True), (8, True), (31, True), (33, False), (40, False)])
+def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
+    """2 W cot(N t/2)/(N h), an eigenvalue -1, and beyond N t = pi it is -2 W tan(N t/2)/(N h), an eigenvalue 1."""
+    h = 0.1
+    t = np.arccos(1 - h**2 / 2)
+    end = 2 * np.sin(t) / h / (N * h) * (1 / np.tan(N * t / 2) if first else -np.tan(N * t / 2))
+    (row,) = wavesweep.compile(steps(N=N)).stable_intervals("k2", (0.0, 120.0), require={"bounded": True}).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert row.high == pytest.approx(end, rel=1e-9)
+    assert row.high_omega == pytest.approx(np.pi / (N * h) if first else 0, abs=1e-9)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("along", ["k1", "k2", "h"])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_loop_that_conserves_is_bounded_where_its_trace_is_below_2(seed, along):
+    r = np.random.default_rng(seed)
+    numbers = {"h": r.uniform(0.05, 0.5), "N": int(r.integers(1, 12)), "k1": r.uniform(0.2, 3), "k2": r.uniform(0.01, 1)}
+    span = {"k1": (0.1, 30.0), "k2": (-2.0, 60.0), "h": (0.01, 1.0)}[along]
+    table = wavesweep.compile(steps(**numbers)).stable_intervals(along, span, require={"bounded": True})
+    rows = list(table.itertuples())
+    ends = [end for row in rows for end, omega in ((row.low, row.low_omega), (row.high, row.high_omega)) if omega >= 0]
+    assert table.certified.all()
+    for value in [*r.uniform(*span, 10), *(end + side * 1e-7 * (abs(end) + 0.01) for end in ends for side in (-1, 1))]:
+        at = numbers | {along: value}
+        h, frame = at["h"], np.eye(2)
+        for step in range(at["N"]):
+            kick = h * at["k1"] + (at["N"] * h * at["k2"] if step == 0 else 0)
+            frame = np.array([[1, h], [0, 1]]) @ np.array([[1, 0], [-kick, 1]]) @ frame
+        if span[0] < value < span[1]:
+            assert any(row.low < value < row.high for row in rows) == (abs(np.trace(frame)) < 2)
 
 
 def test_a_damping_ratio_and_a_radius_are_what_both_have_in_common():
@@ -185,11 +229,21 @@ def test_the_table_says_what_is_required():
     assert again["high"][0] == table.columns["high"][1]
 
 
+NAMES = "radius, settling, damping_ratio, bounded"
+CONSERVES = (
+    "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
+    "gives energy; leave bounded out, and stable intervals are found"
+)
+
+
 @pytest.mark.parametrize(
     ("require", "expected"),
     [
-        ({"damping": 0.3}, "sweep.require.damping: expected one of radius, settling, damping_ratio, found an unknown key"),
-        ({}, "sweep.require: expected a table with some of radius, settling, damping_ratio, found an empty table"),
+        ({"damping": 0.3}, f"sweep.require.damping: expected one of {NAMES}, found an unknown key"),
+        ({}, f"sweep.require: expected a table with some of {NAMES}, found an empty table"),
+        ({"bounded": 1}, "sweep.require.bounded: expected true or false, found 1"),
+        ({"bounded": True, "radius": 0.9}, "sweep.require.bounded: expected true alone, found others beside it"),
+        ({"bounded": True}, CONSERVES),
         ({"damping_ratio": 1}, "sweep.require.damping_ratio: expected a number <= 0.999, found 1"),
         ({"radius": 1}, "sweep.require.radius: expected a number <= 0.999999, found 1"),
         ({"settling": 0}, "sweep.require.settling: expected a number > 0, found 0"),

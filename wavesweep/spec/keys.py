@@ -248,6 +248,13 @@ REQUIRE_KEYS = MappingProxyType(
             low=0.001,
             high=0.999,
         ),
+        "sweep.require.bounded": Key(
+            "sweep.require.bounded",
+            "boolean",
+            None,
+            "",
+            "of a loop that conserves: intervals in which no mode grows, all being on the unit circle and no two the same",
+        ),
     }
 )
 

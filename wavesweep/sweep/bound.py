@@ -14,17 +14,18 @@ LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is roun
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
-    SETTLED, and its damping ratio, 0 if none is required.
+    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`.
     """
 
     radius: float = 1.0
     settling: float = np.inf
     damping_ratio: float = 0.0
+    bounded: bool = False
 
     @classmethod
     def of(cls, require: Require) -> "Bound":
         """What a spec requires of the frames of a drawing."""
-        return cls(require.radius or 1.0, require.settling or np.inf, require.damping_ratio or 0.0)
+        return cls(require.radius or 1.0, require.settling or np.inf, require.damping_ratio or 0.0, require.bounded)
 
     @property
     def of_size(self) -> "Bound | None":
