@@ -53,9 +53,9 @@ SYMBOLS = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key: `type` is "number", "integer" or "string"; `default` None means that the key may be absent.
+    """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
 
-    Keys of blocks may also be "boolean", "list" (of numbers), "rows" (lists of numbers) or "ports" (names).
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names).
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
@@ -78,7 +78,7 @@ class Key:
     @property
     def numeric(self) -> bool:
         """Whether the key may be an axis of a sweep."""
-        return self.type != "string"
+        return self.type not in ("string", "boolean")
 
     @property
     def structural(self) -> bool:
