@@ -124,6 +124,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     if radius is not None:
         why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
+    if spec.drawing and radius == 1:
+        yield "  of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
     bounded = [each for each in found["limits"] if _bounded(each)]
     yield from (f"  {_limit(spec, each)}" for each in bounded)
     others = [each for each in found["limits"] if each not in bounded]

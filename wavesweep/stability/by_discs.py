@@ -13,6 +13,7 @@ from wavesweep.stability.regions import NEAR_ZERO
 from wavesweep.stability.stable import Intervals
 
 PANELS, MANY = 16, 1024  # panels of a column to begin with; so many that are open, beyond which it is given up
+LARGE, OFTEN = 50_000, 16  # entries of so many frames, of fewer panels then; times that in all
 NARROW = 256.0  # so many of the narrowest panels are as wide as an end is exact: eigenvalues may move along the spiral
 RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)  # of a disc; its lower half is the conjugate
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
@@ -103,12 +104,16 @@ class _Loops:
         """Panels that cover the span: their columns, low ends and labels."""
         edges, count = np.linspace(*span, PANELS + 1), len(self.columns)
         column, low, high = np.repeat(np.arange(count), PANELS), np.tile(edges[:-1], count), np.tile(edges[1:], count)
+        many, tried = min(MANY, max(PANELS, LARGE // self.block.size**2)), np.zeros(count, int)
         done, width, few = [], span[1] - span[0], max(1, ENTRIES // (2 * RIM.size * self.block.size**2))
         while column.size:
             parts = [slice(first, first + few) for first in range(0, column.size, few)]
             label = np.concatenate([self._label(column[some], low[some], high[some], bounds, place) for some in parts])
             narrow = (NARROW * (high - low) <= _exact((low + high) / 2, width)) | (high - span[0] <= ATTACHED * width)
-            label = np.where((label == OPEN) & ~narrow & (np.bincount(column, minlength=count)[column] > MANY), LOST, label)
+            open_ = np.bincount(column, minlength=count)
+            tried += open_
+            lost = ((open_ > many) | (tried > OFTEN * many))[column]
+            label = np.where((label == OPEN) & ~narrow & lost, LOST, label)
             closed = (label != OPEN) | narrow
             done.append((column[closed], low[closed], label[closed]))
             column, low, high = (part[~closed] for part in (column, low, high))
