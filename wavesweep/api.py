@@ -105,7 +105,8 @@ class Loop:
         low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
         would not accept a name, SpecError if it would not accept a value or a combination.
         prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
-        require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1}.
+        require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
+            {"damping_ratio": 0.3}.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
         """
         return self._intervals(along, span, axes, prove=prove, require=None if require is None else Require.of(require))

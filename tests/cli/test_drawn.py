@@ -76,6 +76,18 @@ def test_responses_and_the_port_of_a_drawn_loop(run):
     assert (code, "bode.frequency_hz: expected numbers <= 5000 (half of rates.tick_hz), found 6000" in text) == (2, True)
 
 
+@pytest.mark.parametrize(("hz", "stop"), [(20, 10.0), (0.05, 0.025), (100, 50.0), (4000, 50.0)])
+def test_frequencies_that_nobody_gives_end_at_half_the_rate_of_the_ticks(hz, stop):
+    blocks = {"plant": {"type": "tf", "num": [2], "den": [1, 3]}}
+    tables = {"rates": {"tick_hz": hz}, "numbers": {"k": 1.0}, "block": blocks, "wire": {"plant.u": "r - k*plant.y"}}
+    spec = load(tables | {"ports": {"hand": {"force": "r", "displacement": "plant.y"}}})
+    found = spec.frequency_hz
+    assert (len(found), found[0], found[-1]) == (400, pytest.approx(stop / 500), stop)
+    assert load(spec.tables()).frequency_hz == found
+    slower = spec.with_values({"rates.tick_hz": hz / 4})
+    assert load(slower.tables()).frequency_hz[-1] == min(stop, hz / 8)
+
+
 @pytest.mark.slow
 def test_a_run_of_a_drawn_loop_and_its_figures(run):
     short = ("--set", "simulate.duration_s=3", "--set", "ports.hand.reaction=kp*net.y")

@@ -68,3 +68,34 @@ def test_the_vectors_are_the_rows_of_simulate(settings, wavesweep, spec):
     of = {"device_x": columns["x"], "device_v": columns["v"], "device_f": -columns["f_m"]}
     for place, name in enumerate(names[1:], 1):
         assert [float.fromhex(row[place]) for row in rows] == of[name].tolist()
+
+
+def test_what_goes_into_each_output_is_told_and_stands_beside_it(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("grip.toml").write_text(GRIP)
+    said = wavesweep("export", "grip.toml", *SHORT)[2]
+    assert "computed from samples, in C: motor.f = -kp*net.y - kh*motor.x\n" in said
+    assert "double motor_f; /* motor.f = -kp*net.y - kh*motor.x */" in Path("results/grip/c/controller.h").read_text()
+    spring = ("--set", 'block.grip={type="spring", k="kh"}', "--set", "wire.grip.x1=motor.x")
+    wires = ("--set", "wire.motor.f=push - kp*net.y + grip.f1", "--overwrite", "--json")
+    assert json.loads(wavesweep("export", "grip.toml", *SHORT, *spring, *wires)[1])["computed"] == {"motor.f": "-kp*net.y"}
+
+
+GRIP = """
+[rates]
+tick_hz = 1000
+[numbers]
+kp = 200.0
+kh = 300.0
+[block.motor]
+type = "mass"
+mass = 0.1
+damping = 3
+[block.net]
+type = "delay"
+[wire]
+"net.u" = "motor.x"
+"motor.f" = "push - kp*net.y - kh*motor.x"
+[ports]
+hand = { force = "push", displacement = "motor.x" }
+"""

@@ -254,6 +254,7 @@ def test_a_mode_that_has_not_died_out_where_a_sine_is_measured_is_told(kind):
 
     constant = library.verdict({"controller": {"kind": kind}})["slowest"]["time_constant_s"]
     settle = round(2 * constant, 3)
+    assert f", which falls to 1/e in {constant:.3g} s, " in said(settle)
     assert f"still has {100 * exp(-settle / constant):.2g} % of its beginning" in said(settle)
     enough = float(said(settle).split("; ")[1].split(" s leave")[0])
     assert exp(-enough / constant) == pytest.approx(1e-3, rel=0.05)

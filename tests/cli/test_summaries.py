@@ -167,6 +167,12 @@ def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
     }
     tally = IntervalTally()
     tally.add(columns)
-    assert tally.least() == "least stable K_VE: 100 N/m at b = 2 N*s/m"
+    least = "least stable K_VE: 100 N/m at b = 2 N*s/m"
+    assert tally.least() == f"{least}; every interval goes on to 20000, where the swept range ends"
+    assert tally.largest() == ""
+    below = IntervalTally()
+    below.add(columns | {"high": np.array([1e6, 2000.0])})
+    assert below.largest().startswith("largest stable K_VE: 1e+06 N/m (stable from 300 on) at b = 1 N*s/m")
+    assert below.least() == least
     tally.add(columns | {"low": np.zeros(2)})
     assert (tally.least(), tally.numbers()["least"]) == ("", None)

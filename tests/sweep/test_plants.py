@@ -191,3 +191,40 @@ def test_check_says_what_is_continuous_and_what_is_sampled():
         "  from samples of every tick, and held over it: motor.f: -kp*motor.x - kd*motor.v",
     ):
         assert line in lines
+
+
+@pytest.mark.parametrize(
+    ("damping", "every", "rings"), [(0, 5, ["v, torque"]), (1, 5, ["v, torque"]), (1, 0, ["v"]), (0, 0, [])]
+)
+def test_check_names_the_blocks_that_are_solved_within_a_tick(damping, every, rings):
+    """An implicit velocity under a torque that reads it in the same tick; every = 0: by a delay, which is no ring."""
+    hold = {"type": "hold", "every": every} if every else {"type": "delay"}
+    blocks = {name: {"type": "integrator", "method": method} for name, method in (("v", "implicit"), ("x", "explicit"))}
+    wires = {"torque.u": "-kp*x.y - kd*v.y", "v.u": "(torque.y - d*v.y)/0.027", "x.u": "v.y"}
+    numbers = {"kp": 17.0, "kd": 0.5, "d": damping}
+    lines = plan(load({"rates": {"tick_hz": 500}, "numbers": numbers, "block": blocks | {"torque": hold}, "wire": wires}))
+    start = "  solved within a tick, in which what they read depends on what they give: "
+    assert [line.removeprefix(start) for line in lines if line.startswith(start)] == rings
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.4])
+def test_a_spring_with_one_end_is_held_by_the_ground(damping):
+    """As the keys `stiffness` and `damping` of the mass are; as a term of a wire it would be held over the tick."""
+    wires = {"late.u": "m.x", "m.f": "-kp*late.y - kd*m.v"}
+    numbers, late = {"kp": 100.0, "kd": 2.0, "kh": 300.0}, {"type": "delay"}
+    own = {"m": {"type": "mass", "mass": 0.1, "stiffness": "kh", "damping": damping}, "late": late}
+    apart = {"m": {"type": "mass", "mass": 0.1}, "late": late, "grip": {"type": "spring", "k": "kh", "d": damping}}
+    ends = {"grip.x1": "m.x", "m.f": f"{wires['m.f']} + grip.f1"} | ({"grip.v1": "m.v"} if damping else {})
+    drawn = [(own, wires), (apart, wires | ends)]
+    (one, other) = (
+        wavesweep.compile({"rates": {"tick_hz": 1000}, "numbers": numbers, "block": block, "wire": wire}).stable_intervals(
+            "kp", (0.0, 5000.0)
+        )
+        for block, wire in drawn
+    )
+    assert one.certified.all()
+    assert other.certified.all()
+    assert other.high[0] == pytest.approx(one.high[0], rel=1e-9)
+    missing = {"rates": {"tick_hz": 1000}, "numbers": numbers, "block": apart, "wire": wires | ends | {"grip.v2": "0*m.v"}}
+    with pytest.raises(wavesweep.errors.SpecError, match=r"grip\.x2"):
+        load(missing)

@@ -4,7 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from stress.drawings import verdict
+from stress.drawings import NUMBERS, SPANS, monodromy, verdict
+from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
@@ -93,6 +94,120 @@ def test_parts_have_shorter_frames_and_what_rests_has_to_be_as_fast(along, span,
     assert [each > 0 for each in found] == inside[::20].tolist()
 
 
+def turned(tables, name, value):
+    """By how much modes are outside of the spiral of the damping ratio: a function of it, by a run of the blocks."""
+    spec = load(tables)
+    values = {key: each for key, each in spec.values.items() if each is not None} | {spec.names.find(name).path: float(value)}
+    z = np.linalg.eigvals(monodromy(spec.drawing, values)).astype(complex)
+    s = np.log(z[(np.abs(z - 1) > 1e-9) & (np.abs(z) > 0.01)])  # neither drift, nor what rounding makes of 0
+    return lambda ratio: (s.real + ratio / np.sqrt(1 - ratio**2) * np.abs(s.imag)).max(initial=-1.0)
+
+
+@pytest.mark.sample(8)
+@pytest.mark.parametrize("draw", [random_tables, random_feedback])
+@pytest.mark.parametrize("seed", range(16))
+def test_eigenvalues_have_the_damping_ratio_inside_and_not_outside(seed, draw):
+    tables, r = draw(seed), np.random.default_rng(seed)
+    along, ratio = str(r.choice(NUMBERS)), float(r.choice([0.05, 0.1, 0.3, 0.5, 0.8]))
+    low, high = SPANS[along]
+    table = wavesweep.compile(tables).stable_intervals(along, (low, high), require={"damping_ratio": ratio})
+    rows = list(table.itertuples())
+    ends = [end for row in rows for end, omega in ((row.low, row.low_omega), (row.high, row.high_omega)) if omega >= 0]
+    beside = [end + side * (2e-7 * abs(end) + 1e-11 * (high - low)) for end in ends for side in (-1, 1)]
+    for value in [*r.uniform(low, high, 6), *beside]:
+        inside, beyond = any(row.low < value < row.high for row in rows), turned(tables, along, value)(ratio)
+        if low < value < high and (inside or table.certified.all()) and abs(beyond) > 1e-10:
+            assert (beyond < 0) == inside
+
+
+def test_columns_of_a_sweep_have_the_intervals_that_each_has_alone():
+    loop = wavesweep.compile(random_tables(1))
+    whole, alone = (
+        [loop.stable_intervals("k", (0.0, 300.0), require={"damping_ratio": 0.1}, d=each) for each in some]
+        for some in ([np.array([0.5, 2.0])], [0.5, 2.0])
+    )
+    assert whole[0].certified.all()
+    assert whole[0].high.tolist() == pytest.approx([each.high[0] for each in alone], rel=1e-9)
+
+
+RATIO = 0.4
+TURN = np.exp(-np.pi * RATIO / np.sqrt(1 - RATIO**2))  # |z| of a negative eigenvalue of that damping ratio
+
+
+def test_the_damping_ratio_of_an_integrator_and_of_an_oscillator_has_closed_forms():
+    """z = 1 - K T, and the mass `m x'' + d x' + k x`, whose damping ratio is `d/(2 sqrt(k m))` at any rate above its own."""
+    integrator = {"type": "tf", "num": [1], "den": [1, 0]}
+    tables = {"rates": {"tick_hz": 50}, "numbers": {"K": 1.0}, "block": {"p": integrator}, "wire": {"p.u": "-K*p.y"}}
+    (row,) = wavesweep.compile(tables).stable_intervals("K", (-5.0, 200.0), require={"damping_ratio": RATIO}).itertuples()
+    assert (row.certified, row.low) == (True, pytest.approx(0, abs=1e-9))
+    assert row.high == pytest.approx(50 * (1 + TURN), rel=1e-9)
+    assert row.high_omega == pytest.approx(50 * np.pi)
+    body = {"m": {"type": "mass", "mass": "m", "damping": 3.0, "stiffness": "k"}, "seen": {"type": "hold"}}
+    tables = {
+        "rates": {"tick_hz": 200},
+        "numbers": {"m": 1.0, "k": 9.0},
+        "block": body,
+        "wire": {"m.f": "0*seen.y", "seen.u": "m.x"},
+    }
+    loop = wavesweep.compile(tables)
+    for along, span, end in (("k", (1.0, 100.0), 9 / 4 / RATIO**2), ("m", (0.1, 10.0), 9 / 4 / RATIO**2 / 9)):
+        (row,) = loop.stable_intervals(along, span, require={"damping_ratio": RATIO}).itertuples()
+        assert (row.certified, row.low) == (True, span[0])
+        assert row.high == pytest.approx(end, rel=1e-8)
+
+
+def steps(**numbers):
+    """Multiple time steps (r-RESPA): a fast spring kicks in every step h, a slow one in every N-th, as integrators draw it."""
+    numbers = {"h": 0.1, "N": 8, "k1": 1.0, "k2": 0.1} | numbers
+    kicks = {"type": "integrator", "method": "implicit"}
+    block = {"x": {"type": "integrator", "method": "explicit"}, "v": kicks, "w": kicks | {"every": "N"}}
+    wire = {"x.u": "v.y + w.y", "v.u": "-k1*x.y", "w.u": "-k2*x.y"}
+    return {"rates": {"tick_hz": "1/h"}, "numbers": numbers, "block": block, "wire": wire}
+
+
+@pytest.mark.parametrize(("N", "first"), [(2, True), (4, True), (8, True), (31, True), (33, False), (40, False)])
+def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
+    """2 W cot(N t/2)/(N h), an eigenvalue -1, and beyond N t = pi it is -2 W tan(N t/2)/(N h), an eigenvalue 1."""
+    h = 0.1
+    t = np.arccos(1 - h**2 / 2)
+    end = 2 * np.sin(t) / h / (N * h) * (1 / np.tan(N * t / 2) if first else -np.tan(N * t / 2))
+    (row,) = wavesweep.compile(steps(N=N)).stable_intervals("k2", (0.0, 120.0), require={"bounded": True}).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert row.high == pytest.approx(end, rel=1e-9)
+    assert row.high_omega == pytest.approx(np.pi / (N * h) if first else 0, abs=1e-9)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("along", ["k1", "k2", "h"])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_loop_that_conserves_is_bounded_where_its_trace_is_below_2(seed, along):
+    r = np.random.default_rng(seed)
+    numbers = {"h": r.uniform(0.05, 0.5), "N": int(r.integers(1, 12)), "k1": r.uniform(0.2, 3), "k2": r.uniform(0.01, 1)}
+    span = {"k1": (0.1, 30.0), "k2": (-2.0, 60.0), "h": (0.01, 1.0)}[along]
+    table = wavesweep.compile(steps(**numbers)).stable_intervals(along, span, require={"bounded": True})
+    rows = list(table.itertuples())
+    ends = [end for row in rows for end, omega in ((row.low, row.low_omega), (row.high, row.high_omega)) if omega >= 0]
+    assert table.certified.all()
+    for value in [*r.uniform(*span, 10), *(end + side * 1e-7 * (abs(end) + 0.01) for end in ends for side in (-1, 1))]:
+        at = numbers | {along: value}
+        h, frame = at["h"], np.eye(2)
+        for step in range(at["N"]):
+            kick = h * at["k1"] + (at["N"] * h * at["k2"] if step == 0 else 0)
+            frame = np.array([[1, h], [0, 1]]) @ np.array([[1, 0], [-kick, 1]]) @ frame
+        if span[0] < value < span[1]:
+            assert any(row.low < value < row.high for row in rows) == (abs(np.trace(frame)) < 2)
+
+
+def test_a_damping_ratio_and_a_radius_are_what_both_have_in_common():
+    loop = wavesweep.compile(load(JOINTS))
+    both, ratio, radius = (
+        loop.stable_intervals("kp", (0.0, 400.0), require=require)
+        for require in ({"damping_ratio": 0.5, "radius": 0.95}, {"damping_ratio": 0.5}, {"radius": 0.95})
+    )
+    assert both.certified.all()
+    assert (both.low[0], both.high[0]) == (max(ratio.low[0], radius.low[0]), min(ratio.high[0], radius.high[0]))
+
+
 def test_a_radius_next_to_one_is_stability():
     loop = wavesweep.compile(SPEC)
     one, other = loop.stable_intervals(require={"radius": 0.999999}), loop.stable_intervals()
@@ -114,11 +229,22 @@ def test_the_table_says_what_is_required():
     assert again["high"][0] == table.columns["high"][1]
 
 
+NAMES = "radius, settling, damping_ratio, bounded"
+CONSERVES = (
+    "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
+    "gives energy; leave bounded out, and stable intervals are found"
+)
+
+
 @pytest.mark.parametrize(
     ("require", "expected"),
     [
-        ({"damping_ratio": 0.3}, "sweep.require.damping_ratio: expected one of radius, settling, found an unknown key"),
-        ({}, "sweep.require: expected a table with some of radius, settling, found an empty table"),
+        ({"damping": 0.3}, f"sweep.require.damping: expected one of {NAMES}, found an unknown key"),
+        ({}, f"sweep.require: expected a table with some of {NAMES}, found an empty table"),
+        ({"bounded": 1}, "sweep.require.bounded: expected true or false, found 1"),
+        ({"bounded": True, "radius": 0.9}, "sweep.require.bounded: expected true alone, found others beside it"),
+        ({"bounded": True}, CONSERVES),
+        ({"damping_ratio": 1}, "sweep.require.damping_ratio: expected a number <= 0.999, found 1"),
         ({"radius": 1}, "sweep.require.radius: expected a number <= 0.999999, found 1"),
         ({"settling": 0}, "sweep.require.settling: expected a number > 0, found 0"),
         ({"settling": 1e-4}, "sweep.require.settling: expected at least 0.00566 s where a frame takes 0.02 s, found 0.0001"),

@@ -15,7 +15,8 @@ def command(specs: tuple[str, ...], options: Options) -> None:
 
     The admittance is the motion that the hand gets for its force (m/N), the impedance the force that it feels for its motion
     (N/m): at low frequency the stiffness felt. Each SPEC is a TOML file; its [bode] table gives the frequencies, and axes,
-    whose values give one curve per combination. Without that table there are 400 frequencies from 0.1 to 50 Hz.
+    whose values give one curve per combination. Without that table there are 400 frequencies from 0.1 to 50 Hz, or in the
+    same ratio up to half the rate of the ticks, if that is less.
 
     \b
     Examples:

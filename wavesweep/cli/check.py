@@ -124,9 +124,10 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     if radius is not None:
         why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
+    if spec.drawing and radius == 1:
+        yield "  of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
     bounded = [each for each in found["limits"] if _bounded(each)]
-    if "for_all" in found:
-        yield f"  for all of [for_all]: {_for_all(found['for_all'])}"
+    yield from _for_all(found.get("for_all"))
     yield from (f"  {_limit(spec, each)}" for each in bounded)
     others = [each for each in found["limits"] if each not in bounded]
     if others:
@@ -147,10 +148,10 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  assumes: {found['assumes']}"
 
 
-def _for_all(found: Facts) -> str:
-    if found["verdict"] == "refuted":
-        return f"not stable with {found['counterexample']}"
-    return "proved stable" if found["verdict"] == "proved" else "not known: no unstable numbers found, and no proof"
+def _for_all(found: Facts | None) -> Iterator[str]:
+    words = {"proved": "proved stable", "unknown": "not known: no unstable numbers found, and no proof"}
+    if found:
+        yield f"  for all of [for_all]: {words.get(found['verdict'], 'not stable with ' + found['counterexample'])}"
 
 
 def _bounded(limit: Facts) -> bool:

@@ -39,7 +39,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     from wavesweep import spec as specs
     from wavesweep.cli.messages import say, show_json
     from wavesweep.cli.output import refuse_other_things, write_whole
-    from wavesweep.export import exported
+    from wavesweep.export import exported, sums_of
     from wavesweep.simulation import hand_force
     from wavesweep.sweep.assumptions import assumes, over_preset
     from wavesweep.sweep.experiment import linear_loop
@@ -60,7 +60,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
     if switches["as_json"]:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
-        facts |= {"notices": list(over_preset(loaded))}
+        facts |= {"notices": list(over_preset(loaded)), "computed": sums_of(loaded)}
         files = [str(path) for path in paths]
         facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
         show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
@@ -68,6 +68,8 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
         if not linear["stable"]:
             say(unstable(linear), warning=True)
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
+        for port, made in sums_of(loaded).items():
+            say(f"computed from samples, in C: {port} = {made}")
         if ticks < wanted:
             say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
         for line in filter(None, [assumes(loaded)]):

@@ -24,6 +24,7 @@ from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import PORT
+from wavesweep.spec.expressions import sum_of
 from wavesweep.sweep.experiment import refuse_what_has_no_hand
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
@@ -119,6 +120,15 @@ def exported(spec: Spec) -> dict[str, str]:
         "vectors.csv": table_of(columns | {member: signals[name] for name, member in members.items()}),
         "Makefile": filled("Makefile", flags, values),
     }
+
+
+def sums_of(spec: Spec) -> dict[str, str]:
+    """The sum that each output of the controller of a drawn loop is, by its port of a plant; none of a built-in controller."""
+    if spec.drawing is None:
+        return {}
+    plants, hand = {block.name for block in spec.drawing.blocks if block.plant}, (spec.drawing.hand or ("",))[0]
+    own = {port: tuple(term for term in terms if term[0] != hand) for port, terms in spec.drawing.wires}
+    return {port: sum_of(terms) for port, terms in own.items() if terms and port.rpartition(".")[0] in plants}
 
 
 def controller_of(loop: Loop, late: bool) -> Controller:
@@ -249,16 +259,17 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str]) -> tuple[di
         "tells": any(each.touches for each in own.results),
         "several": len(programs) > 1,
     }
-    texts |= _signals(own, members) | _results(own) | _host(own, members)
+    texts |= _signals(own, members, sums_of(spec)) | _results(own) | _host(own, members)
     texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
     return flags, constants(numbers) | texts
 
 
-def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
-    """The texts with a line for each input, or for each output."""
+def _signals(own: Controller, members: Mapping[str, str], sums: Mapping[str, str]) -> dict[str, str]:
+    """The texts with a line for each input, or for each output; sums: see `sums_of`."""
+    made = {name: f" = {sums[_port(name)]}" if _port(name) in sums else "" for name in own.outputs}
     lines = {
         "inputs": [f"    double {members[name]}; /* {name} */" for name in own.inputs],
-        "outputs": [f"    double {members[name]}; /* {_port(name)} */" for name in own.outputs],
+        "outputs": [f"    double {members[name]}; /* {_port(name)}{made[name]} */" for name in own.outputs],
         "given": [f"    z[{own.places[name]}] = in.{members[name]};" for name in own.inputs],
         "taken": [f"    out.{members[name]} = z[{own.places[name]}];" for name in own.outputs],
         "read": [f"        in.{members[name]} = strtod(at + 1, &at);" for name in own.inputs],

@@ -1,6 +1,6 @@
 """A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import lcm
@@ -117,6 +117,33 @@ class MultirateLoop:
             else:
                 found.add(name)
         return found
+
+    def rings(self) -> list[list[str]]:
+        """The blocks of each algebraic loop, in which what they read depends on what they give; only the largest ones."""
+        found = [ring for running in self.schedule()[0] for ring in self._rings(running)]
+        return [ring for at, ring in enumerate(found) if ring not in found[:at] and not any(set(ring) < set(r) for r in found)]
+
+    def _rings(self, running) -> Iterator[list[str]]:
+        """Those among blocks (indices) that run together, by the terms that are not zero."""
+        blocks = [self.placed[index].block for index in running]
+        reads = {name: [source for source, gain in terms.items() if np.any(gain)] for name, terms in self.sums.items()}
+        for block in blocks:
+            direct = block.D.reshape(-1, len(block.outputs), len(block.inputs)).any(0)
+            for port, row in zip(block.outputs, direct, strict=True):
+                reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
+        at = {name: place for place, name in enumerate(reads)}
+        reached = np.zeros((len(at), len(at)), bool)
+        for name, sources in reads.items():
+            reached[at[name], [at[source] for source in sources if source in at]] = True
+        for middle in range(len(at)):
+            reached |= reached[:, middle, None] & reached[middle]
+        names = [name.rpartition(".")[0] for name in at]
+        left = reached & reached.T
+        while left.any():
+            ring = left[np.argmax(left.any(1))]
+            inside = {names[place] for place in np.flatnonzero(ring)}
+            yield [block.name for block in blocks if block.name in inside]
+            left[ring] = False
 
     def living(self, watched=()) -> "MultirateLoop":
         """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.

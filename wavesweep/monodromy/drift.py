@@ -188,7 +188,7 @@ def _copied(state, rows):
     """The state that a state copies, None if it is none; rows: of all kinds of tick, None for one that is no copy's."""
     if any(row is None for row in rows):
         return None
-    entries = {tuple((int(at), float(row[at])) for at in np.flatnonzero(row)) for row in rows} - {()}
+    entries = {tuple((int(at), row[at].item()) for at in np.flatnonzero(row)) for row in rows} - {()}
     pairs = [dict(each) for each in entries]
     if len(pairs) != 1 or len(pairs[0]) != 2 or pairs[0].get(state) != -1.0:
         return None

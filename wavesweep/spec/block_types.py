@@ -95,7 +95,7 @@ TYPES = MappingProxyType(
         ),
         "spring": _type(
             "spring and damper between two ends, continuous where these are plants: f1 = k (x2 - x1) + d (v2 - v1), f2 = -f1; "
-            "v1 and v2 need no wires without d",
+            "v1 and v2 need no wires without d, and an end that rests, as at the ground, is x2 and v2 without wires",
             (("x1", "v1", "x2", "v2"), ("f1", "f2")),
             _number("k", "N/m", "stiffness"),
             _number("d", "N*s/m", "damping", 0.0),

@@ -26,8 +26,10 @@ def check(key: Key, value: object) -> float | int | str:
     """
     if key.type == "string":
         return _check_string(key, value)
+    if key.type == "boolean" and isinstance(value, bool):
+        return value
     number = _finite(value)
-    if number is None or (key.type == "integer" and number != math.floor(number)):
+    if number is None or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
         expected = expectation(key)
         if number is None and isinstance(value, (int, float)) and not isinstance(value, bool):
             expected = expected.replace("a number", "a finite number")
@@ -66,8 +68,8 @@ def expectation(key: Key, number: float | None = None) -> str:
     """Describe the values of `key`. If `number` exceeds its upper limit, that limit is named, otherwise the lower one."""
     if key.choices:
         return "one of " + ", ".join(map(show, key.choices))
-    if key.type == "string":
-        return "a string"
+    if key.type in ("string", "boolean"):
+        return "a string" if key.type == "string" else "true or false"
     what = "a whole number" if key.type == "integer" else "a number"
     if key.high is not None and number is not None and number > key.high:
         return f"{what} <= {key.high:g}"

@@ -110,6 +110,9 @@ class _TableReader(KeyReader):
         self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
         bare = [block.name for block in blocks if block.type == "spring" and dict(block.keys)["d"][:2] == ("number", 0.0)]
         self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
+        for name in (block.name for block in blocks if block.type == "spring"):  # to the ground
+            second = [f"{name}.{port}" for port in ("x2", "v2")]
+            self.optional += [] if {*second} & {*tables["wire"]} else second
         self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
         self.signals |= {self.force} if isinstance(self.force, str) else set()
         self.read_signals(tables["signals"])

@@ -166,6 +166,12 @@ def text_of(tree: Tree, least: int = 0) -> str:
     return text if rank >= least else f"({text})"
 
 
+def sum_of(terms: Terms) -> str:
+    """Return a sum of signals times gains as a text."""
+    texts = (text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms)
+    return " + ".join(texts).replace("+ -", "- ")
+
+
 def _unsigned(tree: Tree) -> Tree | None:
     """Return a product or quotient without the sign of its first factor, which is left out if it is -1; None without one."""
     operation, first = tree[0], tree[1]

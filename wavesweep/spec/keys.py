@@ -53,9 +53,9 @@ SYMBOLS = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key: `type` is "number", "integer" or "string"; `default` None means that the key may be absent.
+    """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
 
-    Keys of blocks may also be "boolean", "list" (of numbers), "rows" (lists of numbers) or "ports" (names).
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names).
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
@@ -78,7 +78,7 @@ class Key:
     @property
     def numeric(self) -> bool:
         """Whether the key may be an axis of a sweep."""
-        return self.type != "string"
+        return self.type not in ("string", "boolean")
 
     @property
     def structural(self) -> bool:
@@ -238,6 +238,22 @@ REQUIRE_KEYS = MappingProxyType(
             "s",
             "intervals in which every mode is down to 2 % of its size in this time, which is 3.912 of its time constants",
             high=1e6,
+        ),
+        "sweep.require.damping_ratio": Key(
+            "sweep.require.damping_ratio",
+            "number",
+            None,
+            "1",
+            "intervals in which every mode has at least this damping ratio, from the principal logarithm of its eigenvalue",
+            low=0.001,
+            high=0.999,
+        ),
+        "sweep.require.bounded": Key(
+            "sweep.require.bounded",
+            "boolean",
+            None,
+            "",
+            "of a loop that conserves: intervals in which no mode grows, all being on the unit circle and no two the same",
         ),
     }
 )

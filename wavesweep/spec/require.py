@@ -18,10 +18,15 @@ KNOWN = ", ".join(path.rpartition(".")[2] for path in REQUIRE_KEYS)
 
 @dataclass(frozen=True, slots=True)
 class Require:
-    """The bounds on every mode: its largest eigenvalue of a frame, and the time (s) in which it is down to SETTLED."""
+    """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio.
+
+    bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
+    """
 
     radius: float | None = None
     settling: float | None = None
+    damping_ratio: float | None = None
+    bounded: bool = False
 
     @classmethod
     def of(cls, numbers: Mapping[str, object]) -> Require:
@@ -35,7 +40,7 @@ class Require:
 
     def written(self) -> dict[str, float]:
         """Return the table as a spec could give it."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
+        return {name: value for name, value in asdict(self).items() if value}
 
 
 def build_require(leaves: Mapping[str, Leaf]) -> tuple[Require | None, list[Mistake]]:
@@ -43,7 +48,9 @@ def build_require(leaves: Mapping[str, Leaf]) -> tuple[Require | None, list[Mist
     mistakes = list(_unknown(leaves))
     found, wrong = check_each(REQUIRE_KEYS, {f"{TABLE}.{name}": leaf for name, leaf in leaves.items() if _is_known(name)})
     numbers = {path.rpartition(".")[2]: value for path, value in found.items()}
-    return Require(**numbers) if numbers else None, mistakes + wrong
+    if numbers.get("bounded") and len(numbers) > 1:
+        wrong.append(leaves["bounded"].mistake(f"{TABLE}.bounded", "true alone", "others beside it"))
+    return Require(**numbers) if any(numbers.values()) else None, mistakes + wrong
 
 
 def _is_known(name):
@@ -66,4 +73,8 @@ def words_of(written: Mapping[str, float]) -> str:
         parts.append(f"within {written['radius']:g} per frame")
     if "settling" in written:
         parts.append(f"down to {100 * SETTLED:g} % in {written['settling']:g} s")
+    if "damping_ratio" in written:
+        parts.append(f"of a damping ratio of at least {written['damping_ratio']:g}")
+    if "bounded" in written:
+        parts.append("on the unit circle")
     return f"every mode {' and '.join(parts)}"

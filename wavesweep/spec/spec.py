@@ -16,7 +16,7 @@ from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Nam
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.require import Require
 from wavesweep.spec.resolving import Given, resolve
-from wavesweep.spec.studies import Experiment, Studies, axis_fault
+from wavesweep.spec.studies import Experiment, Studies, axis_fault, fitting
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 
@@ -160,7 +160,11 @@ class Spec:
     @property
     def frequency_hz(self) -> tuple[float, ...]:
         """The frequencies of the responses, in Hz."""
-        return self._studies.frequencies.values
+        return self._frequencies.values
+
+    @property
+    def _frequencies(self) -> Axis:
+        return fitting(self._studies.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz")
 
     @property
     def simulate(self) -> Mapping[str, float | int | str | tuple | None]:
@@ -224,7 +228,7 @@ class Spec:
         tables["sweep"] = {**along, **require, **{axis.name: axis.written() for axis in self.sweep}}
         if self.for_all:
             tables["for_all"] = self.for_all.written()
-        bode = (self._studies.frequencies, *self.bode)
+        bode = (self._frequencies, *self.bode)
         tables["bode"] = {axis.name: axis.written() for axis in bode}
         if self.for_simulation:
             tables["simulate"] = self._experiment().written()

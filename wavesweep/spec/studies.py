@@ -276,6 +276,16 @@ def beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) ->
         yield Leaf(None, frequency.place).mistake(frequency.path, f"numbers <= {expected} (half of {rate})", found)
 
 
+def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axis:
+    """Return the frequencies of [bode], the default ones lower if half the rate is; axes, own, rate: see `beyond_half`."""
+    least = min((axis.start for axis in axes if axis.path == rate), default=own)
+    if frequency is not DEFAULT_FREQUENCIES or frequency.stop <= least / 2:
+        return frequency
+    stop, num = least / 2, len(frequency.values)
+    start = stop * frequency.start / frequency.stop
+    return replace(frequency, values=logarithmic(start, stop, num), start=start, stop=stop)
+
+
 def beyond_limits(study: str, axes: Iterable[Axis], values: Mapping) -> Iterator[Mistake]:
     """Yield the mistakes of axes that leave the range set by the other values of the loop.
 

@@ -1,6 +1,8 @@
 """Stable intervals, with a certificate: exactly along the wall's parameters, through eigenvalues along any other number."""
 
 from wavesweep.stability.along_any import stable_along_any
+from wavesweep.stability.by_discs import along_by_discs
+from wavesweep.stability.discs import Circle, Spiral
 from wavesweep.stability.stable import Intervals, joined, stable_intervals
 
-__all__ = ["Intervals", "joined", "stable_along_any", "stable_intervals"]
+__all__ = ["Circle", "Intervals", "Spiral", "along_by_discs", "joined", "stable_along_any", "stable_intervals"]

@@ -1,4 +1,4 @@
-"""The circle that eigenvalues have to be in: as [sweep] requires, in place of the unit circle."""
+"""Where eigenvalues have to be: as [sweep] requires, in place of the unit circle."""
 
 from dataclasses import dataclass, replace
 
@@ -13,15 +13,24 @@ LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is roun
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """The largest size of the eigenvalues of a drawing's frame: `radius`, and in `settling` (s) a mode is down to SETTLED."""
+    """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
+    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`.
+    """
 
     radius: float = 1.0
     settling: float = np.inf
+    damping_ratio: float = 0.0
+    bounded: bool = False
 
     @classmethod
     def of(cls, require: Require) -> "Bound":
         """What a spec requires of the frames of a drawing."""
-        return cls(require.radius or 1.0, require.settling or np.inf)
+        return cls(require.radius or 1.0, require.settling or np.inf, require.damping_ratio or 0.0, require.bounded)
+
+    @property
+    def of_size(self) -> "Bound | None":
+        """The bounds on the size alone; None if there are none."""
+        return replace(self, damping_ratio=0.0) if self.radius < 1 or self.settling < np.inf else None
 
     def over(self, frames: int) -> "Bound":
         """The same for so many frames in place of one."""

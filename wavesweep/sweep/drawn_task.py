@@ -31,7 +31,7 @@ from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
-from wavesweep.stability import Intervals, joined, stable_along_any
+from wavesweep.stability import Circle, Intervals, Spiral, along_by_discs, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
 from wavesweep.stability.crossings import SLIVER
@@ -265,6 +265,9 @@ class DrawnTask:
 
         Columns in which the search along the circle leaves a doubt are searched by panels.
         """
+        if self.bound and (self.bound.damping_ratio or self.bound.bounded):
+            found, of_size = self._by_discs(values, size), self.bound.of_size
+            return common([found, replace(self, bound=of_size).connected(values, size, opened)]) if of_size else found
         if opened is None or opened.loops.cut is None:
             return self._by_panels(values, size)
         found = self._by_cut(opened)
@@ -303,6 +306,15 @@ class DrawnTask:
         elif self.span[0] <= 0 <= self.span[1]:
             found = self._from_zero(found, loops, period, bounds, values)
         found = self._unshaken(found, period, values, loops)
+        return found if self.number not in self.drawing.rating else self._in_own_time(found, values)
+
+    def _by_discs(self, values, size):
+        """The intervals in which every mode has the damping ratio that is required, or is bounded in a loop that conserves."""
+        drawn, loops = assembled(self.drawing, values), self._loops(values)
+        period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+        bounds = domains(self.drawing, values, self.along, self.span, size)
+        place = Circle() if self.bound.bounded else Spiral(self.bound.damping_ratio)
+        found = along_by_discs(loops.frames, loops.errors, self.span, size, period, bounds, place)
         return found if self.number not in self.drawing.rating else self._in_own_time(found, values)
 
     def _in_own_time(self, found, values):

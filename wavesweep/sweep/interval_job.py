@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 # Seconds per slice and squared order, measured: one polynomial per slice; arcs, which crowded poles of high order need;
 # panels, along any parameter but the wall.
 BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
+BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
@@ -149,7 +150,8 @@ def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | 
     ours = ((drawing, selected(values, [0])) for _, drawing, values in parts[:STRUCTURES])
     costs, ways = zip(*(_cost(spec, drawing, axis, values) for drawing, values in ours), strict=True)
     exact = ways[0] if len({*ways}) == 1 else None
-    job = IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, exact=exact, prove=prove, require=require)
+    cost = BY_DISCS if _takes_discs(require) else costs[0]
+    job = IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, prove=prove, require=require)
     return cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)) if prove else job
 
 
@@ -217,12 +219,22 @@ def at_points(
 
 
 EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
 
 
 def method(job: IntervalJob) -> str:
     """How the intervals of a job are found, in a line."""
-    circle = "; of frames over the required radius, whose unit circle is its circle" if job.require else ""
+    found = EXACT if job.exact else PANELS
     if job.exact is None:
-        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others{circle}"
-    return f"{EXACT if job.exact else PANELS}{circle}"
+        found = f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
+    if job.require and Bound.of(job.require).of_size:
+        found += "; of frames over the required radius, whose unit circle is its circle"
+    if not _takes_discs(job.require):
+        return found
+    discs = DISCS.format("each other and the unit circle" if job.require.bounded else "the spiral of the damping ratio")
+    return f"{discs}; and {found}" if Bound.of(job.require).of_size else discs
+
+
+def _takes_discs(require):
+    return bool(require and (require.damping_ratio or require.bounded))

@@ -8,7 +8,7 @@ from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import scalars
-from wavesweep.spec.expressions import text_of, value_of
+from wavesweep.spec.expressions import sum_of, value_of
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import make_grid, own_loop
@@ -20,6 +20,8 @@ from wavesweep.sweep.workers import choose
 
 PATIENCE = 5.0  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV
+
+SOLVED = "solved within a tick, in which what they read depends on what they give"
 
 
 def plan(spec: Spec) -> list[str]:
@@ -142,6 +144,7 @@ def _drawn_plan(spec):
         *_runs_lines(drawing, drawn),
         *_plant_lines(drawing),
         *_dead_time_lines(drawing, spec.values),
+        *(f"  {SOLVED}: {', '.join(ring)}" for ring in drawn.rings()),
         *_unread_lines(drawing),
         *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
         *_number_lines(spec),
@@ -170,12 +173,12 @@ def _plant_lines(drawing):
     for plant in (each for each in drawing.plants if each.couplings):
         names = [block.name for block in plant.members]
         yield f"  one plant, within which all acts continuously: {', '.join(names)}"
-        yield from (f"    {port}: {_sum(terms)}" for port, terms in plant.couplings)
+        yield from (f"    {port}: {sum_of(terms)}" for port, terms in plant.couplings)
     plants = {block.name for block in drawing.blocks if block.plant}
     for port, terms in drawing.wires:
         sampled = [term for term in terms if term[0].rpartition(".")[0] in plants]
         if sampled and port.rpartition(".")[0] in plants:
-            yield f"  from samples of every tick, and held over it: {port}: {_sum(sampled)}"
+            yield f"  from samples of every tick, and held over it: {port}: {sum_of(sampled)}"
 
 
 def _dead_time_lines(drawing, values):
@@ -191,12 +194,6 @@ def _dead_time_lines(drawing, values):
         parts += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
         parts += [f"is read in ticks by {_listed(readers)}"] if readers else []
         yield f"  {name}: {1e3 * seconds:.6g} ms, {seconds * drawing.rate(values):.6g} ticks; {', '.join(parts)}"
-
-
-def _sum(terms):
-    """A sum of signals times gains as a text."""
-    texts = (text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms)
-    return " + ".join(texts).replace("+ -", "- ")
 
 
 def _unread_lines(drawing):

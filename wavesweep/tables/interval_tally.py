@@ -84,6 +84,7 @@ class IntervalTally:
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
+        self._ends_within = False  # whether an interval ends before the swept range does
         self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
 
     def add(self, columns: Columns) -> None:
@@ -100,6 +101,7 @@ class IntervalTally:
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         self._largest.add(columns["high"], columns)
         self._least.add(-columns["low"], columns)
+        self._ends_within |= bool((columns["high"] < self._range[1]).any())
         begins = columns["low"] == self._range[0]
         self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
         low, high = columns["felt_low"], columns["felt_high"]
@@ -208,8 +210,10 @@ class IntervalTally:
         yield from ((f"  {word}: {DOUBTS[word]}", True) for word in DOUBTS if self._doubts[word])
 
     def largest(self) -> str:
-        """Text: the largest stable value and its place."""
+        """Text: the largest stable value and its place; empty if only the least one says something."""
         found = self._largest_numbers()
+        if self._least_is_asked():
+            return ""
         if found is None:
             known = f"no {self._such()} found, but part of the swept range could not be decided"
             return known if self._doubts and self._hand not in SEARCHED else HANDS[self._hand][2].format(such=self._such())
@@ -223,7 +227,14 @@ class IntervalTally:
         if not found or not largest or (found["value"] == largest["from"] and largest["ended_by"] == "stability"):
             return ""
         value = f"least {self._such()}: {found['value']:.6g}{self._unit(self._along)}"
-        return f"{value}{self._place(found)}{self._doubtful(found)}"
+        goes = "every interval goes" if self._intervals > 1 else "it goes"
+        upwards = f"; {goes} on to {self._range[1]:.6g}, where the swept range ends"
+        return f"{value}{self._place(found)}{self._doubtful(found)}{upwards if self._least_is_asked() else ''}"
+
+    def _least_is_asked(self) -> bool:
+        """Whether stability begins within the swept range and ends nowhere in it."""
+        largest = self._largest_numbers()
+        return bool(largest and largest["ended_by"] == "range" and not self._ends_within and self._least_numbers())
 
     def without_gap(self) -> str:
         """Text: the largest value up to which all are stable, and its place; empty if that is the largest stable one."""
@@ -339,8 +350,7 @@ class HandTally:
         if not self._tallies:
             yield self._plain.counts(facts["slices"]), False
             yield from ((text, False) for text in self._plain.slices())
-            yield self._plain.largest(), False
-            texts = self._plain.least(), self._plain.without_gap(), self._plain.stiffest_felt()
+            texts = self._plain.largest(), self._plain.least(), self._plain.without_gap(), self._plain.stiffest_felt()
             yield from ((text, False) for text in texts if text)
             yield self._plain.certified()
             yield from self._plain.meanings()
@@ -348,7 +358,7 @@ class HandTally:
             felt = "" if tally.feels_the_wall() else tally.stiffest_felt()
             # Of rows that are searched none is certified by design: those of a box are proved or not.
             known = "" if hand in SEARCHED else tally.certified()[0]
-            parts = [tally.largest(), tally.without_gap(), felt, known]
+            parts = [tally.largest() or tally.least(), tally.without_gap(), felt, known]
             yield f"{HANDS[hand][0]} ({hand}): {'; '.join(part for part in parts if part)}", False
         if "box" in self._tallies and not self._unsettled:
             yield "every row of the box is proved (settled 1)", False
@@ -387,5 +397,5 @@ class SpecTally:
         """Yield the lines, each with a flag that is true for a warning."""
         for spec, tally in self._tallies.items():
             certified, warning = tally.certified()
-            parts = [tally.largest(), tally.without_gap(), tally.stiffest_felt(), certified]
+            parts = [tally.largest() or tally.least(), tally.without_gap(), tally.stiffest_felt(), certified]
             yield f"{spec}: {'; '.join(part for part in parts if part)}", warning

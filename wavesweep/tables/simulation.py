@@ -134,10 +134,11 @@ def _unsettled(spec, linear, frame):
     radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
     left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
     if left > SETTLED:
+        constant = -frame / spec.tick_hz / log(radius)
         enough = log(SETTLED / 10) / log(radius) * frame / spec.tick_hz
         yield (
-            f"the slowest mode still has {100 * left:.2g} % of its beginning after simulate.settle_s = {settle:g} s, and is "
-            f"part of the response seen; {enough:.3g} s leave {10 * SETTLED:g} % of it"
+            f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {100 * left:.2g} % of its beginning after "
+            f"simulate.settle_s = {settle:g} s, and is part of the response seen; {enough:.3g} s leave {10 * SETTLED:g} % of it"
         )
 
 
