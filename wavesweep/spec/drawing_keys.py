@@ -33,7 +33,7 @@ class KeyReader:
     """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the names that are read.
 
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
-    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, the hand's force and the names in [signals].
+    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, those from outside and the names in [signals].
     meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
     themselves. needed: those of their inputs that they have in any case.
     """
@@ -102,7 +102,7 @@ class KeyReader:
         self.read.update(name for name, _ in names_in(tree))
         known = {*self.numbers, *(self.signals if signals else ())}
         expected = (
-            "the output of a block, a number, or the force of [ports] hand" if signals else "the name of a number in [numbers]"
+            "the output of a block, a number, or a signal from outside that [ports] names" if signals else "the name of a number in [numbers]"
         )
         faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
         for fault in faults:

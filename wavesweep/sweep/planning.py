@@ -185,6 +185,7 @@ def _sum(terms):
 def _unread_lines(drawing):
     """Blocks whose outputs nothing reads, which may be a slip."""
     terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
+    terms += [some for _, some, _ in drawing.outputs]
     read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
     if unread := [block.name for block in drawing.blocks if block.name not in read]:
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
