@@ -102,7 +102,9 @@ class KeyReader:
         self.read.update(name for name, _ in names_in(tree))
         known = {*self.numbers, *(self.signals if signals else ())}
         expected = (
-            "the output of a block, a number, or a signal from outside that [ports] names" if signals else "the name of a number in [numbers]"
+            "the output of a block, a number, or a signal from outside that [ports] names"
+            if signals
+            else "the name of a number in [numbers]"
         )
         faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
         for fault in faults:

@@ -181,6 +181,9 @@ KEYS = MappingProxyType({key.path: key for key in _TABLE})
 
 _SIMULATE = [
     _choice("simulate.input", "sine", "what force the hand exerts", INPUTS),
+    Key(
+        "simulate.from", "string", None, "", "input of a drawn loop that this goes into; by default the hand, or the first one"
+    ),
     _number("simulate.amplitude", 1.0, "N", "size of the force; of noise its standard deviation"),
     _positive("simulate.frequency_hz", None, "Hz", "of the sine; of the stepped sine in turn; of the chirp both ends"),
     _gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
@@ -250,6 +253,8 @@ STUDY_KEYS = MappingProxyType(
         "bode.frequency_hz": Key(
             "bode.frequency_hz", "number", None, "Hz", "frequencies of the responses; 0 for the static limit", low=0.0
         ),
+        "bode.from": Key("bode.from", "string", None, "", "input of a drawn loop whose responses are wanted; by default all"),
+        "bode.to": Key("bode.to", "string", None, "", "output of a drawn loop that they are of; by default all"),
         **SIMULATE_KEYS,
     }
 )
