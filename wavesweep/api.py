@@ -16,7 +16,7 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import assembled, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
-from wavesweep.rows import Columns
+from wavesweep.rows import Columns, joined
 from wavesweep.spec import Axis, Require, Spec, load
 from wavesweep.spec.loading import naming
 from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
@@ -151,16 +151,25 @@ class Loop:
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
         return radius_over(spec, asked).reshape(shape)
 
-    def response(self, frequency_hz: Numbers | None = None, **axes: Numbers) -> DataFrame:
+    def response(
+        self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
+    ) -> DataFrame:
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
         frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
-        axes: see `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt.
+        from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None.
+        If both are, it is the response that the spec's [bode] asks for: of a loop without a hand those between all of them,
+        with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for names that are none, SpecError for
+        a drawn loop without a hand that has no such ports.
+        Accuracy: every row has bounds on its relative errors, or a reason of doubt.
         """
         from wavesweep.sweep.response_job import one_spec
 
         spec, frequency = naming(self.spec, axes), frequencies_asked(self.spec, frequency_hz)
-        return self._frame("bode", one_spec(spec, axes_asked(spec, axes), frequency, self._read(spec)))
+        routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
+        asked = axes_asked(spec, axes)
+        found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])
+        return self._frame("bode-ports" if routes[0] else "bode", found)
 
     def passivity(self, **axes: Numbers) -> DataFrame:
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
@@ -183,8 +192,9 @@ class Loop:
     def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
-        force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: effects
-        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: as for a spec.
+        force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
+        the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
+        Errors: as for a spec.
         """
         from wavesweep.simulation import table
         from wavesweep.sweep.experiment import simulation_of
@@ -205,12 +215,21 @@ class Loop:
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
         return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
 
-    def plot_bode(self, frequency_hz: Numbers | None = None, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+    def plot_bode(
+        self,
+        frequency_hz: Numbers | None = None,
+        *,
+        from_: str | None = None,
+        to: str | None = None,
+        ax: Axes | None = None,
+        **axes: Numbers,
+    ) -> Figure:
         """The figure of responses, as `wavesweep bode` draws it: a matplotlib `Figure`.
 
-        frequency_hz, axes: as for `response`.
+        frequency_hz, from_, to, axes: as for `response`.
         """
-        return _figure(ax, "bode", self.response(frequency_hz, **axes), self.spec)
+        found = self.response(frequency_hz, from_=from_, to=to, **axes)
+        return _figure(ax, "bode-ports" if "from" in found else "bode", found, self.spec)
 
     def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
         """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
@@ -320,6 +339,8 @@ def stability_region(
 
 def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
     """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
+
+    Of drawn loops that ask for them it has the responses between inputs and outputs, with the columns of bode-ports.
 
     sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
     column `spec`. work: as for `zwidth`.

@@ -361,10 +361,10 @@ def test_the_hand_of_a_drawn_loop_is_simulated(write):
     assert load(simulated.tables()).as_simulated().sha256 == simulated.sha256
 
 
-def test_a_simulation_fits_the_tick_and_needs_a_hand(write):
+def test_a_simulation_fits_the_tick_and_needs_something_from_outside(write):
     (line,) = mistakes(write(ARM + "[simulate]\nfrequency_hz = 5000\n"))
     assert line == "a.toml:32:16: simulate.frequency_hz: expected numbers < 5000.0 (half of rates.tick_hz), found 5000.0"
-    with pytest.raises(SpecError, match=r"ports: expected hand = .* where the hand's force acts, found no hand"):
+    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, or hand = .*, found neither"):
         load(write(NETWORK)).as_simulated()
 
 

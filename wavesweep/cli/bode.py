@@ -24,7 +24,7 @@ def command(specs: tuple[str, ...], options: Options) -> None:
     Examples:
       wavesweep bode sweeps/paper/fig6.toml
       wavesweep bode mine.toml other.toml --set 'bode.b=[20, 40]'
-      wavesweep bode motor.toml --set bode.from=ref --set bode.to=speed
+      wavesweep bode sweeps/examples/motor.toml --set bode.from=ref
     """
     from wavesweep.cli.output import produce
     from wavesweep.tables.responses import responses

@@ -24,7 +24,7 @@ from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import PORT
-from wavesweep.sweep.experiment import refuse_what_has_no_hand
+from wavesweep.sweep.experiment import refuse_what_makes_no_loop
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 255
@@ -97,7 +97,7 @@ def exported(spec: Spec) -> dict[str, str]:
     one that responds within the tick, or too many terms; `IllPosedLoopError` if what goes round within a tick has no solution.
     """
     spec = spec.as_simulated()
-    refuse_what_has_no_hand(spec)
+    refuse_what_makes_no_loop(spec)
     loop, effects = loop_of(spec.drawing or loop_drawing(spec.values), spec.values), effects_of(spec)
     refuse(loop, effects)
     loop = loop if effects.wall is None else loop.behind(effects.wall)

@@ -85,9 +85,11 @@ def bode_ports_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> 
     """The same for the rows that are shown of a table, and a sentence about the others."""
     units = sorted(set(columns["unit"].tolist()) - {""})
     several = len(set(columns["spec"].tolist())) > 1
+    rows = zip(*(columns[name].tolist() for name in ("spec", "from", "to", "unit")), strict=True)
     names = [
-        f"{f'{shortened(spec)}: ' * several}{source} to {output}{f' ({printed([unit])})' if len(units) > 1 and unit not in ('', '1') else ''}"
-        for spec, source, output, unit in zip(*(columns[name].tolist() for name in ("spec", "from", "to", "unit")), strict=True)
+        (f"{shortened(spec)}: " if several else "")
+        + with_unit(f"{source} to {output}", printed([unit]) if len(units) > 1 else "")
+        for spec, source, output, unit in rows
     ]
     magnitude = "magnitude, unit of each curve" if len(units) > 1 else with_unit("magnitude", printed(units or [""]))
     panels = ("response_abs", magnitude), ("response_deg", with_unit("phase", "deg"))

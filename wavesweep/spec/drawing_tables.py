@@ -252,10 +252,10 @@ class _TableReader(KeyReader):
         return self.read_hand(table.get("hand", {})), self.read_wall(table.get("wall", {}))
 
     def named_ports(self, side: str, table: Mapping[str, Leaf]) -> dict[str, dict[str, Leaf]]:
-        """Sort the leaves of inputs or outputs: for each name `signal`, and perhaps `unit`. Those without a signal are left out."""
+        """Sort leaves of inputs or outputs: for each name `signal`, and perhaps `unit`; those without a signal are left out."""
         found: dict[str, dict[str, Leaf]] = {}
-        for name, leaf in table.items():
-            name, _, part = name.partition(".")
+        for key, leaf in table.items():
+            name, _, part = key.partition(".")
             path = f"ports.{side}.{name}".rstrip(".")
             if not name or part not in ("", *PORT_PARTS):
                 expected = "one of " + ", ".join(PORT_PARTS) if part else f"a table, NAME = {NAMED[side]}"

@@ -25,7 +25,8 @@ class Sorted:
     """Leaves by the keys and axes that they belong to.
 
     Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
-    simulation's frequencies. Those of [design] and of [sweep] require by their paths below it. route: `from` and `to` of [bode].
+    simulation's frequencies. Those of [design] and of [sweep] require by their paths below it. route: `from` and `to` of
+    [bode].
     """
 
     loop: dict[str, Leaf] = field(default_factory=dict)

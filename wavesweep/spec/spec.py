@@ -87,6 +87,13 @@ class Spec:
         return [self.mistake("ports", expected, "neither")]
 
     @property
+    def entry(self) -> str:
+        """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
+        named = self._studies.experiment.values["from"]
+        signals = [signal for name, signal, _ in self.drawing.inputs if name == named] if self.drawing else []
+        return next(iter((*signals, *(self.drawing.outside if self.drawing else ()))), "")
+
+    @property
     def routes(self) -> tuple[tuple[str, str], ...]:
         """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; none if it asks for the hand's.
 
@@ -116,7 +123,7 @@ class Spec:
         over, under = units[output], units[source]
         if not (over and under):
             return ""
-        if over == under or under == "1":
+        if under in (over, "1"):
             return "1" if over == under else over
         return f"{f'({over})' if '/' in over else over}/{f'({under})' if {'/', '*'} & {*under} else under}"
 

@@ -219,9 +219,8 @@ def usual_frequencies(studies: Studies, hz: float) -> Studies:
     if studies.frequencies is not DEFAULT_FREQUENCIES:
         return studies
     start, stop = (share * hz for share in OF_PORTS)
-    return replace(
-        studies, frequencies=replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
-    )
+    usual = replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
+    return replace(studies, frequencies=usual)
 
 
 def unknown_ends(leaves: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
@@ -230,15 +229,14 @@ def unknown_ends(leaves: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
     drawing: None of a controller, which has a hand alone.
     """
     sides = {"from": drawing.inputs, "to": drawing.outputs} if drawing else {}
-    simulated = {"from": leaf for path, leaf in leaves.simulate.items() if path == "simulate.from"}
-    for table, ends in (("bode", leaves.route), ("simulate", simulated)):
-        for end, leaf in ends.items():
-            known = [each[0] for each in sides.get(end, ())]
-            if leaf.value not in known:
-                what = "an input" if end == "from" else "an output"
-                expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
-                hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
-                yield leaf.mistake(f"{table}.{end}", expected, show(leaf.value), hint)
+    simulated = {path: leaf for path, leaf in leaves.simulate.items() if path == "simulate.from"}
+    for path, leaf in ({f"bode.{end}": leaf for end, leaf in leaves.route.items()} | simulated).items():
+        known = [each[0] for each in sides.get(path.partition(".")[2], ())]
+        if leaf.value not in known:
+            what = "an output" if path == "bode.to" else "an input"
+            expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
+            hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
+            yield leaf.mistake(path, expected, show(leaf.value), hint)
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

@@ -79,7 +79,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     if not specs:
         raise UsageError("responses: expected at least one spec, found none")
     names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
-    routes = [(spec, route) for spec in specs for route in _routes(spec)]
+    routes = [(spec, route) for spec in specs for route in routes_of(spec)]
     if len({route is None for _, route in routes}) > 1:
         raise UsageError("bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both")
     several = [response_job(spec, spec.bode, spec.frequency_hz, names, route=route) for spec, route in routes]
@@ -99,7 +99,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     return Table(kind, partial(_blocks, kind, asked, found), facts, forget=found.forget)
 
 
-def _routes(spec: Spec) -> tuple:
+def routes_of(spec: Spec) -> tuple:
     """The routes of a spec, or None for the hand. Errors: SpecError for a drawn loop without either."""
     if spec.drawing and not spec.drawing.hand and not spec.routes:
         found = "no input" if not spec.drawing.inputs else "no output"
@@ -158,9 +158,9 @@ class BodeTally:
             total + int((new & these).sum())
             for total, these in ((self._diverging, unstable), (self._undecided, ~columns["stable"] & ~unstable))
         )
-        gains = (columns["doubt"] == "rounding") & ("worst_gain" in columns)
-        for name in ("admittance_error", "impedance_error") if "worst_gain" in columns else ():
-            gains &= columns[name] <= SPARED
+        gains = (columns["doubt"] == "rounding") & ("admittance_error" in columns)
+        for name in ("admittance_error", "impedance_error"):
+            gains &= columns.get(name, 0.0) <= SPARED
         self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int(gains.sum())
         self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
         self._unstable.update(columns["spec"][unstable].tolist())
