@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from wavesweep.spec import Spec
 
 Facts = Mapping[str, Any]
+RINGS = 0.5  # damping ratio, below which a mode rings
 
 
 @click.command("check")
@@ -42,8 +43,9 @@ def command(
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
     whether the loop is stable; the range in which it stays so if one number changes and all others are kept; the delay up to
-    which it is stable; the stiffness and the damping that the hand feels; the slowest mode; the norm of the wave channel; the
-    assumptions. A number that the spec does not give has its default, and is marked so.
+    which it is stable; the stiffness and the damping that the hand feels; the slowest mode and, if it rings, the least damped
+    one, with the states that take part most; the norm of the wave channel; the assumptions. A number that the spec does not
+    give has its default, and is marked so.
 
     Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time, and the axes and
     keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop: diagram.png,
@@ -138,7 +140,9 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         wall = spec.drawing is None or spec.drawing.wall is not None
         yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping, wall=wall)}"
     if found["stable"]:
-        yield f"  slowest mode: {_slowest(found['slowest'])}"
+        yield f"  slowest mode: {_mode(found['slowest'])}"
+        if found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS:
+            yield f"  least damped mode: {_mode(found['least_damped'])}"
     if found["channel_norm"] is not None:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
     if found["assumes"] and not first:
@@ -213,11 +217,13 @@ def _felt(felt: Facts, *units: str, wall: bool = True) -> str:
     return " and ".join(known) + ("; negative, as the wall answers late" if late else "")
 
 
-def _slowest(mode: Facts | None) -> str:
+def _mode(mode: Facts | None) -> str:
     if mode is None:
         return "none"
-    return f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}" + (
-        f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else ""
+    return (
+        f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
+        + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
+        + (f"; most in {', '.join(mode['states'])}" if mode["states"] else "")
     )
 
 
