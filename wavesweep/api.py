@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
-from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import assembled, first_of
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.loops.from_drawing import OUTPUT, assembled, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.rows import Columns, joined
@@ -267,22 +267,36 @@ class Loop:
 
         return drawn_into(ax, lambda: diagram(self.spec))
 
-    def to_control(self, output: Literal["position", "displacement"] = "position") -> StateSpace:
-        """The lifted closed loop as a `control.StateSpace`: the hand's forces (N) in the ticks of a frame in, as many outputs,
-        dt of the frame.
+    def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
+        """The closed loop over a frame as a `control.StateSpace`, dt of the frame.
 
-        output: "position" (m), or "displacement" (m), the change of the position in each tick. Position is a state. If the loop
-        drifts, it therefore has a pole at exactly 1, which is no sign of instability. Displacements do not show the drift, and
-        the system from forces to them has no such pole. Errors: UsageError for any other output; SpecError
-        for a loop without a hand.
+        output: "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out; "displacement" (m): the
+        changes of the position in each tick; "outputs": the inputs of [ports] in, each held over the whole frame, and the
+        outputs of [ports] as the first tick of the frame shows them, when its blocks have run. By default "position", or
+        "outputs" of a loop without a hand. So a step response of "outputs" is that of the loop at the frame's starts; for other
+        ticks, and inputs that change within a frame, see `simulate` and `response`.
+        Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no sign of instability.
+        Displacements do not show the drift, and the system from forces to them has no such pole; outputs have it if they show it.
+        Errors: UsageError for any other output; SpecError for a loop without a hand, or without outputs.
         """
         import control
 
-        from wavesweep.response.lifted import displacements, positions
+        from wavesweep.response.lifted import displacements, held_over_frame, positions
         from wavesweep.sweep.drawn_loops import loop_at_hand
 
-        if output not in ("position", "displacement"):
-            raise UsageError(f'output: expected "position" or "displacement", found {output!r}')
+        drawing = self.spec.drawing
+        if output is None:
+            output = "outputs" if drawing and not drawing.hand else "position"
+        if output not in ("position", "displacement", "outputs"):
+            raise UsageError(f'output: expected "position", "displacement" or "outputs", found {output!r}')
+        if output == "outputs":
+            if not (drawing and drawing.inputs and drawing.outputs):
+                expected = "inputs and outputs of a drawn loop, or a hand"
+                raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
+            drawn, names = assembled(*own_loop(self.spec)), [name for name, _, _ in drawing.inputs]
+            shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
+            A, B, C, D = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
+            return control.ss(A, B, C, D, float(drawn.period * drawn.ticks), inputs=names, outputs=list(shown.values()))
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = (positions if output == "position" else displacements)(port, ticks)

@@ -73,7 +73,7 @@ def own_design(spec: Spec, loop=None) -> dict:
 
 
 def _modes(spec, E):
-    """Eigenvalues less 1 of the frame, the slowest first, and the states that take part most in each; without a state one at z = 0."""
+    """Eigenvalues less 1 of the frame, the slowest first, and the states that take part most; without a state one at z = 0."""
     drawing, values = own_loop(spec)
     drift, labels = drift_of(drawing, values), assembled(drawing, values).labels()
     names = [labels[drift.states[index]] for index in drift.kept]
