@@ -261,6 +261,23 @@ class Loop:
         used = load(tables | {"simulate": keys}).as_simulated()
         return _figure(ax, "simulate", self.simulate(force, **options), used)
 
+    def plot_root_locus(self, number: str, values: Numbers | None = None, *, ax: Axes | None = None) -> Figure:
+        """The poles per frame over a number: a matplotlib `Figure`, with the unit circle and the ends of stable intervals.
+
+        number: named as an axis, see `Loop`. values: by default 300 over the span that the spec's [sweep] has for it. Ends,
+        which are certified or marked as not certified, are those between the least and the largest value; a number that
+        decides how the loop is built has none. Errors: UsageError if a spec would not accept a name or a value.
+        """
+        from wavesweep.plots import drawn_into
+        from wavesweep.plots.locus import LOCUS, locus_of
+
+        spec = naming(self.spec, [number])
+        if values is None:
+            span = axis_along(spec, number, None)
+            values = np.linspace(span.start, span.stop, LOCUS)
+        (axis,) = axes_asked(spec, {number: values})
+        return drawn_into(ax, lambda: locus_of(spec, axis))
+
     def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
         """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
         from wavesweep.plots import diagram, drawn_into
@@ -276,7 +293,7 @@ class Loop:
         "outputs" of a loop without a hand. So a step response of "outputs" is that of the loop at the frame's starts; for other
         ticks, and inputs that change within a frame, see `simulate` and `response`.
         Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no sign of instability.
-        Displacements do not show the drift, and the system from forces to them has no such pole; outputs have it if they show it.
+        Displacements do not show the drift, and the system from forces to them has no such pole; outputs that show it do.
         Errors: UsageError for any other output; SpecError for a loop without a hand, or without outputs.
         """
         import control

@@ -125,13 +125,17 @@ def limits(spec: Spec) -> list[dict]:
     return [_limit(spec, name, path) for name, path in names.items()]
 
 
-def _limit(spec, name, path, span=None):
-    value = spec.values[path]
-    wall = spec.wall
+def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
+    """The range about the value of a number in which its stable intervals are looked for."""
+    value, wall = spec.values[path], spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    far = np.clip(FAR * (value or usual), -LARGEST, LARGEST)
-    span = span or tuple(sorted((start, float(far))))
+    low, high = sorted((start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))))
+    return low, high
+
+
+def _limit(spec, name, path, span=None):
+    value, span = spec.values[path], span or searched(spec, name, path)
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
