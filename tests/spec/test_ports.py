@@ -69,7 +69,12 @@ def test_a_loop_without_a_hand_has_frequencies_of_its_own_rate_and_a_step():
         ({"inputs": {"a": "ref", "b": "ref"}}, "ports.inputs.b", "a signal of its own", '"ref" again'),
         ({"inputs": {"x": "ref"}}, "ports.inputs.x", "nor the name of a column", '"x"'),
         ({"inputs": {"ref": {"unit": "rad"}}}, "ports.inputs.ref", "a signal, a signal from outside", "none"),
-        ({"inputs": {"ref": {"signal": "ref", "units": "rad"}}}, "ports.inputs.ref.units", "one of signal, unit", "an unknown key"),
+        (
+            {"inputs": {"ref": {"signal": "ref", "uni": "rad"}}},
+            "ports.inputs.ref.uni",
+            "one of signal, unit",
+            "an unknown key",
+        ),
         ({"inputs": "ref"}, "ports.inputs", "a table, NAME = a signal from outside", '"ref"'),
         ({"outputs": {"ref": "motor.v"}}, "ports.outputs.ref", "another name than that of an input", '"ref"'),
         ({"outputs": {"y": "motor.w"}}, "ports.outputs.y", "an output of motor: motor.v or motor.x", '"motor.w"'),
@@ -95,7 +100,7 @@ def test_ends_that_a_loop_does_not_have_are_mistakes():
 
 
 def test_a_loop_that_nothing_reaches_is_not_simulated():
-    with pytest.raises(SpecError, match="ports: expected inputs = .*, found neither"):
+    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, found neither"):
         load(tomllib.loads(NETWORK)).as_simulated()
 
 

@@ -302,6 +302,7 @@ def random_network(seed, count=20, chain=False):
     wire["m.f"] = f"h - k*b{count - 2}.y + d*b{count // 2}.y - (k0 + d)*b{count - 4}.y - d*m.v - k0*m.x"
     return {**tables, "block": block, "wire": wire}
 
+
 # A motor's speed under a PI controller that runs every 5 ticks from tick 2 on; a disturbance, and a position that drifts.
 DRIVE = """
 [rates]

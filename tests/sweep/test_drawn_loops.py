@@ -461,7 +461,8 @@ def test_check_names_schedule_methods_and_refusals():
         "passivity: hand's port of 3 loops",
     ):
         assert text in lines
-    assert "bode, passivity, simulate: not possible, [ports] names neither a hand nor inputs" in "\n".join(plan(load(tomllib.loads(NETWORK))))
+    lines = "\n".join(plan(load(tomllib.loads(NETWORK))))
+    assert "bode, passivity, simulate: not possible, [ports] names neither a hand nor inputs" in lines
 
 
 def test_a_response_at_rest_is_that_of_the_springs():

@@ -123,9 +123,13 @@ class Loop:
         return found[0] if len(found) == 1 else ""
 
     def readers(self, signal: str) -> list[Rhythm]:
-        """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick."""
+        """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick.
+
+        What only shows it reads nothing.
+        """
         ports = self.ports
-        read = [port for port, terms in self.wires.items() if any(name == signal for _, name in terms)]
+        wires = {port: terms for port, terms in self.wires.items() if not port.startswith(SEEN)}
+        read = [port for port, terms in wires.items() if any(name == signal for _, name in terms)]
         return [ports[port].rhythm if port in ports else Rhythm() for port in read]
 
     def behind(self, position: float) -> Loop:
@@ -177,14 +181,14 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     named = {name if name not in RUN_COLUMNS else f"signals.{name}": some for name, some in drawing.named}
     named |= {name: some for name, some, _ in drawing.outputs}
     taken = [name for name, _, _ in drawing.inputs]
-    terms |= {SEEN + name: some for name, some in named.items() if name not in taken}
     wall, shares = _wall_of(drawing, terms, known) if drawing.wall else (None, {})
     beside = known | dict.fromkeys(wall.names if wall else (), 0.0)
     wires, away = (
         {port: (*_valued(each, numbers), *((share, FORCE) for share in shares.get(port, ()))) for port, each in terms.items()}
         for numbers in (beside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0))
     )
-    inside = drawing.inside
+    seen = {SEEN + name: _valued(some, known) for name, some in named.items() if name not in taken}
+    inside, wires, away = drawing.inside, wires | seen, away | seen
     wires, away = (
         {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sum_) for port, sum_ in each.items()}
         for each in (wires, away)
