@@ -180,11 +180,11 @@ _TABLE = [
 KEYS = MappingProxyType({key.path: key for key in _TABLE})
 
 _SIMULATE = [
-    _choice("simulate.input", "sine", "what force the hand exerts", INPUTS),
+    _choice("simulate.input", "sine", "what force the hand exerts, or what comes from another input; by default a step if there is no hand", INPUTS),
     Key(
         "simulate.from", "string", None, "", "input of a drawn loop that this goes into; by default the hand, or the first one"
     ),
-    _number("simulate.amplitude", 1.0, "N", "size of the force; of noise its standard deviation"),
+    _number("simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"),
     _positive("simulate.frequency_hz", None, "Hz", "of the sine; of the stepped sine in turn; of the chirp both ends"),
     _gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
     _whole("simulate.periods", 5, "least whole periods in which a stepped sine is measured", low=1, high=10_000),
