@@ -3,6 +3,7 @@
 import tomllib
 
 import control
+import mpmath as mp
 import numpy as np
 import pytest
 from support.drawn import DRIVE, WALL, drive
@@ -121,3 +122,38 @@ def test_to_control_of_one_rate_is_python_controls():
     found = wavesweep.compile(tables).to_control("outputs")
     z = np.exp(1j * np.array([0.01, 0.3, 2.0]))
     np.testing.assert_allclose(found(z)[0, 0], wanted(z), rtol=1e-10)
+
+
+def at_50_digits(frequency, source):
+    """Speed, torque and `twice` of DRIVE under a sine, from the periodic state of its frame."""
+    T, J, d, kp, g = mp.mpf(1) / 1000, mp.mpf(0.02), mp.mpf(0.05), mp.mpf(0.5), mp.mpf(8.0) * mp.mpf(0.005)
+    a, w = mp.exp(-d * T / J), mp.expjpi(2 * mp.mpf(frequency) * T)
+
+    def frame(state, size):
+        (v, s, y), shown = state, []
+        for k in range(5):
+            ref, load = (size * w**k * (source == name) for name in ("ref", "load"))
+            if k == 2:
+                y, s = kp * (ref - v) + g * s, s + ref - v
+            shown.append((v, y, v + ref))
+            v = a * v + (1 - a) / d * (y - load)
+        return mp.matrix([v, s, y]), shown
+
+    A = mp.matrix(3, 3)
+    for i in range(3):
+        A[:, i] = frame([mp.mpf(i == j) for j in range(3)], 0)[0]
+    start = mp.lu_solve(w**5 * mp.eye(3) - A, frame([mp.mpf(0)] * 3, 1)[0])
+    shown = frame(list(start), 1)[1]
+    return [complex(mp.fsum(row[i] * w**-k for k, row in enumerate(shown)) / 5) for i in range(3)]
+
+
+@pytest.mark.parametrize("source", ["ref", "load"])
+def test_bounds_hold_at_50_digits(source):
+    mp.mp.dps = 50
+    frequencies = [0.01, 2.0, 81.0, 317.0, 499.0]
+    found = loop().response(frequencies, from_=source)
+    wanted = np.array([at_50_digits(frequency, source) for frequency in frequencies])
+    for name, each in zip(("speed", "torque", "twice"), wanted.T, strict=True):
+        rows = found[found.to == name]
+        assert (abs(value(rows) - each) <= rows.response_error * abs(each)).all()
+        assert rows.response_error.max() < 1e-10

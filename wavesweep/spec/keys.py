@@ -180,7 +180,12 @@ _TABLE = [
 KEYS = MappingProxyType({key.path: key for key in _TABLE})
 
 _SIMULATE = [
-    _choice("simulate.input", "sine", "what force the hand exerts, or what comes from another input; by default a step if there is no hand", INPUTS),
+    _choice(
+        "simulate.input",
+        "sine",
+        "what force the hand exerts, or what comes from another input; by default a step if there is no hand",
+        INPUTS,
+    ),
     Key(
         "simulate.from", "string", None, "", "input of a drawn loop that this goes into; by default the hand, or the first one"
     ),

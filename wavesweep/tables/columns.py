@@ -112,7 +112,7 @@ def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
     spec = (facts or {}).get("spec", {})
-    found = {}
+    found: dict[str, Field] = {}
     for name, text in spec.get("signals", {}).items():
         fields = (Field(each, "number", "", f"{name}: {text}") for each in (name, f"signals.{name}"))
         found |= {each.name: each for each in fields}
