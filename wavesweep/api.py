@@ -312,10 +312,9 @@ class Loop:
                 raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
             drawn, names = assembled(*own_loop(self.spec)), [name for name, _, _ in drawing.inputs]
             shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
-            A, B, C, D = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
-            return control.ss(
-                A, B, C, D, float(np.asarray(drawn.period)) * drawn.ticks, inputs=names, outputs=list(shown.values())
-            )
+            parts = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
+            period = float(np.asarray(drawn.period)) * drawn.ticks
+            return control.ss(*parts, period, inputs=names, outputs=list(shown.values()))
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = (positions if output == "position" else displacements)(port, ticks)

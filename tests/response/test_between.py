@@ -22,7 +22,7 @@ def value(table):
     return table.response_re.to_numpy() + 1j * table.response_im.to_numpy()
 
 
-def marched(frequency, source, ticks=20_000):
+def marched(frequency, source, ticks=6000):
     """Components at the frequency of a sine in the last frame, when all has settled but for the angle that drifts."""
     tick = np.exp(2j * np.pi * frequency * 0.001 * np.arange(ticks))
     inputs = [tick if source == name else 0 * tick for name in ("ref", "load")]

@@ -12,8 +12,8 @@ def command(spec: str, options: Options) -> None:
     """Simulate the loop tick by tick, optionally with contact, friction and hardware limits.
 
     SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not have: a
-    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a sine
-    or a stepped sine, the response estimated from it is written as a second table, simulate-response.
+    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a
+    sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
 
     Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
     its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.

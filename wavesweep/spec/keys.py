@@ -183,7 +183,7 @@ _SIMULATE = [
     _choice(
         "simulate.input",
         "sine",
-        "what force the hand exerts, or what comes from another input; by default a step if there is no hand",
+        "force of the hand, or signal of another input; without a hand a step by default",
         INPUTS,
     ),
     Key(
