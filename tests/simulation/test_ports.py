@@ -1,6 +1,7 @@
 """Simulations from any input of a drawn loop, against a march in plain numpy, and the columns of their table."""
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,3 +82,18 @@ def test_the_figure_has_a_panel_for_each_output_and_one_for_signals():
     titles = [axes.get_ylabel() for axes in canvas.axes if axes.get_ylabel()]
     assert titles == ["speed (rad/s)", "angle (rad)", "torque (N·m)", "twice", "signals"]
     assert [line.get_label() for line in canvas.axes[2].get_lines()] == ["torque", "load"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["ref", "load"])
+def test_a_settled_sine_has_the_components_of_the_response(source):
+    """Of a plant of several blocks, whose current acts on it continuously, behind a controller of every tenth tick."""
+    path = Path(__file__).parents[2] / "sweeps" / "examples" / "motor.toml"
+    own = wavesweep.compile(load(path, [f"simulate.from={source}"]))
+    k, f = np.arange(24_000), 170.0
+    parts = [own.simulate(wave(2 * np.pi * f * k / 10_000)).iloc[-1000:] for wave in (np.cos, np.sin)]
+    found = own.response(f, from_=source).set_index("to")
+    for name in ("speed", "current"):
+        tick = (parts[0][name] + 1j * parts[1][name]).to_numpy() * np.exp(-2j * np.pi * f * k[-1000:] / 10_000)
+        wanted = tick.mean()  # of a hundred frames
+        assert found.response_re[name] + 1j * found.response_im[name] == pytest.approx(wanted, rel=1e-9)
