@@ -143,7 +143,7 @@ def tables() -> str:
                 f"`{each.name}`",
                 each.kind,
                 _unit(each.unit),
-                _plain(each.description) + " (with guarantees for hands)" * each.optional,
+                _plain(each.description) + " (with guarantees for hands)" * (each.optional and name.endswith("-hands")),
             )
             for each in fields
         ]

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
-from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import assembled, first_of
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.loops.from_drawing import OUTPUT, assembled, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
-from wavesweep.rows import Columns
+from wavesweep.rows import Columns, joined
 from wavesweep.spec import Axis, Require, Spec, load
 from wavesweep.spec.loading import naming
 from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
@@ -152,16 +152,37 @@ class Loop:
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
         return radius_over(spec, asked).reshape(shape)
 
-    def response(self, frequency_hz: Numbers | None = None, **axes: Numbers) -> DataFrame:
+    def poles(self) -> DataFrame:
+        """The closed-loop poles of the loop's own numbers: a DataFrame, a row per pole, the slowest first, without what drifts.
+
+        Columns: `z_re` and `z_im` per frame and their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s = log(z)/T`, T the period
+        of the frame; `frequency_hz`, `damping_ratio` and `time_constant_s` of s; `states`, the states that take part most,
+        by participation factors. A frame shows only an image of a frequency above half its rate.
+        Accuracy: that of eigenvalues in double precision; intervals and the spectral radius say when rounding hides them.
+        """
+        from wavesweep.sweep.poles import UNITS, poles
+
+        return frame(poles(self.spec), UNITS)
+
+    def response(
+        self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
+    ) -> DataFrame:
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
         frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
-        axes: see `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt.
+        from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None.
+        If both are, it is the response that the spec's [bode] asks for: of a loop without a hand those between all of them,
+        with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for names that are none, SpecError for
+        a drawn loop without a hand that has no such ports.
+        Accuracy: every row has bounds on its relative errors, or a reason of doubt.
         """
         from wavesweep.sweep.response_job import one_spec
 
         spec, frequency = naming(self.spec, axes), frequencies_asked(self.spec, frequency_hz)
-        return self._frame("bode", one_spec(spec, axes_asked(spec, axes), frequency, self._read(spec)))
+        routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
+        asked = axes_asked(spec, axes)
+        found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])
+        return self._frame("bode-ports" if routes[0] else "bode", found)
 
     def passivity(self, **axes: Numbers) -> DataFrame:
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
@@ -184,8 +205,9 @@ class Loop:
     def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
-        force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: effects
-        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: as for a spec.
+        force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
+        the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
+        Errors: as for a spec.
         """
         from wavesweep.simulation import table
         from wavesweep.sweep.experiment import simulation_of
@@ -206,12 +228,21 @@ class Loop:
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
         return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
 
-    def plot_bode(self, frequency_hz: Numbers | None = None, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+    def plot_bode(
+        self,
+        frequency_hz: Numbers | None = None,
+        *,
+        from_: str | None = None,
+        to: str | None = None,
+        ax: Axes | None = None,
+        **axes: Numbers,
+    ) -> Figure:
         """The figure of responses, as `wavesweep bode` draws it: a matplotlib `Figure`.
 
-        frequency_hz, axes: as for `response`.
+        frequency_hz, from_, to, axes: as for `response`.
         """
-        return _figure(ax, "bode", self.response(frequency_hz, **axes), self.spec)
+        found = self.response(frequency_hz, from_=from_, to=to, **axes)
+        return _figure(ax, "bode-ports" if "from" in found else "bode", found, self.spec)
 
     def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
         """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
@@ -231,28 +262,60 @@ class Loop:
         used = load(tables | {"simulate": keys}).as_simulated()
         return _figure(ax, "simulate", self.simulate(force, **options), used)
 
+    def plot_root_locus(self, number: str, values: Numbers | None = None, *, ax: Axes | None = None) -> Figure:
+        """The poles per frame over a number: a matplotlib `Figure`, with the unit circle and the ends of stable intervals.
+
+        number: named as an axis, see `Loop`. values: by default 300 over the span that the spec's [sweep] has for it. Ends,
+        which are certified or marked as not certified, are those between the least and the largest value; a number that
+        decides how the loop is built has none. Errors: UsageError if a spec would not accept a name or a value.
+        """
+        from wavesweep.plots import drawn_into
+        from wavesweep.plots.locus import LOCUS, locus_of
+
+        spec = naming(self.spec, [number])
+        if values is None:
+            span = axis_along(spec, number, None)
+            values = np.linspace(span.start, span.stop, LOCUS)
+        (axis,) = axes_asked(spec, {number: values})
+        return drawn_into(ax, lambda: locus_of(spec, axis))
+
     def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
         """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
         from wavesweep.plots import diagram, drawn_into
 
         return drawn_into(ax, lambda: diagram(self.spec))
 
-    def to_control(self, output: Literal["position", "displacement"] = "position") -> StateSpace:
-        """The lifted closed loop as a `control.StateSpace`: the hand's forces (N) in the ticks of a frame in, as many outputs,
-        dt of the frame.
+    def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
+        """The closed loop over a frame as a `control.StateSpace`, dt of the frame.
 
-        output: "position" (m), or "displacement" (m), the change of the position in each tick. Position is a state. If the loop
-        drifts, it therefore has a pole at exactly 1, which is no sign of instability. Displacements do not show the drift, and
-        the system from forces to them has no such pole. Errors: UsageError for any other output; SpecError
-        for a loop without a hand.
+        output: "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out; "displacement" (m): the
+        changes of the position in each tick; "outputs": the inputs of [ports] in, each held over the whole frame, and the
+        outputs of [ports] as the first tick of the frame shows them, when its blocks have run. By default "position", or
+        "outputs" of a loop without a hand. So a step response of "outputs" is that of the loop at the frame's starts; for other
+        ticks, and inputs that change within a frame, see `simulate` and `response`.
+        Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no sign of instability.
+        Displacements do not show the drift, and the system from forces to them has no such pole; outputs that show it do.
+        Errors: UsageError for any other output; SpecError for a loop without a hand, or without outputs.
         """
         import control
 
-        from wavesweep.response.lifted import displacements, positions
+        from wavesweep.response.lifted import displacements, held_over_frame, positions
         from wavesweep.sweep.drawn_loops import loop_at_hand
 
-        if output not in ("position", "displacement"):
-            raise UsageError(f'output: expected "position" or "displacement", found {output!r}')
+        drawing = self.spec.drawing
+        if output is None:
+            output = "outputs" if drawing and not drawing.hand else "position"
+        if output not in ("position", "displacement", "outputs"):
+            raise UsageError(f'output: expected "position", "displacement" or "outputs", found {output!r}')
+        if output == "outputs":
+            if not (drawing and drawing.inputs and drawing.outputs):
+                expected = "inputs and outputs of a drawn loop, or a hand"
+                raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
+            drawn, names = assembled(*own_loop(self.spec)), [name for name, _, _ in drawing.inputs]
+            shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
+            parts = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
+            period = float(np.asarray(drawn.period)) * drawn.ticks
+            return control.ss(*parts, period, inputs=names, outputs=list(shown.values()))
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = (positions if output == "position" else displacements)(port, ticks)
@@ -321,6 +384,8 @@ def stability_region(
 
 def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
     """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
+
+    Of drawn loops that ask for them it has the responses between inputs and outputs, with the columns of bode-ports.
 
     sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
     column `spec`. work: as for `zwidth`.

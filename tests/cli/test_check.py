@@ -44,7 +44,10 @@ def test_a_stable_design_is_told_its_room_and_its_feel(check):
         "  stable at every value searched: B_VE 0 to 10 N*s/m, Kp 0 to 200 N^(1/2)*m^(-1/2)*s^(-1/2)",
         "  delay = 1 of 20 ticks: stable up to 8 ticks",
         "  felt at low frequency: 293.093 N/m and -0.4669 N*s/m; negative, as the wall answers late",
-        "  slowest mode: falls to 1/e in 0.3079 s, damping ratio 0.0785, 6.565 Hz",
+        (
+            "  slowest mode: falls to 1/e in 0.3079 s, damping ratio 0.0785, 6.565 Hz; "
+            "most in avatar position, filter lp1, device velocity"
+        ),
         "  wave channel: norm 1.053277 (passive up to 1)",
         "  assumes: explicit integration of the wall, delay of 1 of 20 ticks, velocity from differences of position",
     ]

@@ -82,7 +82,7 @@ def test_keys_for_set_are_completed(complete):
     assert complete("zwidth", "a.toml", "--set", "contr") == ["controller.kind=", "controller.b=", "controller.Kp="]
     offered = complete("zwidth", "a.toml", "--set", "")
     assert {f"{name}=" for name in (*KEYS, *SIMULATE_KEYS, *SYMBOLS, "sweep.along")} <= set(offered)
-    assert complete("bode", "a.toml", "b.toml", "--set", "bode.fr") == ["bode.frequency_hz="]
+    assert complete("bode", "a.toml", "b.toml", "--set", "bode.fre") == ["bode.frequency_hz="]
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ type = "delay"
         (("--set", "block.n"), ["block.net.steps=", "block.net.seconds=", "block.net.every=", "block.net.phase="]),
         (("--set", "sweep.k"), ["sweep.kp=", "sweep.kd="]),
         (("--set", "bode.k"), ["bode.kp=", "bode.kd="]),
-        (("--set", "bode.f"), ["bode.frequency_hz="]),
+        (("--set", "bode.f"), ["bode.frequency_hz=", "bode.from="]),
         (("--set", "sweep.block.arm.m"), ["sweep.block.arm.mass="]),
         (("--set", "sweep.block.arm.t"), []),
         (("--set", "rates."), ["rates.tick_hz="]),

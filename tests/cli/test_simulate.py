@@ -9,6 +9,7 @@ import pytest
 
 import wavesweep as library
 from wavesweep import results
+from wavesweep.tables import kind_named
 from wavesweep.tables.simulation import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
@@ -50,7 +51,7 @@ def test_a_sine_gives_two_tables_and_their_figures(simulate):
 def test_the_table_reads_back_with_missing_signals(simulate, suffix):
     simulate()
     columns = results.read(f"there/simulate{suffix}")
-    assert list(columns) == [field.name for field in results.fields("simulate")]
+    assert list(columns) == [field.name for field in kind_named("simulate").fields]
     assert len(columns["tick"]) == 500
     assert np.isnan(columns["v_2"]).all()
     assert columns["touching"].dtype == bool

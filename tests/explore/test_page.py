@@ -191,7 +191,7 @@ def test_a_saved_page_says_which_table_cannot_be_had_and_why():
     intervals, responses = data_of(saved_page(load(drawn)))["report"]
     assert intervals["rows"] == 1
     assert (responses["title"], "kind" in responses) == ("Responses", False)
-    assert "expected hand = {" in responses["error"]
+    assert "expected inputs and outputs, or hand = {" in responses["error"]
 
 
 @pytest.mark.slow

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drawn import as_blocks
+from support.drawn import DRIVE, as_blocks, drive
 from support.exports import COMPILERS, LEVELS, made, present, written
 
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.export import exported
 from wavesweep.export.source import _identifiers
+from wavesweep.spec import load
 from wavesweep.sweep.experiment import simulation_of
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
@@ -132,3 +133,17 @@ def test_no_bit_differs_with_effects_of_a_device(kind, delay, tmp_path):
     written(as_blocks(spec.values) | {"simulate": {"input": "noise", "duration_s": 1.0, "amplitude": 4.0} | effects}, tmp_path)
     code, said = made(tmp_path, "check", "gcc", "-O2")
     assert (code, said[-16:]) == (0, " no bit differs\n"), said
+
+
+def test_a_loop_without_a_hand_has_its_inputs_in_the_controller():
+    tables = tomllib.loads(DRIVE) | {"simulate": {"duration_s": 0.5}}
+    files = exported(load(tables))
+    header, *rows = files["vectors.csv"].splitlines()
+    assert header == "tick,motor_v,ref,load,motor_f"
+    given = [[float.fromhex(each) for each in row.split(",")[1:]] for row in rows]
+    inputs = np.array([row[1:3] for row in given]).T
+    speed, _, torque, _ = drive(inputs)
+    np.testing.assert_allclose(np.array(given)[:, 0], speed, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.array(given)[:, 3], torque - inputs[1], rtol=0, atol=1e-12)
+    assert "in.ref = given;" in files["example.c"]
+    assert "in.load = 0.0;" in files["example.c"]

@@ -22,7 +22,7 @@ def simulation(kind="pmw-lm", **simulate):
 
 
 def _facts(kind):
-    return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind}}}
+    return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind, "at_s": 0.1}}}
 
 
 @pytest.mark.thorough
@@ -64,7 +64,7 @@ def test_the_detail_is_where_contact_changes(force):
 
 @pytest.mark.parametrize(("kind", "start"), [("step", 0), ("noise", 1200)])
 def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kind, start):
-    columns = {"tick": np.arange(2000), "touching": np.ones(2000, dtype=bool)}
+    columns = {"tick": np.arange(2000), "time_s": 1e-3 * np.arange(2000), "touching": np.ones(2000, dtype=bool)}
     assert _spans(columns, _facts(kind))[1] == slice(start, start + 800)
 
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.results import fields
 from wavesweep.simulation import hand_force, simulated, table
 from wavesweep.spec import load
+from wavesweep.tables import kind_named
 
 
 def spec(kind="pmw-lm", **simulate):
@@ -122,7 +122,7 @@ def test_a_call_that_makes_no_sense_is_refused(force, changes, words):
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
 def test_the_table_has_the_same_columns_for_every_controller(kind):
     columns = table(simulated(spec(kind, late=3, dropped=0.2)))
-    assert list(columns) == [field.name for field in fields("simulate")]
+    assert list(columns) == [field.name for field in kind_named("simulate").fields]
     assert {len(column) for column in columns.values()} == {500}
     missing = {name for name, column in columns.items() if np.isnan(column).any()}
     waves = {"u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s"}

@@ -116,7 +116,7 @@ def test_the_stiffness_of_the_wall_is_k_ve():
         sweep_axes(load(tomllib.loads(PD)), "K_VE")
 
 
-SOURCE = "the output of a block, a number, or the force of [ports] hand"
+SOURCE = "the output of a block, a number, or a signal from outside that [ports] names"
 LINEAR = "arithmetic that is linear in the signals"
 TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
 
@@ -361,10 +361,10 @@ def test_the_hand_of_a_drawn_loop_is_simulated(write):
     assert load(simulated.tables()).as_simulated().sha256 == simulated.sha256
 
 
-def test_a_simulation_fits_the_tick_and_needs_a_hand(write):
+def test_a_simulation_fits_the_tick_and_needs_something_from_outside(write):
     (line,) = mistakes(write(ARM + "[simulate]\nfrequency_hz = 5000\n"))
     assert line == "a.toml:32:16: simulate.frequency_hz: expected numbers < 5000.0 (half of rates.tick_hz), found 5000.0"
-    with pytest.raises(SpecError, match=r"ports: expected hand = .* where the hand's force acts, found no hand"):
+    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, or hand = .*, found neither"):
         load(write(NETWORK)).as_simulated()
 
 
@@ -479,7 +479,7 @@ def test_numbers_may_follow_from_others_and_signals_have_names(write):
         ),
         ([("w*slow", "w*slow*slow")], "26:29: signals.braking", LINEAR, "the product of the signals net.y and net.y"),
         ([("+ w*slow", "")], "27:1: signals.slow", "a signal that an expression reads", "one that nothing reads"),
-        ([("slow", "mass")], "27:1: signals.mass", f"{NAME}, and no number, function or force either", '"mass"'),
+        ([("slow", "mass")], "27:1: signals.mass", f"{NAME}, and no number, function or signal from outside either", '"mass"'),
         ([('"0*net.y"', "0")], "27:8: signals.slow", "an expression in quotes", "0"),
         (
             [('"arm.v"\nb', '"arm.pos"\nb')],

@@ -301,3 +301,58 @@ def random_network(seed, count=20, chain=False):
         wire[f"{name}.u"] = " + ".join(str(r.choice(["g*", "", "(-k0)*"])) + source for source in sources)
     wire["m.f"] = f"h - k*b{count - 2}.y + d*b{count // 2}.y - (k0 + d)*b{count - 4}.y - d*m.v - k0*m.x"
     return {**tables, "block": block, "wire": wire}
+
+
+# A motor's speed under a PI controller that runs every 5 ticks from tick 2 on; a disturbance, and a position that drifts.
+DRIVE = """
+[rates]
+tick_hz = 1000
+[numbers]
+kp = 0.5
+ki = 8.0
+[block.motor]
+type = "inertia"
+inertia = 0.02
+damping = 0.05
+[block.control]
+type = "ss"
+every = 5
+phase = 2
+discrete = true
+A = [[1]]
+B = [[1]]
+C = [["ki*0.005"]]
+D = [["kp"]]
+[signals]
+error = "ref - motor.v"
+[wire]
+"control.u" = "error"
+"motor.f" = "control.y - load"
+[ports.inputs]
+ref = { signal = "ref", unit = "rad/s" }
+load = { signal = "load", unit = "N*m" }
+[ports.outputs]
+speed = { signal = "motor.v", unit = "rad/s" }
+angle = { signal = "motor.x", unit = "rad" }
+torque = { signal = "control.y", unit = "N*m" }
+twice = "2*motor.v + error"
+[sweep]
+along = "kp"
+kp = { start = 0.01, stop = 50 }
+"""
+
+
+def drive(inputs, kp=0.5, ki=8.0):
+    """Speed, angle, torque and the sum `twice` of DRIVE in every tick, `(4, ticks)`, marched; inputs: ref and load."""
+    T, J, d = 0.001, 0.02, 0.05
+    a = np.exp(-d * T / J)
+    b, c, e = (1 - a) / d, (1 - a) * J / d, (T - (1 - a) * J / d) / d
+    v = x = s = y = 0.0
+    rows = []
+    for k, (ref, load) in enumerate(zip(*inputs, strict=True)):
+        if k % 5 == 2:
+            y, s = kp * (ref - v) + ki * 0.005 * s, s + ref - v
+        rows.append((v, x, y, 2 * v + ref - v))
+        u = y - load
+        x, v = x + c * v + e * u, a * v + b * u
+    return np.array(rows).T

@@ -24,11 +24,13 @@ TABLES = {
     "outputs = { name = expression } } of the same; a block of that type gives its numbers",
     "signals": 'names of signals: NAME = "expression", for wires and ports',
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
-    "the force of the hand; terms between plants act continuously, all others at a plant are held over a tick",
+    "signals from outside; terms between plants act continuously, all others at a plant are held over a tick",
     "ports": (
         "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
         "passivity and simulate; it turns if they are a torque and an angle; "
-        "wall = { stiffness = number, damping = number } for zwidth"
+        "wall = { stiffness = number, damping = number } for zwidth; "
+        "inputs = { NAME = signal }, signals from outside that wires read, and outputs = { NAME = expression }, each perhaps "
+        "{ signal = ..., unit = ... }, for bode, simulate and to_control"
     ),
     "design.vary": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
     "design.wish": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as possible",

@@ -14,16 +14,23 @@ from click.core import ParameterSource
 from wavesweep.cli.options import as_json, debug, folder, formats, override, quiet
 
 if TYPE_CHECKING:
-    from wavesweep.spec import Spec
+    from wavesweep.spec import Axis, Spec
 
 Facts = Mapping[str, Any]
+RINGS = 0.5  # damping ratio, below which a mode rings
 
 
 @click.command("check")
 @click.argument("spec")
 @click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
+@click.option(
+    "--root-locus",
+    "locus",
+    metavar="NUMBER",
+    help="Draw the poles over a number as well, over its range in [sweep], or that in which the verdict looks.",
+)
 @formats
-@folder("Folder for the picture of --plot [default: results/<spec's name>].")
+@folder("Folder for the pictures of --plot and --root-locus [default: results/<spec's name>].")
 @click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable.")
 @override
 @as_json
@@ -32,6 +39,7 @@ Facts = Mapping[str, Any]
 def command(
     spec: str,
     plot: bool,
+    locus: str | None,
     formats: tuple[str, ...],
     out: str | None,
     overrides: tuple[str, ...],
@@ -42,20 +50,22 @@ def command(
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
     whether the loop is stable; the range in which it stays so if one number changes and all others are kept; the delay up to
-    which it is stable; the stiffness and the damping that the hand feels; the slowest mode; the norm of the wave channel; the
-    assumptions. A number that the spec does not give has its default, and is marked so.
+    which it is stable; the stiffness and the damping that the hand feels; the slowest mode and, if it rings, the least damped
+    one, with the states that take part most; the norm of the wave channel; the assumptions. A number that the spec does not
+    give has its default, and is marked so.
 
     Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time, and the axes and
-    keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop: diagram.png,
-    which replaces an earlier one.
+    keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop, diagram.png, and
+    with --root-locus its poles per frame over a number, root-locus.png. Earlier ones are replaced.
 
     \b
     Examples:
       wavesweep check mine.toml --set environment.delay=20
       wavesweep check mine.toml --exit-code --quiet
       wavesweep check mine.toml --plot --format svg
+      wavesweep check sweeps/examples/motor.toml --root-locus kp
     """
-    _refuse_at_odds(plot, out)
+    _refuse_at_odds(plot or locus is not None, out)
     from wavesweep import spec as specs
     from wavesweep.cli.messages import patience, printable
     from wavesweep.sweep.assumptions import over_preset, unusual
@@ -63,6 +73,7 @@ def command(
     from wavesweep.sweep.verdict import verdict
 
     loaded = specs.load(spec, overrides)
+    poles = _axis_of_poles(loaded, locus) if locus is not None else None
     words = f"{loaded.name}: still at work on the ranges of its numbers; long delays take minutes"
     with nullcontext() if switches["quiet"] else patience(words):
         found, lines = verdict(loaded), plan(loaded)
@@ -71,12 +82,12 @@ def command(
 
             lines += study.plan(loaded)
     notices = [*unusual(loaded), *over_preset(loaded)]
-    pictures = _picture(loaded, out, formats) if plot else []
+    pictures = _pictures(loaded, plot, poles, out, formats) if plot or poles else []
     if switches["as_json"]:
         from wavesweep.cli.messages import show_json
 
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
-        files = {"files": [str(path) for path in pictures]} if plot else {}
+        files = {"files": [str(path) for path in pictures]} if pictures else {}
         show_json(summary | {"verdict": found, "plan": lines, "notices": notices} | files)
     elif not switches["quiet"]:
         click.echo(printable("\n".join([*verdict_lines(loaded, found), *(f"  {line}" for line in notices), *lines])))
@@ -90,23 +101,46 @@ def command(
 def _refuse_at_odds(plot: bool, out: str | None) -> None:
     """Raise UsageError for options of the picture without one."""
     if out is not None and not plot:
-        raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
+        raise click.UsageError("--out: expected --plot or --root-locus, since nothing else is written, found none")
     if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
-        raise click.UsageError("--format: expected --plot, since no other figure is drawn, found none")
+        raise click.UsageError("--format: expected --plot or --root-locus, since no other figure is drawn, found none")
 
 
-def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path]:
-    """Draw the loop and write the picture; gives the paths of the files."""
+def _axis_of_poles(spec: Spec, name: str) -> Axis:
+    """The values of a root locus: over the range of a number in [sweep], or that in which the verdict looks."""
+    import numpy as np
+
+    from wavesweep.plots.locus import LOCUS
+    from wavesweep.sweep.asked import axes_asked, key_named
+    from wavesweep.sweep.verdict import searched
+
+    key = key_named(spec, name)
+    of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
+    if of_sweep and of_sweep[0].values:
+        return of_sweep[0]
+    start, stop = (of_sweep[0].start, of_sweep[0].stop) if of_sweep else searched(spec, name, key.path)
+    (axis,) = axes_asked(spec, {name: np.linspace(start, stop, LOCUS)})
+    return axis
+
+
+def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, formats: tuple[str, ...]) -> list[Path]:
+    """Draw the loop, its poles over an axis, or both, and write the pictures; gives the paths of the files."""
     from wavesweep import __version__, plots, results
     from wavesweep.cli.output import refuse_other_things
+    from wavesweep.plots.locus import locus_of
     from wavesweep.plots.style import about_figure, save_all
 
-    directory = Path(out or Path("results", spec.name))
+    directory, figures = Path(out or Path("results", spec.name)), ["diagram"] * plot + ["root-locus"] * (poles is not None)
     results.refuse_unusable(directory)
-    refuse_other_things(*(directory / f"diagram.{form}" for form in formats))
+    refuse_other_things(*(directory / f"{name}.{form}" for name in figures for form in formats))
     plots.refuse_settings()
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
-    return save_all(plots.diagram(spec), directory, "diagram", formats, about_figure("diagram", facts))
+    drawn = (plots.diagram(spec) if name == "diagram" else locus_of(spec, poles) for name in figures)
+    written = (
+        save_all(canvas, directory, name, formats, about_figure(name, facts))
+        for canvas, name in zip(drawn, figures, strict=True)
+    )
+    return [path for paths in written for path in paths]
 
 
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
@@ -116,6 +150,32 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     first = FAVOURABLE in found["assumes"]
     if first:
         yield f"assumes: {found['assumes']}"
+    yield from _stability(spec, found)
+    bounded = [each for each in found["limits"] if _bounded(each)]
+    yield from (f"  {_limit(spec, each)}" for each in bounded)
+    others = [each for each in found["limits"] if each not in bounded]
+    if others:
+        state = "stable" if found["stable"] else "unstable"
+        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
+        yield f"  {state} at every value searched: {spans}"
+    if found["delay"] and found["spectral_radius"] is not None:
+        yield f"  {_delay(found['delay'])}"
+    if found["stable"] and found["felt"]:
+        stiffness, damping = spec.units_felt
+        wall = spec.drawing is None or spec.drawing.wall is not None
+        yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping, wall=wall)}"
+    if found["stable"]:
+        yield f"  slowest mode: {_mode(found['slowest'])}"
+        if found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS:
+            yield f"  least damped mode: {_mode(found['least_damped'])}"
+    if found["channel_norm"] is not None:
+        yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    if found["assumes"] and not first:
+        yield f"  assumes: {found['assumes']}"
+
+
+def _stability(spec: Spec, found: Facts) -> Iterator[str]:
+    """Whether the design is stable, and for all of [for_all]."""
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
     known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
@@ -126,26 +186,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     if spec.drawing and radius == 1:
         yield "  of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
-    bounded = [each for each in found["limits"] if _bounded(each)]
     yield from _for_all(found.get("for_all"))
-    yield from (f"  {_limit(spec, each)}" for each in bounded)
-    others = [each for each in found["limits"] if each not in bounded]
-    if others:
-        state = "stable" if found["stable"] else "unstable"
-        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
-        yield f"  {state} at every value searched: {spans}"
-    if found["delay"] and radius is not None:
-        yield f"  {_delay(found['delay'])}"
-    if found["stable"] and found["felt"]:
-        stiffness, damping = spec.units_felt
-        wall = spec.drawing is None or spec.drawing.wall is not None
-        yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping, wall=wall)}"
-    if found["stable"]:
-        yield f"  slowest mode: {_slowest(found['slowest'])}"
-    if found["channel_norm"] is not None:
-        yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
-    if found["assumes"] and not first:
-        yield f"  assumes: {found['assumes']}"
 
 
 def _for_all(found: Facts | None) -> Iterator[str]:
@@ -222,11 +263,13 @@ def _felt(felt: Facts, *units: str, wall: bool = True) -> str:
     return " and ".join(known) + ("; negative, as the wall answers late" if late else "")
 
 
-def _slowest(mode: Facts | None) -> str:
+def _mode(mode: Facts | None) -> str:
     if mode is None:
         return "none"
-    return f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}" + (
-        f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else ""
+    return (
+        f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
+        + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
+        + (f"; most in {', '.join(mode['states'])}" if mode["states"] else "")
     )
 
 

@@ -38,7 +38,7 @@ COMMANDS = MappingProxyType(
     {
         "zwidth": "Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.",
         "stability-region": "Find the stable intervals along any axis for every combination of the others.",
-        "bode": "Compute transmitted admittance and impedance over frequency, one curve per spec.",
+        "bode": "Compute transmitted admittance and impedance over frequency, or the responses between inputs and outputs.",
         "compare": "Compare the Z-width and the responses of several specs, in a figure and two tables.",
         "simulate": "Simulate the loop tick by tick, optionally with contact, friction and hardware limits.",
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",

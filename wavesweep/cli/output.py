@@ -66,7 +66,7 @@ def produce(
         kept = None if options.to_stdout else checkpoint_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
             tables = compute(specs, **work, progress=report, checkpoint=kept)
-        before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
+        before = None if options.to_stdout else results.existing_facts(tables[0].kind, directory)
         tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
         try:
             finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]

@@ -12,9 +12,11 @@ def command(spec: str, options: Options) -> None:
     """Simulate the loop tick by tick, optionally with contact, friction and hardware limits.
 
     SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not have: a
-    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. A loop that the spec
-    draws has none of these effects, and needs a hand in its [ports]. If the force is a sine or a stepped sine, the response
-    estimated from it is written as a second table, simulate-response.
+    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a
+    sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
+
+    Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
+    its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.
 
     If the linear loop is unstable, the summary, the figure and the facts of the run say so, with its spectral radius, and the
     response is compared with no linear one. The simulation stops before the hand is 1 km away or a force exceeds 1e6 N. The
@@ -24,6 +26,7 @@ def command(spec: str, options: Options) -> None:
     Examples:
       wavesweep simulate sweeps/examples/rig.toml
       wavesweep simulate mine.toml --set simulate.input=step --set device.preset=omni
+      wavesweep simulate sweeps/examples/motor.toml --set simulate.from=load
     """
     from wavesweep.cli.output import produce
     from wavesweep.spec import Spec

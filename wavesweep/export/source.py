@@ -25,7 +25,7 @@ from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import PORT
 from wavesweep.spec.expressions import sum_of
-from wavesweep.sweep.experiment import refuse_what_has_no_hand
+from wavesweep.sweep.experiment import refuse_what_makes_no_loop
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 255
@@ -98,20 +98,20 @@ def exported(spec: Spec) -> dict[str, str]:
     one that responds within the tick, or too many terms; `IllPosedLoopError` if what goes round within a tick has no solution.
     """
     spec = spec.as_simulated()
-    refuse_what_has_no_hand(spec)
+    refuse_what_makes_no_loop(spec)
     loop, effects = loop_of(spec.drawing or loop_drawing(spec.values), spec.values), effects_of(spec)
     refuse(loop, effects)
     loop = loop if effects.wall is None else loop.behind(effects.wall)
     own = controller_of(loop, bool(effects.late or effects.dropped))
-    march = March(loop, effects, (*own.inputs, *own.outputs))
+    march = March(loop, effects, (*own.inputs, *own.outputs), entry := spec.entry or loop.hand)
     signals = march.under(hand_force(spec).force).signals
-    count = len(signals["x"])
+    count = len(signals["time"])
     if not count:
         raise UsageError("export: expected an experiment with at least one tick for the vectors, found none")
     members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
     columns = {"tick": np.arange(count)}
     columns |= {f"late_{g}": _lateness(each, count) for g, each in enumerate(march.results) if own.late}
-    flags, values = _values(spec, own._replace(results=march.results if own.results else []), members)
+    flags, values = _values(spec, own._replace(results=march.results if own.results else []), members, entry)
     return {
         "controller.h": filled("controller.h", flags, values),
         "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
@@ -149,7 +149,8 @@ def controller_of(loop: Loop, late: bool) -> Controller:
     programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
     names = list(ticks.places)
     read = {names[source] for program in programs for _, terms in _lines(program) for _, source in terms}
-    inputs = [f"{part.name}.{port}" for part in plants for port in part.outputs] + list(loop.inputs)
+    inputs = [f"{part.name}.{port}" for part in plants for port in part.outputs]
+    inputs += [*loop.inputs, *(signal for _, signal in loop.entries)]
     pushed = [f"{part.name}.{port}" for part in plants for port in part.inputs]
     outputs = [besides(port) for port in pushed if any(gain and s not in loop.inputs for gain, s in loop.wires.get(port, ()))]
     inputs = [name for name in inputs if name in read]
@@ -222,14 +223,15 @@ def _identifiers(signals: Sequence[str], start: str = "") -> list[str]:
     return list(found)
 
 
-def _values(spec: Spec, own: Controller, members: Mapping[str, str]) -> tuple[dict[str, bool], dict[str, Any]]:
-    """Flags and texts for the templates' names."""
+def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str) -> tuple[dict[str, bool], dict[str, Any]]:
+    """Flags and texts for the templates' names. entry: the signal from outside that the example gives."""
     loop, wall = own.loop, own.loop.wall
     programs = [_function(number, program, own) for number, program in enumerate(own.programs)]
     cases = [
         f"    {f'case {i}' if i else 'default'}:\n        tick_{i}(s);\n        break;" for i in range(len(programs))[::-1]
     ]
     texts = {
+        "entry": f"{entry} = 1 from rest" if spec.drawing else "pushed with 1 N from rest",
         "title": "A controller that a spec draws" if spec.drawing else f"The controller {spec.kind}",
         "version": __version__,
         "name": spec.name.replace("*/", "* /"),
@@ -259,7 +261,7 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str]) -> tuple[di
         "tells": any(each.touches for each in own.results),
         "several": len(programs) > 1,
     }
-    texts |= _signals(own, members, sums_of(spec)) | _results(own) | _host(own, members)
+    texts |= _signals(own, members, sums_of(spec)) | _results(own) | _host(own, members, entry)
     texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
     return flags, constants(numbers) | texts
 
@@ -330,8 +332,8 @@ def _term(number: float, name: str) -> str:
     return f" + {name}" if number == 1.0 else f" - {name}" if number == -1.0 else f" + {factor(number)} * {name}"
 
 
-def _host(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
-    """The texts of the device in the example: what is sensed, what pushes it, and how it moves."""
+def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, str]:
+    """The texts of the device in the example: what is sensed, what pushes it, and how it moves; entry: see `_values`."""
     plants, sensed, pushed, moved, after = [part for part in own.loop.parts if part.plant], [], [], [], []
     names = [f"{part.name}.{name}" for part in plants for name in (*part.law.keeps, *part.inputs)]
     own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
@@ -345,11 +347,13 @@ def _host(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
         for port in (f"{part.name}.{port}" for port in part.inputs):
             share = sum(gain for gain, name in own.loop.wires.get(port, ()) if name in own.loop.inputs)
             force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"
-            pushed.append(f"        {own_names[port]} = {force}{_term(share, 'hand')};")
+            given = _term(share, "given") if entry in own.loop.inputs else ""
+            pushed.append(f"        {own_names[port]} = {force}{given};")
         for i, (name, terms) in enumerate(part.law.keeps.items(), len(moved)):
             moved.append(f"        next[{i}] = {sum_of(part, terms)};")
             after.append(f"        {own_names[f'{part.name}.{name}']} = next[{i}];")
-    sensed += [f"        in.{members[name]} = hand;" for name in own.inputs if name in own.loop.inputs]
+    outside = (*own.loop.inputs, *(signal for _, signal in own.loop.entries))
+    sensed += [f"        in.{members[s]} = {'given' if s == entry else '0.0'};" for s in own.inputs if s in outside]
     shown = [*(f"in.{members[name]}" for name in own.inputs), *(f"out.{members[name]}" for name in own.outputs)]
     return {
         "host": "\n".join(f"    double {name} = 0.0;" for name in own_names.values()),

@@ -22,6 +22,7 @@ from wavesweep.spec.words import FORMULAS
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
 BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
+OUTPUT = "ports.outputs."  # begins the junctions of the outputs
 HAND = "ports.hand."  # keys of the hand's port
 PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
 
@@ -46,7 +47,8 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
             placed = _take_out(drawing, placed, sums, known, out)
         if beside:
             sums[BESIDE] = _factor(dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]], known, beside)
-    inputs = (drawing.hand[0],) if drawing.hand else ()
+    sums |= {OUTPUT + name: _gains(terms, known) for name, terms, _ in drawing.outputs}
+    inputs = drawing.outside
     if drawing.hand:
         for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
             if terms is not None:
@@ -223,12 +225,12 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     """The path of the only wire that is not within a plant, of the factor of the only gain, or of the output of the only word
     of firmware that reads a number, if it is linear in it; else empty.
 
-    The hand's port may read the number too (see `seen_by_hand`), which changes nothing of the loop.
+    The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
     words = {
         f"block.{block.name}": dict(block.core(drawing.tick_hz).keys) for block in drawing.blocks if block.type in FORMULAS
     }
-    paths = [path for path in _readers(drawing, number) if not path.startswith(HAND)]
+    paths = [path for path in _readers(drawing, number) if not path.startswith("ports.")]
     readers = {
         f"{path.rpartition('.')[0]}.y" if path.rpartition(".")[0] in words and not decides(path) else path for path in paths
     }

@@ -74,6 +74,9 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
         parts.insert(0, Part(force, "port", (), (("", force),)))
         named = zip(("displacement", "reaction"), seen, strict=True)
         parts += [Part(name, "port", (("", _texts(terms)),), ()) for name, terms in named if terms is not None]
+    force = (drawing.hand or ("",))[0]
+    parts[:0] = [Part(name, "port", (), (("", signal),)) for name, signal, _ in drawing.inputs if signal != force]
+    parts += [Part(name, "port", (("", _texts(terms)),), ()) for name, terms, _ in drawing.outputs]
     return _read(parts, 1 / drawing.rate(values), lcm(*ticks))
 
 

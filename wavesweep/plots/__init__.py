@@ -60,11 +60,11 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
     """
     if table.figure is not None:
         return table
-    if table.kind in ("bode", "passivity"):
+    if table.kind in ("bode", "bode-ports", "passivity"):
         from wavesweep.plots.chosen import Curves, Loops
 
-        rows = (Curves if table.kind == "bode" else Loops)(table.blocks)
-        return with_figure(table.watched(rows.add), partial(_drawn_of, rows, table.facts, say))
+        rows = (Loops if table.kind == "passivity" else Curves)(table.blocks)
+        return with_figure(table.watched(rows.add), partial(_drawn_of, table.kind, rows, table.facts, say))
     if table.axes is None:
         return with_figure(table, partial(figure_of(table.kind), table.columns, table.facts))
     from wavesweep.plots.intervals import Picture
@@ -73,19 +73,17 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
     return with_figure(table.watched(picture.add), partial(picture.draw, table.facts))
 
 
-def _drawn_of(rows, facts, say):
-    from wavesweep.plots.chosen import Loops
-
-    if isinstance(rows, Loops):
+def _drawn_of(kind, rows, facts, say):
+    if kind == "passivity":
         from wavesweep.plots.margins import passivity_of
 
         return passivity_of(rows, facts)
-    from wavesweep.plots.responses import bode_of
+    from wavesweep.plots.responses import bode_of, bode_ports_of
 
     columns, left_out = rows.chosen()
     if left_out:
         say(f"figure of {facts['spec_name']}: {left_out[0].lower()}{left_out[1:-1]}")
-    return bode_of(columns, left_out, facts)
+    return (bode_of if kind == "bode" else bode_ports_of)(columns, left_out, facts)
 
 
 def with_figure(table: Table, draw: Callable[[], Any]) -> Table:

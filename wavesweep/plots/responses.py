@@ -23,8 +23,10 @@ from wavesweep.plots.style import (
     fitting,
     label,
     note_assumptions,
+    printed,
     shortened,
     valued,
+    with_unit,
 )
 from wavesweep.rows import Columns
 from wavesweep.stability.certificate import SPARED
@@ -67,17 +69,45 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
 def bode_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
     """The same for the rows that are shown of a table, and a sentence about the others."""
-    x = _axis_of(columns)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
+    panels = tuple((name, at_hand(title, name, unit, facts)) for name, title, unit in _PANELS)
+    return _drawn(columns, panels, left_out, facts)
+
+
+def bode_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `bode-ports` table: magnitude and phase, a curve for each pair of input and output; otherwise as `bode`."""
+    curves = Curves(lambda: (columns,))
+    curves.add(columns)
+    return bode_ports_of(*curves.chosen(), facts)
+
+
+def bode_ports_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
+    """The same for the rows that are shown of a table, and a sentence about the others."""
+    units = sorted(set(columns["unit"].tolist()) - {""})
+    several = len(set(columns["spec"].tolist())) > 1
+    rows = zip(*(columns[name].tolist() for name in ("spec", "from", "to", "unit")), strict=True)
+    names = [
+        (f"{shortened(spec)}: " if several else "")
+        + with_unit(f"{source} to {output}", printed([unit]) if len(units) > 1 else "")
+        for spec, source, output, unit in rows
+    ]
+    magnitude = "magnitude, unit of each curve" if len(units) > 1 else with_unit("magnitude", printed(units or [""]))
+    panels = ("response_abs", magnitude), ("response_deg", with_unit("phase", "deg"))
+    return _drawn({**columns, "spec": np.array(names, object)}, panels, left_out, facts)
+
+
+def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str, facts: Mapping[str, Any]) -> Any:
+    """The figure with these panels, of a column and its title each, magnitudes above phases."""
+    x = _axis_of(columns)
     curves, scale = _curves(columns, x, facts)
     named = [curve for curve in curves if curve.label]
     in_a_row = fitting([curve.label for curve in named], TWO_COLUMNS)
     with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
-        grid = canvas.subplots(2, 2, sharex=True)
-        for axes, (name, title, unit) in zip(grid.flat, _PANELS, strict=True):
+        grid = canvas.subplots(2, len(panels) // 2, sharex=True, squeeze=False)
+        for axes, (name, title) in zip(grid.flat, panels, strict=True):
             _draw_panel(axes, curves, name, x)
-            axes.set_ylabel(at_hand(title, name, unit, facts))
-            _mark_nyquist(axes, columns, x, name == "admittance_abs")
+            axes.set_ylabel(title)
+            _mark_nyquist(axes, columns, x, name == panels[0][0])
         for axes in grid[1]:
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
         if x == "frequency_hz":
@@ -235,7 +265,7 @@ def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> l
         rows = _chosen(columns, which.reshape(-1) == number)
         known = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
         place = ", ".join(valued(name, value, facts) for name, value in known)
-        found.setdefault(rows["admittance_re"].tobytes() + rows["impedance_re"].tobytes(), (place, rows))
+        found.setdefault(b"".join(rows[name].tobytes() for name in rows if name.endswith("_re")), (place, rows))
     return list(found.values())
 
 
@@ -260,7 +290,7 @@ def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
 
 
 def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, Any]) -> Curve:
-    ideal, stable = rows["controller"][0] == "dc", rows["stable"].all()
+    ideal, stable = rows.get("controller", ("drawn",))[0] == "dc", rows["stable"].all()
     if ideal:
         style = {"color": IDEAL, "linestyle": "--", "zorder": 3}
     name = shortened(spec)

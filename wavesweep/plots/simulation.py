@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, at_hand, distinct_colour, figure, note_assumptions
+from wavesweep.plots.style import (
+    DOUBTFUL,
+    IDEAL,
+    LINES,
+    TWO_COLUMNS,
+    at_hand,
+    distinct_colour,
+    figure,
+    note_assumptions,
+    printed,
+    with_unit,
+)
 from wavesweep.rows import Columns
+from wavesweep.tables.columns import signals_of
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
@@ -18,20 +31,23 @@ _DETAIL_TICKS = 800  # at least, of a drawn loop
 def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `simulate` table: hand force, positions and wall, control force, energies, one below the other.
 
+    Of a drawn loop first its inputs, outputs and named signals, so that after a step this is the figure of step responses.
+
     At the left is the whole run; if it is long, as the band between the extremes. At the right are some frames in detail:
     around a change of contact, if possible after the run has settled; without contact around the start of a step or a
     pulse, or at the end.
     """
     spans = _spans(columns, facts)
-    rows = [row for row in _ROWS if row[-1] is not _forces_of_the_control or not _drawn_without(columns, facts)]
+    rows = [row for row in _ROWS if any(name in columns for name in row[-1])]
+    rows = [*_ports(columns, facts), *((title, at_hand(title, "", unit, facts), draw) for title, unit, draw, _ in rows)]
     with figure(TWO_COLUMNS, 1.6 * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
-        for row, (title, unit, draw) in zip(grid, rows, strict=True):
+        for row, (_, title, draw) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
                 draw(axes, {name: column[span] for name, column in columns.items()}, facts)
                 axes.grid(visible=True, color="0.9", linewidth=0.5)
                 axes.margins(x=0)
-            row[0].set_ylabel(at_hand(title, "", unit, facts))
+            row[0].set_ylabel(title)
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
@@ -45,9 +61,26 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
-def _drawn_without(columns: Columns, facts: Mapping[str, Any]) -> bool:
-    """Whether it is a run of a drawn loop that does not name the force against the hand."""
-    return "block" in facts["spec"] and bool(np.isnan(columns["f_m"]).all())
+def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[tuple[str, str, _Draw]]:
+    """Panels of inputs that are not at rest, of each output, with inputs of its unit, and of all other signals."""
+    units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
+    ports = facts["spec"].get("ports", {})
+    inputs = [name for name in ports.get("inputs", {}) if name in units and columns[name].any()]
+    outputs = [name for name in ports.get("outputs", {}) if name in units]
+    others = [name for name in units if name not in (*ports.get("inputs", {}), *outputs)]
+    panels = {name: [name, *(each for each in inputs if units[each] == units[name])] for name in outputs}
+    shown = {each for names in panels.values() for each in names}
+    panels = {name: [name] for name in inputs if name not in shown} | panels | ({"signals": others} if others else {})
+    return [
+        (title, with_unit(title, printed([units.get(title) or "1"])), partial(_signals, names=tuple(names)))
+        for title, names in panels.items()
+    ]
+
+
+def _signals(axes: Any, columns: Columns, facts: Mapping[str, Any], names: tuple[str, ...]) -> None:
+    inputs = facts["spec"].get("ports", {}).get("inputs", {})
+    for number, name in enumerate(names):
+        _line(axes, columns, name, name, IDEAL if name in inputs else distinct_colour(number), held=True)
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:
@@ -75,11 +108,12 @@ def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
 def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
     """Return the tick at the centre of the detail."""
     rows = len(columns["tick"])
-    changes = np.flatnonzero(np.diff(columns["touching"])) + 1
+    changes = np.flatnonzero(np.diff(columns.get("touching", np.zeros(rows)))) + 1
     if len(changes):
         later = changes[changes >= rows // 2]
         return int(later[0] if len(later) else changes[-1])
-    return 0 if facts["spec"]["simulate"]["input"] in ("step", "pulse") else rows
+    options = facts["spec"]["simulate"]
+    return int(np.searchsorted(columns["time_s"], options["at_s"])) if options["input"] in ("step", "pulse") else rows
 
 
 def _mark(axes: Any, times: np.ndarray) -> None:
@@ -93,7 +127,7 @@ def _forces_of_the_hand(axes: Any, columns: Columns, facts: Mapping[str, Any]) -
 
 def _positions(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
     wall = facts["spec"]["simulate"].get("wall")
-    millimetres = {name: 1e3 * columns[name] for name in ("x", "x_s")} | {"time_s": columns["time_s"]}
+    millimetres = {name: 1e3 * columns[name] for name in ("x", "x_s") if name in columns} | {"time_s": columns["time_s"]}
     _line(axes, millimetres, "x_s", "avatar", distinct_colour(1), held=True)
     _line(axes, millimetres, "x", "hand" if "block" in facts["spec"] else "device", distinct_colour(0))
     if wall is not None:
@@ -115,17 +149,17 @@ def _energies(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
 
 
 _Draw = Callable[[Any, Columns, Mapping[str, Any]], None]
-_ROWS: tuple[tuple[str, str, _Draw], ...] = (
-    ("hand force", "N", _forces_of_the_hand),
-    ("position", "mm", _positions),
-    ("control force", "N", _forces_of_the_control),
-    ("energy", "J", _energies),
+_ROWS: tuple[tuple[str, str, _Draw, tuple[str, ...]], ...] = (  # the last are columns of which there is one
+    ("hand force", "N", _forces_of_the_hand, ("f_h",)),
+    ("position", "mm", _positions, ("x", "x_s")),
+    ("control force", "N", _forces_of_the_control, ("f_m",)),
+    ("energy", "J", _energies, ("energy_hand",)),
 )
 
 
 def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, held: bool = False) -> None:
     """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps."""
-    values = columns[name]
+    values = columns.get(name, np.zeros(0))
     if np.isnan(values).all():
         return
     times, style = columns["time_s"], {}

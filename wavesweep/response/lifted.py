@@ -1,12 +1,14 @@
 """Loops over a frame: what each tick shows of the state at the frame's start, and what its force leaves, with errors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.circle import solve
-from wavesweep.monodromy.periodic import in_a_row, then
+from wavesweep.monodromy.periodic import in_a_row, then, ticks_of
 from wavesweep.monodromy.rounding import ENTRIES, ROUNDING, both
 from wavesweep.response.bordered import Bordered
 from wavesweep.response.circle import Circle
@@ -307,6 +309,21 @@ def positions(port: Port, ticks: int) -> tuple[np.ndarray, ...]:
     ticks: as for `displacements`. A position that drifts is among the states.
     """
     return _over_frame(_with_position(port), ticks, slice(-1, None))
+
+
+def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[str, ...]) -> tuple[np.ndarray, ...]:
+    """Return A, B, C and D of one loop from frame to frame, of the states that the signals depend on.
+
+    inputs: from outside, each held over the whole frame. signals: as the first tick of a frame shows them.
+    """
+    ticks = ticks_of(drawn, signals)
+    columns = [ticks.maps[0].inputs.index(name) for name in inputs]
+    n, first = len(ticks.states), ticks.maps[ticks.kind[0]]
+    A, B = np.eye(n), np.zeros((n, len(columns)))
+    for each in (ticks.maps[kind] for kind in ticks.kind.tolist()):
+        A, B = A + each.E @ A, B + each.E @ B + each.B[:, columns]
+    seen = reached((first.C != 0).any(0), A != 0)
+    return A[np.ix_(seen, seen)], B[seen], first.C[:, seen], first.D[:, columns]
 
 
 def _over_frame(port, ticks, row):

@@ -46,7 +46,8 @@ class Port:
     `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick
     of the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs of
     the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a constant
-    force does in the end, if the structure tells (see `static`).
+    force does in the end, if the structure tells (see `static`). between: the first output is a signal itself, and no
+    displacement; see `port_between`.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -57,6 +58,7 @@ class Port:
     slowest: int
     rate: float
     rest: object = None
+    between: bool = False
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -109,6 +111,29 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
             found.append(shifts.counted((E, B), rows, (each.E, each.B[..., force : force + 1]) if of_sizes else ()))
     position = None if shifts.move(reads) else reads[..., shifts.kept]
     return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position))
+
+
+def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrift) -> Port:
+    """Return the loops as they are seen from an input from outside and a signal, which may be any.
+
+    The first output is the signal in each tick. If it moves with a drift, that share of it is left out there, and the change of
+    the share in the tick is a second output. drift: with the signal watched.
+    """
+    drawn, drift = with_displacements(drawn, drift)
+    ticks, column = ticks_of(drawn, (signal,), terms=True), slice(drawn.inputs.index(source), drawn.inputs.index(source) + 1)
+    answers = ticks.maps[0].C
+    shifts = _Shifts.of(ticks, drift, answers)
+    share, moves = shifts.seen(answers), shifts.move(answers)
+    maps, sizes = [], []
+    for each in ticks.maps:
+        for of_sizes, (E, B, C, D), found in ((False, (each.E, each.B, each.C, each.D), maps), (True, each.terms, sizes)):
+            rows = [(C, D[..., column])]
+            if moves:
+                along = np.abs(share) + np.abs(answers) @ shifts.dN / ENTRIES if of_sizes else share
+                rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, column]))
+            found.append(shifts.counted((E, B[..., column]), rows, (each.E, each.B[..., column]) if of_sizes else ()))
+    nowhere = np.zeros((1, len(shifts.kept)))
+    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, nowhere), between=True)
 
 
 def _timing(drawn, position):

@@ -27,6 +27,12 @@ def at_port(outputs, step):
     return found
 
 
+def at_signal(outputs, step):
+    """Return the signal, `(..., 1, points)`, from the outputs of a port between an input and it; step: see `at_port`."""
+    found = outputs[..., :1, :] + 0 * step
+    return found + outputs[..., 1:2, :] / step if outputs.shape[-2] > 1 else found
+
+
 def relative_response(found, error):
     """Return admittance, impedance and their relative errors; a number without a correct digit is NaN.
 
@@ -95,6 +101,24 @@ def limit_of(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
     position = np.where(rest.rigid, 0.0, np.where(rest.going, np.stack([value[0], off[0]]), position))
     force = np.where(rest.silent, 0.0, np.where(rest.going, moved, force))
     return *np.stack([position, force], 1), rest
+
+
+def limit_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
+    """Return the limit of a response between an input and a signal towards 0 Hz, `(...)`, and its relative error.
+
+    NaN: there is none, as of a signal that a constant input moves without end, or it is not known. The error of a number that
+    does not exist is 0, and so is that of a response that is nothing but rounding, as of an error that an integrator removes.
+    """
+    (value, off), (slope, off_slope), (size, of_slopes) = _limits(loop)
+    found, error, terms, going = value[0], off[0], size[0], np.zeros(value[0].shape, bool)
+    if len(value) > 1:
+        found, error, terms = found + slope[1], error + off_slope[1], terms + of_slopes[1]
+        going = np.abs(value[1]) > off[1] + STILL * size[1]
+        error = np.where(going | (np.abs(value[1]) <= off[1]), error, np.nan)
+    nothing = (np.abs(found) <= error) & (error <= NOTHING * terms)
+    relative = np.where(nothing | going, 0.0, error / np.abs(found) + 4 * np.finfo(float).eps)
+    relative = np.where((relative < LOST) & ~loop.lost, relative, np.nan)
+    return np.where(nothing, 0.0, np.where(going | np.isnan(relative), np.nan, found)), relative
 
 
 def _limits(loop):

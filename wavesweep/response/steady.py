@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.monodromy.rounding import ROUNDING
 from wavesweep.response.lifted import Lifted, Sums
-from wavesweep.response.static import LOST, NOTHING, at_port, limit_of, relative_response
+from wavesweep.response.static import LOST, NOTHING, at_port, at_signal, limit_between, limit_of, relative_response
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
@@ -51,6 +51,32 @@ def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
             for array, part in zip(found, static_response(loop), strict=True):
                 array[..., still] = part[..., None]
     return Response(*found)
+
+
+def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray, np.ndarray]:
+    """Return the response of a signal to an input, `(..., points)`, and bounds on its relative errors; see `port_between`.
+
+    loop: over the frame of such a port. frequency_hz, good and the accuracy: as for `respond`, and NaN as there. The component
+    is that at the input's own frequency, of the signal as each tick shows it. A path that is held over the frame has none at
+    multiples of the frame's rate.
+    """
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    value, unsure = (np.empty((*loop.port.batch, frequency.size), kind) for kind in (complex, float))
+    still, width, frame = frequency == 0, max(1, TERMS // max(1, loop.weight)), loop.frame
+    with np.errstate(all="ignore"):
+        moving = np.flatnonzero(~still)
+        terms = (frame.size_of_own[..., :1] + (frame.sizes[0] @ frame.sizes[1])[..., :1, 0]) / frame.ticks
+        for at in (moving[start : start + width] for start in range(0, moving.size, width)):
+            points = loop.circle(frequency[at])
+            found, error = (part[..., 0, :] for part in _quantities(loop, points, good))
+            none = (np.abs(found) <= error) & (error <= NOTHING * terms) & (points.frame == 0)
+            found, error = np.where(none, 0.0, found), np.where(none, 0.0, error)
+            relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
+            unsure[..., at] = relative = np.where(relative < LOST, relative, np.nan)
+            value[..., at] = np.where(np.isnan(relative), np.nan, found)
+        if still.any():
+            value[..., still], unsure[..., still] = (part[..., None] for part in limit_between(loop))
+    return value, unsure
 
 
 def static_response(loop: Lifted) -> tuple[np.ndarray, ...]:
@@ -106,6 +132,15 @@ def _from_low_frequencies(loop, found):
 
 def _responses(loop, points, good):
     """`respond` for some frequencies that are not 0, as a tuple."""
+    found, error = _quantities(loop, points, good)
+    force, unsure = found[..., 1, :], error[..., 1, :]
+    none = (np.abs(force) <= unsure) & (unsure <= NOTHING) & (points.frame == 0)  # as of one that is held over the frame
+    found[..., 1, :], error[..., 1, :] = np.where(none, 0.0, force), np.where(none, 0.0, unsure)
+    return relative_response(found, error)
+
+
+def _quantities(loop, points, good):
+    """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
     found, error, again = _by_modes(loop, points)
     for improve in (again, lambda index: loop.bordered.outputs(points.at(index))):
         doubtful = ~(error <= good * np.abs(found)).all(-2) & ~loop.lost[..., None]
@@ -113,15 +148,16 @@ def _responses(loop, points, good):
         width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
         for start in range(0, some.size, width):
             index = some[start : start + width]
-            number, less = (at_port(*pair) for pair in zip(improve(index), _both_steps(points, index), strict=True))
+            number, less = (_reading(loop)(*pair) for pair in zip(improve(index), _both_steps(points, index), strict=True))
             better = doubtful[..., None, index] & ~(less >= error[..., index])
             found[..., index] = np.where(better, number, found[..., index])
             error[..., index] = np.where(better, less, error[..., index])
-    force, unsure = found[..., 1, :], error[..., 1, :]
-    none = (np.abs(force) <= unsure) & (unsure <= NOTHING) & (points.frame == 0)  # as of one that is held over the frame
-    found[..., 1, :], error[..., 1, :] = np.where(none, 0.0, force), np.where(none, 0.0, unsure)
-    error = np.where(loop.lost[..., None, None], np.nan, error)
-    return relative_response(found, error)
+    return found, np.where(loop.lost[..., None, None], np.nan, error)
+
+
+def _reading(loop):
+    """How quantities follow from the outputs of the port."""
+    return at_signal if loop.port.between else at_port
 
 
 def _both_steps(points, index):
@@ -130,7 +166,7 @@ def _both_steps(points, index):
 
 
 def _by_modes(loop, points):
-    """Return position and force, `(..., 2, points)`, bounds on their errors, and a function.
+    """Return position and force, `(..., 2, points)`, or the signal of a port between two, bounds on errors, and a function.
 
     The function returns the outputs at some of the points again, with a better bound.
     """
@@ -149,4 +185,5 @@ def _by_modes(loop, points):
         return total[..., index] / ticks, error(modal.careful_bound(points.frame[index], *chosen), index)
 
     step, length = _both_steps(points, slice(None))
-    return at_port(total / ticks, step), at_port(error(modal.bound(unsure, gain, off), slice(None)), length), again
+    at = _reading(loop)
+    return at(total / ticks, step), at(error(modal.bound(unsure, gain, off), slice(None)), length), again

@@ -118,6 +118,8 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
 
 def _shown(values: Mapping[str, Any], key: str) -> str:
     if key not in values:
+        if key.rpartition(": ")[2] in ("bode.from", "bode.to"):
+            return "all"
         return "not swept" if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key else "not given"
     value = values[key]
     if isinstance(value, Mapping):

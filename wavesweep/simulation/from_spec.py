@@ -18,15 +18,15 @@ from wavesweep.spec import Spec
 def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table.
 
-    Parameters: `force` the hand's force (N) per fast tick in place of the input that the spec names, shape
-    ``(ticks,)``; `changes` fields of `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
+    Parameters: `force` the hand's force (N), or the signal of the input that [simulate] names, per fast tick, in place of what
+    the spec describes, shape ``(ticks,)``; `changes` fields of `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
 
     Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
     a force that is not a vector of finite numbers, or an option that does not exist or is out of range.
     """
-    effects = changed(effects_of(spec), changes)
+    effects, units = changed(effects_of(spec), changes), (spec.at_port("m"), spec.at_port("N"))
     force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
-    return simulate(spec.values, force, effects, drawing=spec.drawing, units=(spec.at_port("m"), spec.at_port("N")))
+    return simulate(spec.values, force, effects, drawing=spec.drawing, units=units, entry=spec.entry)
 
 
 def effects_of(spec: Spec) -> Effects:

@@ -24,6 +24,7 @@ from wavesweep.simulation.parts import (
     FORCE,
     POSITION,
     REACTION,
+    SEEN,
     SPEED,
     Loop,
     Rhythm,
@@ -46,11 +47,13 @@ def simulate(
     x: float = 0.0,
     drawing: Drawing | None = None,
     units: tuple[str, str] = ("m", "N"),
+    entry: str = "",
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
 
     values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick, `(ticks,)`. effects: see
-    `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages.
+    `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages. entry: the signal from
+    outside that the record is of, if not of the hand's force; all others are 0.
 
     The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
     `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
@@ -61,7 +64,7 @@ def simulate(
     """
     effects = Effects() if effects is None else effects
     loop = loop_of(loop_drawing(values) if drawing is None else drawing, values)
-    return March(loop, effects).under(np.asarray(force, dtype=float), x, units)
+    return March(loop, effects, entry=entry, drawn=drawing is not None).under(np.asarray(force, dtype=float), x, units)
 
 
 @dataclass
@@ -128,36 +131,52 @@ def results_of(loop: Loop) -> list[Results]:
 
 
 class March:
-    """A loop with effects, ready to run once. watched: names of numbers of `Ticks` that are recorded besides its signals."""
+    """A loop with effects, ready to run once.
 
-    def __init__(self, loop: Loop, effects: Effects, watched: Sequence[str] = ()) -> None:
+    watched: names of numbers of `Ticks` that are recorded besides its signals. entry: see `simulate`. drawn: whether a spec
+    draws the loop.
+    """
+
+    def __init__(
+        self, loop: Loop, effects: Effects, watched: Sequence[str] = (), entry: str = "", *, drawn: bool = False
+    ) -> None:
         refuse(loop, effects)
         self.loop = loop = loop.behind(effects.wall) if effects.wall is not None else loop
+        self.entry, self.drawn = entry or loop.hand, drawn
         self.effects, self.watched, self.results = effects, tuple(watched), results_of(loop)
         late = effects.late or effects.dropped
         delayed = [signal for each in self.results for signal in each.signals] if late else ()
         self.ticks = Ticks(loop, {loop.device} - {""}, delayed)
 
     def under(self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")) -> Simulation:
-        """The experiment under the hand's force (N), `(ticks,)`, from rest at x (m)."""
+        """The experiment under the hand's force (N), or the record of another input, `(ticks,)`, from rest at x (m)."""
         loop, count = self.loop, len(force)
         lengths = tick_lengths(self.effects, loop.tick, count)
         late, results = self._lateness(count)
         names = {**loop.shown, **{name: name for name in self.watched}}
         rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
-        signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[: len(rows)], "f_h": force[: len(rows)]}
+        signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[: len(rows)]}
+        entries = {**dict(loop.entries), **({"f_h": loop.hand} if loop.hand else {})}
+        signals |= {name: force[: len(rows)] * (signal == self.entry) for name, signal in entries.items()}
         columns = np.array(rows).reshape(len(rows), len(names)).T
         signals |= {name: column.copy() for name, column in zip(names, columns, strict=True)}
         if "f_m" in signals:
             most = self.effects.max_force
             signals["f_device"] = signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
         signals["touching"] = np.array(touched, dtype=bool)
-        moved, late = np.diff(signals["x"], append=last) if rows else np.zeros(0), np.array(late, int)
+        moved = np.diff(signals["x"], append=last) if rows and loop.hand else np.zeros(len(rows))
+        late = np.array(late, int)
         signals["late"] = late[results[: len(rows)]]  # the last of all, 0, before the first
         late = late[: results[len(rows) - 1] + 1] if rows else late[:0]
         for column in (*signals.values(), late):
             column.flags.writeable = False
-        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped)
+        shown = (*dict(loop.entries), *(column for column, name in loop.shown.items() if name.startswith(SEEN)))
+        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped, shown, self._lacking())
+
+    def _lacking(self) -> frozenset[str] | None:
+        """The columns that say nothing about a loop that a spec draws; None of a controller, whose table has all."""
+        late = self.effects.late or self.effects.dropped
+        return frozenset(["touching"] * (not self.loop.walled) + ["late"] * (not late)) if self.drawn else None
 
     def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
@@ -180,9 +199,10 @@ class March:
         """A row of numbers per tick, whether the wall was touched in it, the last position, and why it ended early."""
         loop, ticks, device = self.loop, self.ticks, self.loop.device
         seen = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
-        hand, here, pull, net = (ticks.at(name) for name in (loop.hand, POSITION, REACTION, besides(f"{device}.f")))
+        hand, here, pull, net = (ticks.at(name) for name in (self.entry, POSITION, REACTION, besides(f"{device}.f")))
         sensed_x, sensed_v, own_x, own_v = (ticks.at(each(f"{device}.{port}")) for each in (str, actual) for port in "xv")
-        share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand)
+        by_hand = self.entry == loop.hand
+        share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand and by_hand)
         measure, exert, move = encoder(self.effects.resolution), motor(self.effects.max_force), self._mover(lengths)
         running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects), [], [], 0.0
         z = running.z
@@ -192,13 +212,14 @@ class March:
             z[hand], z[sensed_x], z[sensed_v], z[own_x], z[own_v] = f, measure(x), v, x, v
             running.tick(k)
             f_m = z[pull]
-            if not (abs(z[here]) <= FARTHEST and abs(f) <= STRONGEST and abs(f_m) <= STRONGEST):  # also if one is NaN
+            far = not (abs(z[here]) <= FARTHEST and abs(f_m) <= STRONGEST)  # also if one is NaN
+            if far or not (abs(f) <= STRONGEST or not by_hand):
                 return rows, touched, z[here], _too_large(z[here], *units)
             rows.append(seen(z)[:-1])
             touched.append(running.touching)
             if device:
                 x, v = move(x, v, share * f + z[net] + (f_m - exert(f_m)))
-        if loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
+        if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
             z[hand], z[own_x] = 0.0, x
             running.tick(len(force))
             x = z[here]

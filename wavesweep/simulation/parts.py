@@ -11,7 +11,7 @@ from math import lcm
 from typing import Any
 
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
-from wavesweep.spec.block_types import BODIES, TYPES
+from wavesweep.spec.block_types import BODIES, RUN_COLUMNS, TYPES
 from wavesweep.spec.drawing import AT, Drawing, scalars
 from wavesweep.spec.expressions import degree, names_in, value_of
 
@@ -20,6 +20,7 @@ DEPTH, SPEED = "wall depth", "wall speed"  # what they multiply
 REACTION, POSITION, VELOCITY = "reaction", "position", "velocity"  # at the hand
 LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of the fast side
 LOCAL = ("local_model.K_LM", "local_model.B_LM")  # of a controller's wires: a model of the contact, absent without one
+SEEN = "seen "  # begins the numbers of outputs and named signals, which are shown and not read
 SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
@@ -87,7 +88,7 @@ class Loop:
     tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while the wall is not touched. hand:
     the signal of its force. device: the block that it moves, empty if it moves several, or another thing than a mass. body: of
     the device, mass (kg), damping (N s/m) and stiffness (N/m). wall: None if none is named, or if its numbers do more than
-    multiply signals in wires. walled: whether one is named.
+    multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand.
     """
 
     tick: float
@@ -101,6 +102,7 @@ class Loop:
     body: tuple[float, ...] = ()
     wall: Wall | None = None
     walled: bool = False
+    entries: tuple[tuple[str, str], ...] = ()
     frame: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -113,7 +115,7 @@ class Loop:
 
     @property
     def signals(self) -> list[str]:
-        """What is read besides input ports: the signals at the hand's port."""
+        """What is read besides input ports: the signals at the hand's port, outputs and named signals."""
         ports = self.ports
         return [name for name in self.wires if name not in ports]
 
@@ -123,9 +125,13 @@ class Loop:
         return found[0] if len(found) == 1 else ""
 
     def readers(self, signal: str) -> list[Rhythm]:
-        """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick."""
+        """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick.
+
+        What only shows it reads nothing.
+        """
         ports = self.ports
-        read = [port for port, terms in self.wires.items() if any(name == signal for _, name in terms)]
+        wires = {port: terms for port, terms in self.wires.items() if not port.startswith(SEEN)}
+        read = [port for port, terms in wires.items() if any(name == signal for _, name in terms)]
         return [ports[port].rhythm if port in ports else Rhythm() for port in read]
 
     def behind(self, position: float) -> Loop:
@@ -154,6 +160,7 @@ class Loop:
         if avatar:
             found |= {"u_s": f"{avatar}.in", "v_s": f"{avatar}.out", "x_s": f"{avatar}.x", "x_dot_s": f"{avatar}.v"}
         found |= {"F_s": FORCE} if self.wall else {}
+        found |= {name.removeprefix(SEEN): name for name in self.wires if name.startswith(SEEN)}
         return found | ({"u_h": f"{local}.in", "v_l": f"{local}.out", "v_2": LOCAL_WAVE} if LOCAL_WAVE in self.wires else {})
 
     @property
@@ -175,13 +182,17 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     if drawing.hand:
         hand, *signals = drawing.hand
         terms |= {name: each for name, each in zip((POSITION, REACTION), signals, strict=True) if each is not None}
+    named = {name if name not in RUN_COLUMNS else f"signals.{name}": some for name, some in drawing.named}
+    named |= {name: some for name, some, _ in drawing.outputs}
+    taken = [name for name, _, _ in drawing.inputs]
     wall, shares = _wall_of(drawing, terms, known) if drawing.wall else (None, {})
     beside = known | dict.fromkeys(wall.names if wall else (), 0.0)
     wires, away = (
         {port: (*_valued(each, numbers), *((share, FORCE) for share in shares.get(port, ()))) for port, each in terms.items()}
         for numbers in (beside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0))
     )
-    inside = drawing.inside
+    seen = {SEEN + name: _valued(some, known) for name, some in named.items() if name not in taken}
+    inside, wires, away = drawing.inside, wires | seen, away | seen
     wires, away = (
         {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sum_) for port, sum_ in each.items()}
         for each in (wires, away)
@@ -201,8 +212,9 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     alone = {block.name for block in drawing.alone}
     device = moved[0] if len(moved) == 1 and moved[0] in alone.intersection(masses) else ""
     body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
-    outside = (hand,) * bool(hand)
-    return replace(own, inputs=outside, hand=hand, device=device, body=body, wall=wall, walled=bool(drawing.wall))
+    entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
+    own = replace(own, inputs=(hand,) * bool(hand), hand=hand, entries=entries)
+    return replace(own, device=device, body=body, wall=wall, walled=bool(drawing.wall))
 
 
 def _numbers(block, known):
@@ -278,6 +290,7 @@ def _wall_of(drawing, terms, known):
     if any(name in names for _, some in drawing.couplings for _, tree in some for name, _ in names_in(tree)):
         return None, {}
     inside = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
+    inside |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
     if any(path not in inside and any(name in names for name, _ in names_in(tree)) for path, tree in drawing.trees()):
         return None, {}
     for port, each in terms.items():

@@ -22,8 +22,8 @@ SAME = 1e-9  # rad: images closer than this in a tick are one; in a frame, a sin
 class Energy:
     """Energies (J) since the start, at the end of every tick, shape ``(ticks,)`` each.
 
-    `hand`: work of the hand on the device, ``Σ f_h·Δx``. `device`: work that the device's motors took up, ``Σ f_d·Δx``; None if
-    this force is not known, as in a drawn loop that does not name it.
+    `hand`: work of the hand on the device, ``Σ f_h·Δx``; None without a hand. `device`: work that the device's motors took up,
+    ``Σ f_d·Δx``; None if this force is not known, as in a drawn loop that does not name it.
     Wave power is ``(u² - v²)/2``, and a wave lasts its own period: `user` went into the channel at the user's side,
     ``Σ T·(u_m² - v_m²)/2``; `slow` came out at the slow environment, ``Σ T_s·(u_s² - v_s²)/2``, counted at its update;
     `local` came out at the local model. `channel` is the rest, ``user - slow - local``: stored or dissipated if
@@ -31,7 +31,7 @@ class Energy:
     The last four are None without waves. Periods are the nominal ones, also if the ticks jitter.
     """
 
-    hand: np.ndarray
+    hand: np.ndarray | None
     device: np.ndarray | None
     user: np.ndarray | None
     slow: np.ndarray | None
@@ -51,6 +51,8 @@ class Simulation:
     `energy`: see `Energy`. `frame`: ticks in a frame, 1 for `dc`.
     `late`: ticks by which each slow result was late, -1 for one that was lost; of the first of several slow loops.
     `stopped`: why the simulation ended before the last tick of the force; empty if it did not.
+    `shown`: the names of inputs, outputs and named signals of a drawn loop, which are columns too. `lacking`: those columns
+    that are left out of its table besides the ones that it does not have; None of a controller, whose table has all.
     """
 
     signals: Mapping[str, np.ndarray]
@@ -58,6 +60,8 @@ class Simulation:
     late: np.ndarray
     frame: int
     stopped: str
+    shown: tuple[str, ...] = ()
+    lacking: frozenset[str] | None = None
 
 
 def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -> Energy:
@@ -86,19 +90,23 @@ def _wave(signals: dict[str, np.ndarray], going: str, coming: str, period: float
 def table(simulation: Simulation) -> dict[str, np.ndarray]:
     """Return the columns of the table `simulate` for a simulation, a row per fast tick, in SI units.
 
-    The columns do not depend on the controller: signals that it does not have are NaN throughout. Slow signals hold the last
-    update. The rows end where the simulation stopped, or before the first tick in which a number leaves the range of doubles.
+    The columns do not depend on the controller: signals that it does not have are NaN throughout. A drawn loop has inputs,
+    outputs and named signals behind the time, and no column that is missing throughout. Slow signals hold the last update. The
+    rows end where the simulation stopped, or before the first tick in which a number leaves the range of doubles.
     """
     signals, frame = simulation.signals, simulation.frame
-    ticks = np.arange(len(signals["x"]))
+    ticks = np.arange(len(signals["time"]))
     missing = np.full(len(ticks), np.nan)
     energies = {f"energy_{name}": getattr(simulation.energy, name) for name in _ENERGIES}
     columns = {"tick": ticks, "frame": ticks // frame, "phase": ticks % frame, "time_s": signals["time"]}
+    columns |= {name: signals[name] for name in simulation.shown}
     columns |= {name: signals.get(name, missing) for name in _MOTION}
     columns["touching"] = signals["touching"]
     columns["late"] = signals["late"]
     columns |= {name: signals.get(name, missing) for name in _WAVES}
     columns |= {name: missing if column is None else column for name, column in energies.items()}
+    if simulation.lacking is not None:
+        columns = {k: column for k, column in columns.items() if column is not missing and k not in simulation.lacking}
     whole = _finite_rows([column for column in columns.values() if column is not missing], len(ticks))
     return {name: column[:whole] for name, column in columns.items()}
 

@@ -226,8 +226,16 @@ COLUMNS = frozenset(
         *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
         *("guarantee", "fails_below", "fails_from", "counterexample"),
         *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
-        *("channel_passive", "port_passive", "damping_needed"),
-        *(f"{name}_{part}" for name in ("admittance", "impedance") for part in ("re", "im", "abs", "deg", "error")),
+        *("channel_passive", "port_passive", "damping_needed", "from", "to", "unit"),
+        *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
         *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
+    )
+)
+# Names of columns of a simulation, which an input or an output must not have, since it is one itself.
+RUN_COLUMNS = frozenset(
+    (
+        *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
+        *("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2"),
+        *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
     )
 )

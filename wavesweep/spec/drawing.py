@@ -156,7 +156,8 @@ class Drawing:
     gains, held over a tick at a plant. hand: the signal of the hand's force; the displacement, and the force against the hand
     if it is named, as signals and gains. wall: the numbers that are the stiffness and the damping of a wall. turns: whether the
     hand turns, and its force and displacement are a torque and an angle. couplings: as wires, by which plants act on each other
-    continuously.
+    continuously. inputs: name, signal and unit of each signal from outside besides the hand's force. outputs: name, terms and
+    unit of each. named: the names in [signals], which `simulate` shows too, and their terms.
     """
 
     tick_hz: Tree
@@ -168,6 +169,9 @@ class Drawing:
     wall: tuple[str, ...] | None = None
     turns: bool = False
     couplings: tuple[tuple[str, Terms], ...] = ()
+    inputs: tuple[tuple[str, str, str], ...] = ()
+    outputs: tuple[tuple[str, Terms, str], ...] = ()
+    named: tuple[tuple[str, Terms], ...] = ()
     hashed: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self):
@@ -191,13 +195,14 @@ class Drawing:
         terms = [(f"wire.{port}", terms) for port, terms in (*self.wires, *self.couplings)]
         if self.hand:
             terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
+        terms += [(f"ports.outputs.{name}", some) for name, some, _ in self.outputs]
         yield from ((path, gain) for path, some in terms for _, gain in some)
 
     def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
         """Return the drawing in which some numbers follow another one: their values are factors of that one."""
         for name in map(name_of, paths):
             product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
-            parts = ("tick_hz", "blocks", "wires", "hand", "couplings")
+            parts = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
             parts = {part: _replaced(getattr(self, part), ("name", name), product) for part in parts}
             self = replace(self, **parts)  # noqa: PLW0642 - the same drawing, with one number less of its own
         return self
@@ -205,6 +210,11 @@ class Drawing:
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
         return value_of(self.tick_hz, scalars(values))
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """The signals from outside: the hand's force first, then those of the inputs."""
+        return tuple(dict.fromkeys([*(self.hand or ())[:1], *(signal for _, signal, _ in self.inputs)]))
 
     @property
     def plants(self) -> tuple[Plant, ...]:
@@ -523,7 +533,11 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
                 found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
-        if table in ("wire", "signals", "ports"):
+        if path.startswith(("ports.inputs.", "ports.outputs.")):
+            if not path.endswith(".unit"):
+                word = given.leaves.get(f"{path}.unit")
+                found[*path.split("."), "signal"], found[*path.split("."), "unit"] = leaf.value, word.value if word else ""
+        elif table in ("wire", "signals", "ports"):
             found[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
         elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
             words = (given.leaves.get(path + each) for each in NUMBER_WORDS)

@@ -35,7 +35,7 @@ class KeyReader:
     """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the names that are read.
 
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
-    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, the hand's force and the names in [signals].
+    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, those from outside and the names in [signals].
     meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
     themselves. needed: those of their inputs that they have in any case. tick_hz: the rate of the tick. period: what `dt`
     stands for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
@@ -109,7 +109,9 @@ class KeyReader:
         meanings = self.meanings if PERIOD in known or self.period is None else {**self.meanings, PERIOD: self.period}
         known |= {PERIOD} if self.period else set()
         expected = (
-            "the output of a block, a number, or the force of [ports] hand" if signals else "the name of a number in [numbers]"
+            "the output of a block, a number, or a signal from outside that [ports] names"
+            if signals
+            else "the name of a number in [numbers]"
         )
         faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
         for fault in faults:

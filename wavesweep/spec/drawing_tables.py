@@ -8,7 +8,7 @@ from functools import partial
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake
-from wavesweep.spec.block_types import COLUMNS, TICK_HZ
+from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, decides, own_axes, path_of
@@ -25,6 +25,8 @@ TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")
 PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
 OPTIONAL = ("reaction", "turns")
+NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
+PORT_PARTS = ("signal", "unit")
 LISTED = 8  # ports that a message lists
 
 Path = tuple[str, ...]
@@ -83,6 +85,8 @@ class _TableReader(KeyReader):
                     self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
             elif table in ("rates", "signals", "wire"):
                 tables[table][".".join(rest)] = leaf
+            elif table == "ports" and rest[0] in NAMED:
+                tables[table].setdefault(rest[0], {})[".".join(rest[1:])] = leaf
             else:
                 parts = tables[table].setdefault(rest[0], {})
                 part = rest[1] if len(rest) > 1 else ""
@@ -100,6 +104,9 @@ class _TableReader(KeyReader):
         self.numbers = tuple(tables["numbers"])
         force = tables["ports"].get("hand", {}).get("force")
         self.force = force.value if force else None
+        given = {side: self.named_ports(side, tables["ports"].pop(side, {})) for side in NAMED}
+        outside = [parts["signal"].value for parts in given["inputs"].values()]
+        self.outside = {each for each in (self.force, *outside) if isinstance(each, str)}
         numbers, values = self.read_numbers(tables["numbers"])
         self.tick_hz = tick = self.read_rate(tables["rates"]) or ("name", RATE, 0)
         found = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
@@ -114,7 +121,7 @@ class _TableReader(KeyReader):
             second = [f"{name}.{port}" for port in ("x2", "v2")]
             self.optional += [] if {*second} & {*tables["wire"]} else second
         self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
-        self.signals |= {self.force} if isinstance(self.force, str) else set()
+        self.signals |= self.outside
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
         periods = {block.name: ("/", block.every, tick, 0) for block in blocks}
@@ -122,13 +129,17 @@ class _TableReader(KeyReader):
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
         hand, wall = self.read_ports(tables["ports"])
-        seen = [term for some in (hand or ())[1:] for term in some or ()]
+        inputs, outputs = self.read_inputs(given["inputs"]), self.read_outputs(given["outputs"], given["inputs"])
+        seen = [term for some in ((hand or ())[1:], [terms for _, terms, _ in outputs]) for each in some for term in each or ()]
         wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
         self.unconnected(tables["wire"])
         self.unread(tables["signals"])
         values |= self.own
         turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
-        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings)
+        named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
+        named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
+        ports = (hand, wall, turns, couplings, inputs, outputs, named)
+        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, *ports)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
         whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
         values |= {path_of(name): int(values[path_of(name)]) for name in whole}
@@ -177,8 +188,8 @@ class _TableReader(KeyReader):
         for name, leaf in table.items():
             path = f"signals.{name}"
             self.leaves[path] = leaf
-            if not is_dotted(name) or name in (*RESERVED, *self.numbers, self.force):
-                self.refuse(leaf, path, f"{NAME}, and no number, function or force either", show(name))
+            if not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
+                self.refuse(leaf, path, f"{NAME}, and no number, function or signal from outside either", show(name))
             elif not isinstance(leaf.value, str):
                 self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
             else:
@@ -227,7 +238,7 @@ class _TableReader(KeyReader):
             path = f"ports.{name}"
             if name not in PORTS:
                 place = Leaf(None, first.place if "" in parts else first.place.parent())
-                self.refuse(place, path, "hand or wall", "an unknown port", nearest(name, PORTS))
+                self.refuse(place, path, "hand, wall, inputs or outputs", "an unknown port", nearest(name, (*PORTS, *NAMED)))
                 continue
             for part, leaf in parts.items():
                 if part not in PORTS[name]:
@@ -248,28 +259,71 @@ class _TableReader(KeyReader):
                 )
         return self.read_hand(table.get("hand", {})), self.read_wall(table.get("wall", {}))
 
+    def named_ports(self, side: str, table: Mapping[str, Leaf]) -> dict[str, dict[str, Leaf]]:
+        """Sort leaves of inputs or outputs: for each name `signal`, and perhaps `unit`; those without a signal are left out."""
+        found: dict[str, dict[str, Leaf]] = {}
+        for key, leaf in table.items():
+            name, _, part = key.partition(".")
+            path = f"ports.{side}.{name}".rstrip(".")
+            if not name or part not in ("", *PORT_PARTS):
+                expected = "one of " + ", ".join(PORT_PARTS) if part else f"a table, NAME = {NAMED[side]}"
+                found_text = "an unknown key" if part else show(leaf.value)
+                if name or leaf.value != {}:
+                    self.refuse(leaf, f"{path}.{part}" if part else path, expected, found_text, nearest(part, PORT_PARTS))
+                continue
+            found.setdefault(name, {})[part or "signal"] = leaf
+            self.leaves[f"{path}.unit" if part == "unit" else path] = leaf
+        for name, parts in found.items():
+            path, first = f"ports.{side}.{name}", next(iter(parts.values()))
+            taken = name in (*RESERVED, *COLUMNS, *RUN_COLUMNS, *self.numbers)
+            if not is_name(name) or taken:
+                expected = f"{NAME}, and neither pi nor a function nor a number nor the name of a column"
+                self.refuse(first, path, expected, show(name))
+            if "signal" not in parts:
+                self.refuse(Leaf(None, first.place.parent()), path, f"a signal, {NAMED[side]}", "none")
+        return {name: parts for name, parts in found.items() if "signal" in parts}
+
+    def unit_of(self, side: str, name: str, parts: Mapping[str, Leaf]) -> str:
+        return self.word(f"ports.{side}.{name}.unit", parts.get("unit"))
+
+    def read_inputs(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple[str, str, str], ...]:
+        found = []
+        for name, parts in table.items():
+            path, leaf = f"ports.inputs.{name}", parts["signal"]
+            signal = leaf.value
+            fault = self.fault_from_outside(signal)
+            if fault or signal in [each for _, each, _ in found]:
+                self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(signal)} again")), of_key=False)
+            else:
+                found.append((name, signal, self.unit_of("inputs", name, parts)))
+        return tuple(found)
+
+    def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
+        """Return expected and found text of a value that is no signal from outside that a wire reads; what: it should be."""
+        if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
+            return f"{NAME}, for {what}", show(signal)
+        if signal in self.numbers:
+            return "a name that is no number", show(signal)
+        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which none reads")
+
+    def read_outputs(
+        self, table: Mapping[str, dict[str, Leaf]], inputs: Mapping[str, object]
+    ) -> tuple[tuple[str, Terms, str], ...]:
+        found = []
+        for name, parts in table.items():
+            if name in inputs:
+                self.refuse(parts["signal"], f"ports.outputs.{name}", "another name than that of an input", show(name))
+            terms = self.read_terms(f"ports.outputs.{name}", parts["signal"])
+            if terms is not None:
+                found.append((name, terms, self.unit_of("outputs", name, parts)))
+        return tuple(found)
+
     def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
         force = parts.get("force")
         if force:
             self.leaves["ports.hand.force"] = force
-            if not (isinstance(force.value, str) and is_name(force.value) and force.value not in RESERVED):
-                self.refuse(
-                    force,
-                    "ports.hand.force",
-                    f"{NAME}, for the hand's force",
-                    show(force.value),
-                    of_key=False,
-                )
-            elif force.value in self.numbers:
-                self.refuse(force, "ports.hand.force", "a name that is no number", show(force.value), of_key=False)
-            elif force.value not in self.read:
-                self.refuse(
-                    force,
-                    "ports.hand.force",
-                    "a signal that a wire reads",
-                    f"{show(force.value)}, which none reads",
-                    of_key=False,
-                )
+            if fault := self.fault_from_outside(force.value, "the hand's force"):
+                self.refuse(force, "ports.hand.force", *fault, of_key=False)
         position, reaction = (
             self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:3]
         )

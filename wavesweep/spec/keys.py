@@ -180,8 +180,16 @@ _TABLE = [
 KEYS = MappingProxyType({key.path: key for key in _TABLE})
 
 _SIMULATE = [
-    _choice("simulate.input", "sine", "what force the hand exerts", INPUTS),
-    _number("simulate.amplitude", 1.0, "N", "size of the force; of noise its standard deviation"),
+    _choice(
+        "simulate.input",
+        "sine",
+        "force of the hand, or signal of another input; without a hand a step by default",
+        INPUTS,
+    ),
+    Key(
+        "simulate.from", "string", None, "", "input of a drawn loop that this goes into; by default the hand, or the first one"
+    ),
+    _number("simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"),
     _positive("simulate.frequency_hz", None, "Hz", "of the sine; of the stepped sine in turn; of the chirp both ends"),
     _gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
     _whole("simulate.periods", 5, "least whole periods in which a stepped sine is measured", low=1, high=10_000),
@@ -266,6 +274,8 @@ STUDY_KEYS = MappingProxyType(
         "bode.frequency_hz": Key(
             "bode.frequency_hz", "number", None, "Hz", "frequencies of the responses; 0 for the static limit", low=0.0
         ),
+        "bode.from": Key("bode.from", "string", None, "", "input of a drawn loop whose responses are wanted; by default all"),
+        "bode.to": Key("bode.to", "string", None, "", "output of a drawn loop that they are of; by default all"),
         **SIMULATE_KEYS,
     }
 )

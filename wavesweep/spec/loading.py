@@ -19,7 +19,15 @@ from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file,
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
 from wavesweep.spec.spec import K_VE_SPAN, Spec
-from wavesweep.spec.studies import DEFAULT_FREQUENCIES, Studies, beyond_half, beyond_limits, build_studies
+from wavesweep.spec.studies import (
+    DEFAULT_FREQUENCIES,
+    Studies,
+    beyond_half,
+    beyond_limits,
+    build_studies,
+    unknown_ends,
+    usual_frequencies,
+)
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 _TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
@@ -132,7 +140,7 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     given = Given(belongs.loop, place)
     values, wrong = resolve(given)
     studies, wrong_studies = build_studies(belongs, given)
-    mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies]
+    mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies, *unknown_ends(belongs, None)]
     if not wrong:
         followers = _followers(studies, values)
         axes = (*studies.axes, ("design.for_all", followers))
@@ -173,15 +181,19 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     names = replace(drawing.names if drawing else names_of(leaves), following=following)
     belongs = sort_leaves(leaves, names)
     given = Given(of_loop, place)
-    studies, wrong_studies = build_studies(belongs, given, names)
+    stepped = drawing is not None and drawing.hand is None and drawing.inputs
+    studies, wrong_studies = build_studies(belongs, given, names, "step" if stepped else "sine")
     mistakes = [*mistakes, *unknown, *of_classes, *wrong, *belongs.mistakes.values(), *wrong_studies]
     hz = drawing.rate(values) if drawing else values.get(RATE)
     mistakes += _beyond_rate(studies, hz, RATE) if hz else []
     if drawing:
         mistakes += [m for study, axes in studies.axes for m in drawing.vanishing(study, axes, values)]
         mistakes += studies.design.unsuited(drawing) if studies.design else []
+        mistakes += unknown_ends(belongs, drawing)
     if mistakes:
         raise SpecError(_in_order(mistakes))
+    if stepped:
+        studies = usual_frequencies(studies, hz)
     return Spec(name, path, values, _with_along(studies, belongs.along, drawing.wall), given, drawing=drawing)
 
 

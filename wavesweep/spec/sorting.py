@@ -26,13 +26,15 @@ class Sorted:
     """Leaves by the keys and axes that they belong to.
 
     Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
-    simulation's frequencies. Those of [design] and of [sweep] require by their paths below it.
+    simulation's frequencies. Those of [design] and of [sweep] require by their paths below it. route: `from` and `to` of
+    [bode].
     """
 
     loop: dict[str, Leaf] = field(default_factory=dict)
     along: Leaf | None = None
     lost: Leaf | None = None
     require: dict[str, Leaf] = field(default_factory=dict)
+    route: dict[str, Leaf] = field(default_factory=dict)
     simulate: dict[str, Leaf] = field(default_factory=dict)
     frequencies: dict[str, Leaf] = field(default_factory=dict)
     axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in STUDIES})
@@ -124,6 +126,8 @@ def _sort_study(path: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
         result.lost = leaf
     elif parts[0] == "require" and study == "sweep" and not names.find("require"):
         result.require[".".join(parts[1:])] = leaf
+    elif study == "bode" and parts in (("from",), ("to",)) and names is not BUILT_IN and not names.find(parts[0]):
+        result.route[parts[0]] = leaf
     else:
         _sort_axis(study, parts, leaf, result, names)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake, SpecError, UsageError
@@ -78,6 +79,54 @@ class Spec:
         if self.drawing is None or self.drawing.hand:
             return []
         return [self.mistake("ports", "hand = { force = ..., displacement = ... }, where the hand's force acts", "no hand")]
+
+    def without_entry(self) -> list[Mistake]:
+        """The mistake of a drawn loop whose [ports] name neither a hand nor an input, which stays at rest."""
+        if self.drawing is None or self.drawing.outside:
+            return []
+        expected = "inputs = { NAME = SIGNAL }, or hand = { force = ..., displacement = ... }, which something comes from"
+        return [self.mistake("ports", expected, "neither")]
+
+    @property
+    def entry(self) -> str:
+        """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
+        named = self._studies.experiment.values["from"]
+        signals = [signal for name, signal, _ in self.drawing.inputs if name == named] if self.drawing else []
+        return next(iter((*signals, *(self.drawing.outside if self.drawing else ()))), "")
+
+    @property
+    def routes(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; none if it asks for the hand's.
+
+        If it names neither end, they are those of a loop without a hand.
+        """
+        route = self._studies.route
+        return self.routes_between(route.get("from"), route.get("to"))
+
+    def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
+        """The same for an input and an output, None for all. Errors: UsageError for a name of none."""
+        drawing = self.drawing
+        if drawing is None or (drawing.hand and source is None and output is None):
+            if source is None and output is None:
+                return ()
+            raise UsageError("from, to: expected a drawn loop, found a controller, whose responses are those at the hand")
+        chosen = []
+        for end, name, ports in (("from", source, drawing.inputs), ("to", output, drawing.outputs)):
+            names = [each[0] for each in ports]
+            if name is not None and name not in names:
+                raise UsageError(f"{end}: expected a name in [ports] ({', '.join(names) or 'it has none'}), found {name!r:.60}")
+            chosen.append(names if name is None else [name])
+        return tuple(product(*chosen))
+
+    def unit_between(self, source: str, output: str) -> str:
+        """The unit of the response from an input to an output, empty if one of theirs is not known."""
+        units = {name: unit for name, _, unit in (*self.drawing.inputs, *self.drawing.outputs)}
+        over, under = units[output], units[source]
+        if not (over and under):
+            return ""
+        if under in (over, "1"):
+            return "1" if over == under else over
+        return f"{f'({over})' if '/' in over else over}/{f'({under})' if {'/', '*'} & {*under} else under}"
 
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
         """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
@@ -188,10 +237,10 @@ class Spec:
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
-        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand.
+        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from.
         """
         rate = RATE if self.drawing else "rates.fast_hz"
-        mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_hand()]
+        mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_entry()]
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)
@@ -229,7 +278,7 @@ class Spec:
         if self.for_all:
             tables["for_all"] = self.for_all.written()
         bode = (self._frequencies, *self.bode)
-        tables["bode"] = {axis.name: axis.written() for axis in bode}
+        tables["bode"] = dict(self._studies.route) | {axis.name: axis.written() for axis in bode}
         if self.for_simulation:
             tables["simulate"] = self._experiment().written()
         if self.for_design:

@@ -11,6 +11,7 @@ from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmi
 from wavesweep.spec.checking import Rejected, apart, check, nearest, show
 from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
+from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.for_all import ForAll, build_for_all, refuse_swept
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
@@ -19,6 +20,7 @@ from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
 from wavesweep.spec.sorting import FREQUENCIES, Sorted
 
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
+OF_PORTS = 1e-5, 0.49  # of the tick's rate, the usual frequencies of responses between inputs and outputs
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 SECONDS = 10.0  # of an input that has no length of its own
 
@@ -111,11 +113,14 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
-def build_experiment(leaves: Sorted) -> tuple[Experiment, list[Mistake]]:
-    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`."""
+def build_experiment(leaves: Sorted, usual: str) -> tuple[Experiment, list[Mistake]]:
+    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
+
+    usual: the input if none is given.
+    """
     found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
     checked = {path.split(".")[1]: value for path, value in found.items()}
-    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()}
+    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()} | {"input": usual}
     values = defaults | checked
     alone = leaves.frequencies.get("")
     none_needed = values["input"] not in INPUT_FREQUENCIES and alone and alone.value == []  # as `Experiment.written` has it
@@ -165,7 +170,8 @@ def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[fl
 @dataclass(frozen=True, slots=True)
 class Studies:
     """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, the experiment, the design, what
-    [sweep] requires of every mode, and what answers have to hold for."""
+    [sweep] requires of every mode, what answers have to hold for, and the ends `from` and `to` of the responses that [bode]
+    names."""
 
     along: str
     sweep: tuple[Axis, ...]
@@ -175,6 +181,7 @@ class Studies:
     design: Design | None = None
     require: Require | None = None
     for_all: ForAll | None = None
+    route: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def axes(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
@@ -184,8 +191,11 @@ class Studies:
         return ("sweep", self.sweep), ("bode", self.bode), *designed, *ranges
 
 
-def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
-    """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`."""
+def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN, usual: str = "sine") -> tuple[Studies, list[Mistake]]:
+    """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`.
+
+    usual: the input of a simulation if none is given.
+    """
     along, mistakes = _read_along(leaves.along, names)
     require, wrong = build_require(leaves.require)
     mistakes += wrong
@@ -200,7 +210,7 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     mistakes += [need_values("bode", axis) for axis in axes["bode"] if not axis.values]
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
-    experiment, wrong = build_experiment(leaves)
+    experiment, wrong = build_experiment(leaves, usual)
     design, wrong_design = build_design(leaves.design, names)
     for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
         wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)
@@ -208,8 +218,34 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     for_all, wrong_ranges = build_for_all(leaves, names)
     if for_all:
         wrong_ranges += refuse_swept({axis.path: axis for axis in axes["sweep"]}, for_all)
-    found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all)
+    route = {name: str(leaf.value) for name, leaf in leaves.route.items()}
+    found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all, route)
     return found, mistakes + wrong + wrong_design + wrong_ranges
+
+
+def usual_frequencies(studies: Studies, hz: float) -> Studies:
+    """Return the studies with frequencies that suit the rate of the tick, in Hz, if the spec gives none."""
+    if studies.frequencies is not DEFAULT_FREQUENCIES:
+        return studies
+    start, stop = (share * hz for share in OF_PORTS)
+    usual = replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
+    return replace(studies, frequencies=usual)
+
+
+def unknown_ends(leaves: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
+    """Yield the mistakes of inputs and outputs that [bode] and [simulate] name, and the loop does not have.
+
+    drawing: None of a controller, which has a hand alone.
+    """
+    sides = {"from": drawing.inputs, "to": drawing.outputs} if drawing else {}
+    simulated = {path: leaf for path, leaf in leaves.simulate.items() if path == "simulate.from"}
+    for path, leaf in ({f"bode.{end}": leaf for end, leaf in leaves.route.items()} | simulated).items():
+        known = [each[0] for each in sides.get(path.partition(".")[2], ())]
+        if leaf.value not in known:
+            what = "an output" if path == "bode.to" else "an input"
+            expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
+            hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
+            yield leaf.mistake(path, expected, show(leaf.value), hint)
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

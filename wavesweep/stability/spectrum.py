@@ -63,6 +63,14 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     return found
 
 
+def states_of_blocks(E) -> list[np.ndarray]:
+    """Return the states of each diagonal block of one matrix (see `diagonal_blocks`), also of those of a single state."""
+    if not E.size:
+        return []
+    several, alone = _parts(E.shape[-1], (E != 0).tobytes())
+    return [*several, *(np.array([state]) for state in alone)]
+
+
 def _blocks_of(acts):
     """A number for each state, the same for those that act on one another."""
     n = len(acts)

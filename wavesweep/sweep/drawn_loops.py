@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.loops.from_drawing import (
+    OUTPUT,
     POSITION,
     REACTION,
     assembled,
@@ -20,7 +21,7 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.passive.held_loop import HeldLoop
 from wavesweep.response.lifted import Lifted
-from wavesweep.response.port import NoPositionError, Port, Ports, port_of
+from wavesweep.response.port import NoPositionError, Port, Ports, port_between, port_of
 from wavesweep.response.resting import resting
 from wavesweep.response.static import limit_of
 from wavesweep.response.steady import GOOD, Response, respond, static_response
@@ -29,6 +30,7 @@ from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
 from wavesweep.stability.spectrum import radius_of
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, items_of, read_by, selected
 
+Route = tuple[str, str]  # names of an input and an output
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 SURE = 1e-6  # relative error up to which a stiffness counts as known
 
@@ -202,8 +204,10 @@ def ports_of_groups(drawing: Drawing, parts: Groups) -> Iterator[tuple[int, Port
             yield number, _port(drawing, one_loop(values, at))
 
 
-def ports_of_batch(drawing: Drawing, values: Mapping[str, object], size: int) -> Iterator[tuple[np.ndarray, Port]]:
-    """Yield indices of some of `size` loops and their ports, those together that have one rate."""
+def ports_of_batch(
+    drawing: Drawing, values: Mapping[str, object], size: int, route: Route | None = None
+) -> Iterator[tuple[np.ndarray, Port]]:
+    """Yield indices of some of `size` loops and their ports, those together that have one rate; route: of `_port`."""
     refuse_unsuitable(drawing, values)
     rates = {path: values[path] for path in _rating(drawing) if np.ndim(values[path])}
     first, of = distinct_rows(rates, size)
@@ -211,11 +215,16 @@ def ports_of_batch(drawing: Drawing, values: Mapping[str, object], size: int) ->
         members = np.flatnonzero(of == number)
         one = {path: rate[at].item() for path, rate in rates.items()}
         some = values if first.size == 1 and not one else selected(values, members) | one
-        yield members, _port(drawing, some if members.size > 1 else one_loop(some, 0))
+        yield members, _port(drawing, some if members.size > 1 else one_loop(some, 0), route)
 
 
-def _port(drawing, values):
-    """The port of one loop, or of a batch."""
+def _port(drawing, values, route=None):
+    """The port of one loop, or of a batch: the hand's, or that between an input and an output if a route names these."""
+    if route:
+        source, signal = next(each for name, each, _ in drawing.inputs if name == route[0]), OUTPUT + route[1]
+        drawn, drift = assembled(drawing, values), drift_of(drawing, values, watched=(signal,))
+        with named_loops(drawn):
+            return port_between(drawn, source, signal, drift)
     ports, drawn = hand_of(drawing), assembled(drawing, values)
     drift = drift_of(drawing, values, watched=ports.signals)
     with named_loops(drawn):

@@ -2,35 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
 
-from wavesweep.response.steady import respond
+from wavesweep.response.lifted import Lifted
+from wavesweep.response.steady import respond, transfer
 from wavesweep.rows import complex_columns
 from wavesweep.simulation import Simulation, Tone, estimate, simulated
 from wavesweep.spec import Spec
-from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, radii_of, refuse_singular
-from wavesweep.sweep.grid import own_loop
+from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, ports_of_batch, radii_of, refuse_singular
+from wavesweep.sweep.grid import own_loop, read_by
 from wavesweep.sweep.response_job import doubt_of
 
 
 def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
 
-    Errors: SpecError for a drawn loop without a hand, or with one whose position is none of a plant.
+    Errors: SpecError for a drawn loop with a hand whose position is none of a plant.
     """
-    refuse_what_has_no_hand(spec)
+    refuse_what_makes_no_loop(spec)
     return simulated(spec, force, **changes)
 
 
-def refuse_what_has_no_hand(spec: Spec) -> None:
-    """Raise SpecError or UsageError for a drawn loop that has no solution, or no hand on a position of a plant."""
+def refuse_what_makes_no_loop(spec: Spec) -> None:
+    """Raise SpecError or UsageError for a drawn loop that has no solution, or a hand on no position of a plant."""
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
-        ports_of(spec, spec.drawing)
+        if spec.drawing.hand:
+            ports_of(spec, spec.drawing)
+
+
+def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
+    """Where the outputs of a drawn loop settle after a step of [simulate] in an input, of those for which it is known.
+
+    linear: see `linear_loop`; nothing settles of a loop that is not stable.
+    """
+    drawing, size = spec.drawing, spec.simulate["amplitude"]
+    if drawing is None or not linear["stable"]:
+        return {}
+    name = next((name for name, signal, _ in drawing.inputs if signal == spec.entry), None)
+    if name is None:
+        return {}
+    found = {}
+    for output, _, _ in drawing.outputs:
+        _, port = next(ports_of_batch(drawing, read_by(drawing, spec.values), 1, (name, output)))
+        value = transfer(Lifted.of(port), 0.0)[0].item().real
+        if isfinite(value):
+            found[output] = size * value
+    return found
 
 
 def radius_of(spec: Spec) -> float:

@@ -97,13 +97,15 @@ def _short(number):
 def _bode_lines(spec):
     points = spec.frequency_hz
     try:
-        job = response_job(spec, spec.bode, points, tuple(axis.name for axis in spec.bode))
+        names, routes = tuple(axis.name for axis in spec.bode), spec.routes or (None,)
+        jobs = [response_job(spec, spec.bode, points, names, route=route) for route in routes]
     except (SpecError, UsageError) as error:
         return [f"  bode: not possible with this spec: {error}"]
     several = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
     frequencies = several if len(points) > 1 else f"1 frequency, {points[0]:g} Hz"
-    what = f"  bode: {_count(job.grid.loops, 'curve')} of {frequencies}; method: lifted resolvent of both rates"
-    return [what, *_long_lines([job])]
+    curves = _count(sum(job.grid.loops for job in jobs), "curve")
+    between = f" ({', '.join(' to '.join(route) for route in spec.routes)})" if spec.routes else ""
+    return [f"  bode: {curves}{between} of {frequencies}; method: lifted resolvent of both rates", *_long_lines(jobs)]
 
 
 def _passivity_lines(spec):
@@ -152,8 +154,12 @@ def _drawn_plan(spec):
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         if command != "zwidth" or drawing.wall:
             lines += _interval_lines(spec, command, along)
+    if drawing.hand is None and not spec.routes:
+        lacking = "bode, passivity" if drawing.inputs else "bode, passivity, simulate"
+        names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
+        return [*lines, f"  {lacking}: not possible, [ports] names {names}"]
     if drawing.hand is None:
-        return [*lines, "  bode, passivity, simulate: not possible, [ports] names no hand"]
+        return [*lines, *_bode_lines(spec), "  passivity: not possible, [ports] names no hand"]
     return [*lines, *_bode_lines(spec), *_passivity_lines(spec)]
 
 
@@ -199,6 +205,7 @@ def _dead_time_lines(drawing, values):
 def _unread_lines(drawing):
     """Blocks whose outputs nothing reads, which may be a slip."""
     terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
+    terms += [some for _, some, _ in drawing.outputs]
     read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
     if unread := [block.name for block in drawing.blocks if block.name not in read]:
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"

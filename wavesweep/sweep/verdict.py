@@ -12,12 +12,14 @@ from wavesweep.response.steady import respond, static_response
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
+from wavesweep.stability.modes import modes_of
+from wavesweep.stability.spectrum import damping_ratio, radius_of
 from wavesweep.sweep import for_all
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.drawn_loops import loop_at_hand, radii_of, refuse_singular, telling_frames
+from wavesweep.sweep.drawn_loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
 from wavesweep.sweep.interval_job import job_over
+from wavesweep.sweep.poles import leading
 from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
@@ -27,6 +29,7 @@ DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
+SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 LARGEST = np.finfo(float).max
 NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
@@ -51,7 +54,8 @@ def own_design(spec: Spec, loop=None) -> dict:
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
     feels it at low frequency, and whether it is rigid, as an integrator makes it: then neither has a limit; slowest: time
     constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line in the hand's position (see
-    `strongest_turns`), or as it is seen once a frame if there is no hand; channel_norm: of the wave channel, 1 or less if it is
+    `strongest_turns`), or as it is seen once a frame if there is no hand, and the states that take part most; least_damped: the
+    same of the mode with the lowest damping ratio, if it is another one; channel_norm: of the wave channel, 1 or less if it is
     passive.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
@@ -60,9 +64,24 @@ def own_design(spec: Spec, loop=None) -> dict:
     radius = float(radius_of(E, hidden))
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
     channel = None if spec.drawing else _channel_norm(spec.values)
-    loop, delta = loop or _prepared(spec), eigenvalues(E)[0]
-    turns = _turns(loop, slowest(delta)) if found["stable"] and delta.size else 0
-    return found | {"felt": _felt(loop), "slowest": _slowest(delta, period, turns), "channel_norm": channel}
+    loop, modes = loop or _prepared(spec), _modes(spec, E) if found["stable"] else []
+    slowest = modes[0] if modes else None
+    damped = min(modes, key=lambda mode: np.nan_to_num(damping_ratio(mode[0]), nan=1.0), default=None)
+    another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
+    described = {
+        name: _mode(*mode, period, _turns(loop, mode[0])) if mode else None
+        for name, mode in (("slowest", slowest), ("least_damped", damped if another else None))
+    }
+    return found | {"felt": _felt(loop), **described, "channel_norm": channel}
+
+
+def _modes(spec, E):
+    """Eigenvalues less 1 of the frame, the slowest first, and the states that take part most; without a state one at z = 0."""
+    drawing, values = own_loop(spec)
+    drift, labels = drift_of(drawing, values), assembled(drawing, values).labels()
+    names = [labels[drift.states[index]] for index in drift.kept]
+    delta, shares = modes_of(E[: len(names), : len(names)])
+    return [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)] or [(-1 + 0j, [])]
 
 
 def _prepared(spec):
@@ -109,13 +128,17 @@ def limits(spec: Spec) -> list[dict]:
     return [_limit(spec, name, path) for name, path in names.items()]
 
 
-def _limit(spec, name, path, span=None):
-    value = spec.values[path]
-    wall = spec.wall
+def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
+    """The range about the value of a number in which its stable intervals are looked for."""
+    value, wall = spec.values[path], spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    far = np.clip(FAR * (value or usual), -LARGEST, LARGEST)
-    span = span or tuple(sorted((start, float(far))))
+    low, high = sorted((start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))))
+    return low, high
+
+
+def _limit(spec, name, path, span=None):
+    value, span = spec.values[path], span or searched(spec, name, path)
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
@@ -217,16 +240,13 @@ def _damping(response, low):
         return 0.0 if nothing else np.nan
 
 
-def _slowest(delta, period, turns):
-    """Of the mode that decays most slowly: s per factor e, damping ratio, and rad/s of the line that makes so many turns."""
-    if not delta.size or np.abs(1 + delta).max() >= 1:
-        return None
-    mode = slowest(delta)
+def _mode(mode, states, period, turns):
+    """Of a mode: s per factor e, damping ratio, rad/s of the line that makes so many turns, and the states."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
         s = (np.log1p(mode) + 2j * np.pi * turns) / period
         ratio = damping_ratio(mode) if turns == 0 else -s.real / abs(s)
         found = {"time_constant_s": -1 / s.real, "damping_ratio": float(ratio), "omega": abs(s.imag)}
-    return {name: _number(value) for name, value in found.items()}
+    return {name: _number(value) for name, value in found.items()} | {"states": states}
 
 
 def _channel_norm(values):

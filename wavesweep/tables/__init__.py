@@ -22,6 +22,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "zwidth-hands": "intervals",
         "stability-region-hands": "intervals",
         "bode": "responses",
+        "bode-ports": "responses",
         "simulate": "simulation",
         "simulate-response": "simulation",
         "passivity": "passivity",

@@ -35,7 +35,7 @@ def fields(
     facts: of the run, with the numbers of a drawn loop. Raises WavesweepError for a table or an axis that does not exist.
     """
     known = kind_named(kind)
-    own, wanted = numbers_of(facts), set(extra)
+    own, wanted = numbers_of(facts) | signals_of(facts), set(extra)
     units = {OF_ALONG: _axis(along, own).unit, OF_WALL: felt_unit(facts)}
     unlike, present = unlike_units(facts), [each for each in known.fields if not each.optional or each.name in wanted]
     units |= {each.unit: at_port(each.unit, facts) for each in present if each.unit not in units}
@@ -107,6 +107,19 @@ def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
     found |= {name: replace(found[name], unit="") for name in unlike_units(facts) if name in found}
     return found | {rate.name: rate} if found else found
+
+
+def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
+    """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
+    spec = (facts or {}).get("spec", {})
+    found: dict[str, Field] = {}
+    for name, text in spec.get("signals", {}).items():
+        fields = (Field(each, "number", "", f"{name}: {text}") for each in (name, f"signals.{name}"))
+        found |= {each.name: each for each in fields}
+    for side, what in (("inputs", "input, held over the tick"), ("outputs", "output")):
+        ports = spec.get("ports", {}).get(side, {})
+        found |= {name: Field(name, "number", port["unit"], f"{what}: {port['signal']}") for name, port in ports.items()}
+    return found
 
 
 def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, list[str]]]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.errors import UsageError
+from wavesweep.errors import SpecError, UsageError
 from wavesweep.rows import Columns
 from wavesweep.stability.certificate import OF_RESPONSES, SPARED
+from wavesweep.tables import kind_named
 from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count
 from wavesweep.tables.table import Table, facts_of, with_unlike_units
 
@@ -41,6 +42,22 @@ BODE = (
     Field("worst_gain_error", "number", "1", "bound on the relative error of worst_gain; missing with it"),
     DOUBT,
 )
+_IN_UNIT = "in the unit of the row"
+BODE_PORTS = (
+    BODE[0],
+    Field("from", "string", "", "input of the drawn loop"),
+    Field("to", "string", "", "output of the drawn loop"),
+    Field("unit", "string", "", "unit of the response, that of the output over that of the input; empty if one is not known"),
+    replace(BODE[2], description="frequency of the input, which is held over each tick"),
+    BODE[3],
+    Field("response_re", "number", "", f"component of the output at this frequency over the input, real part, {_IN_UNIT}"),
+    Field("response_im", "number", "", f"response, imaginary part, {_IN_UNIT}"),
+    Field("response_abs", "number", "", f"response, magnitude, {_IN_UNIT}"),
+    Field("response_deg", "number", "deg", "response, phase"),
+    BODE[13],
+    Field("response_error", "number", "1", "bound on the relative error of the response; missing with it"),
+    DOUBT,
+)
 UNITS = {
     **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
     **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),
@@ -50,9 +67,11 @@ UNITS = {
 def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
+    Of specs that ask for responses between inputs and outputs (see `Spec.routes`) the table is `bode-ports`, with these.
+
     A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
-    half the fast rate, and the errors of `run`.
+    half the fast rate, for specs of which some have their hand's responses and others not, and the errors of `run`.
     """
     from wavesweep.sweep.response_job import response_job, units_in
     from wavesweep.sweep.running import Work, run
@@ -60,7 +79,10 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     if not specs:
         raise UsageError("responses: expected at least one spec, found none")
     names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
-    several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
+    routes = [(spec, route) for spec in specs for route in routes_of(spec)]
+    if len({route is None for _, route in routes}) > 1:
+        raise UsageError("bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both")
+    several = [response_job(spec, spec.bode, spec.frequency_hz, names, route=route) for spec, route in routes]
     asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
     found = run(asked, Work.of(work))
     grids = [job.grid for job in asked.values()]
@@ -68,14 +90,25 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
     notices = [notice for grid in grids for notice in grid.notices]
     swept = [axis.path for spec in specs for axis in spec.bode]
-    facts = facts_of(list(specs), METHODS, counts, found.timings, notices, swept) | {"warnings": found.warnings}
+    methods, kind = (METHODS, "bode") if routes[0][1] is None else (METHODS_PORTS, "bode-ports")
+    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
-    units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
+    if kind == "bode":
+        units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
     facts = with_unlike_units(facts, units)
-    return Table("bode", partial(_blocks, asked, found), facts, forget=found.forget)
+    return Table(kind, partial(_blocks, kind, asked, found), facts, forget=found.forget)
 
 
-def _blocks(asked: Mapping[str, ResponseJob], found: Run) -> Iterator[Columns]:
+def routes_of(spec: Spec) -> tuple:
+    """The routes of a spec, or None for the hand. Errors: SpecError for a drawn loop without either."""
+    if spec.drawing and not spec.drawing.hand and not spec.routes:
+        found = "no input" if not spec.drawing.inputs else "no output"
+        expected = "inputs and outputs, or hand = { force = ..., displacement = ... }, whose response is wanted"
+        raise SpecError([spec.mistake("ports", expected, found)])
+    return spec.routes or (None,)
+
+
+def _blocks(kind: str, asked: Mapping[str, ResponseJob], found: Run) -> Iterator[Columns]:
     """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
     from wavesweep.sweep.response_job import has_values
 
@@ -83,13 +116,19 @@ def _blocks(asked: Mapping[str, ResponseJob], found: Run) -> Iterator[Columns]:
     rough = {each[2] for each in several if not has_values(*each)}
     for name in asked:
         for columns in found.blocks(name):
-            yield KINDS[0].completed({**columns, **{each: columns[each].astype(float) for each in rough}})
+            yield kind_named(kind).completed({**columns, **{each: columns[each].astype(float) for each in rough}})
 
 
 METHODS = {
     "admittance": "closed loop of the frame, displacement in the tick, component at the force's own frequency",
     "worst_gain": "singular values of the lifted map from forces to positions",
     "errors": "residual, rounding of all entries and size of the inverse, entry by entry",
+}
+
+
+METHODS_PORTS = {
+    "response": "closed loop of the frame, input held over each tick, component at the input's own frequency",
+    "errors": METHODS["errors"],
 }
 
 
@@ -105,8 +144,8 @@ class BodeTally:
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows; a curve is rows with the same values, one after the other."""
-        leading = [columns[name] for name in list(columns)[: list(columns).index("controller")]]
-        new = np.zeros(len(columns["controller"]), bool)
+        leading = [columns[name] for name in list(columns)[: list(columns).index("frequency_hz")]]
+        new = np.zeros(len(columns["frequency_hz"]), bool)
         for column in leading:
             new[1:] |= _differ(column[1:], column[:-1])
         first = [column[:1] for column in leading]
@@ -119,8 +158,9 @@ class BodeTally:
             total + int((new & these).sum())
             for total, these in ((self._diverging, unstable), (self._undecided, ~columns["stable"] & ~unstable))
         )
-        bounded = (columns["admittance_error"] <= SPARED) & (columns["impedance_error"] <= SPARED)
-        gains = bounded & (columns["doubt"] == "rounding")
+        gains = (columns["doubt"] == "rounding") & ("admittance_error" in columns)
+        for name in ("admittance_error", "impedance_error"):
+            gains &= columns.get(name, 0.0) <= SPARED
         self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int(gains.sum())
         self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
         self._unstable.update(columns["spec"][unstable].tolist())
@@ -180,4 +220,7 @@ def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
     return Again(table.facts["spec_sha256"], table.blocks)
 
 
-KINDS = (Kind("bode", BODE, lambda _: BodeTally(), figure="responses.bode", again=_again, study="bode"),)
+KINDS = (
+    Kind("bode", BODE, lambda _: BodeTally(), figure="responses.bode", again=_again, study="bode"),
+    Kind("bode-ports", BODE_PORTS, lambda _: BodeTally(), figure="responses.bode_ports", again=_again, study="bode"),
+)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from wavesweep.spec import Spec
 
 SHOWN = 5  # frequencies that a notice names
+WITHIN = 0.02  # of the value at which an output settles, within which it counts as settled
 SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a sine is measured
 METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
 RESPONSE_METHODS = {
@@ -29,11 +30,13 @@ RESPONSE_METHODS = {
     "linear_admittance": "resolvent of the frame, component at the force's own frequency",
 }
 
-SIMULATE = (
+_TICKS = (
     Field("tick", "integer", "tick", "number of the fast tick, from 0"),
     Field("frame", "integer", "1", "number of the slow frame, from 0; for dc, whose frame is one tick, the tick"),
     Field("phase", "integer", "tick", "tick in the frame; the slow event happens at 0"),
     Field("time_s", "number", "s", "when the tick starts"),
+)
+_SIGNALS = (
     Field("f_h", "number", "N", "force of the hand, held over the tick"),
     Field("x", "number", "m", "position of the device at the start of the tick"),
     Field("v", "number", "m/s", "velocity of the device at the start of the tick"),
@@ -60,6 +63,8 @@ SIMULATE = (
     Field("energy_local", "number", "J", "energy that came out at the local model; NaN without waves"),
     Field("energy_channel", "number", "J", "energy_user - energy_slow - energy_local; NaN without waves"),
 )
+# A drawn loop has those of its hand, if any, and its inputs, outputs and named signals behind the time.
+SIMULATE = (*_TICKS, *(replace(field, optional=True) for field in _SIGNALS))
 
 _RESPONSE = tuple(field for field in BODE if not field.name.endswith(("worst_gain", "stable", "error", "doubt")))
 _BOUNDS = tuple(field for field in BODE if field.name in ("admittance_error", "impedance_error"))
@@ -80,7 +85,7 @@ def simulate(spec: Spec) -> list[Table]:
     """The time series of the simulated spec and, for settled sines, the response estimated from it."""
     from wavesweep.simulation import hand_force, table
     from wavesweep.simulation.march import FARTHEST, STRONGEST
-    from wavesweep.sweep.experiment import linear_loop, seen_response, simulation_of
+    from wavesweep.sweep.experiment import linear_loop, seen_response, settled_values, simulation_of
 
     started = time.perf_counter()
     hand = hand_force(spec)
@@ -96,8 +101,10 @@ def simulate(spec: Spec) -> list[Table]:
     late = simulation.late
     facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
+    facts["settles_at"] = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
     tables = [Table.of("simulate", columns, facts)]
-    tones = [tone for tone in hand.tones if tone.last <= rows]
+    of_hand = spec.drawing is None or spec.entry == (spec.drawing.hand or ("",))[0]
+    tones = [tone for tone in hand.tones if tone.last <= rows and of_hand]
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
@@ -184,6 +191,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     return {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
         "input": options["input"],
+        "from": _entry(spec),
         "ticks": rows,
         "wanted_ticks": facts["ticks"]["wanted"],
         "seconds": rows * tick,
@@ -193,8 +201,32 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
         "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped")) and rows else None,
-        "energy": _energy(columns) if rows else None,
+        "energy": _energy(columns) if rows and "energy_hand" in columns else None,
+        "outputs": {
+            name: _stepped(columns, name, final, options["at_s"]) for name, final in facts.get("settles_at", {}).items() if rows
+        },
     }
+
+
+def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
+    """What an output does after a step at `start` (s): where it settles, its peak, and when it has settled, after the step."""
+    values, after = columns[name], columns["time_s"] - start
+    peak = int(np.argmax(np.abs(values)))
+    outside = np.flatnonzero(np.abs(values - final) > WITHIN * abs(final))
+    settled = int(outside[-1]) + 1 if outside.size else 0
+    return {
+        "settles_at": final,
+        "peak": float(values[peak]),
+        "peak_s": float(after[peak]),
+        "settled_s": float(after[settled]) if final and settled < len(after) else None,
+    }
+
+
+def _entry(spec: Mapping[str, Any]) -> str:
+    """The input that the run is about, empty if it is the hand."""
+    ports = spec.get("ports", {})
+    first = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
+    return spec["simulate"].get("from") or first
 
 
 def _contact(touching: np.ndarray) -> Numbers:
@@ -203,8 +235,9 @@ def _contact(touching: np.ndarray) -> Numbers:
 
 
 def _energy(columns: Columns) -> Numbers:
-    last = {name: float(columns[f"energy_{name}"][-1]) for name in ("hand", "device", "channel")}
-    least = float(columns["energy_channel"].min())
+    names = ("hand", "device", "channel")
+    last = {name: float(columns.get(f"energy_{name}", [np.nan])[-1]) for name in names}
+    least = float(np.min(columns.get("energy_channel", np.nan)))
     return {name: None if np.isnan(value) else value for name, value in (last | {"channel_least": least}).items()}
 
 
@@ -214,10 +247,8 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
     much = f"{ticks}" if ticks == wanted else f"{ticks} of {wanted}"
     if not found["linear_loop"]["stable"]:
         yield unstable(found["linear_loop"]), True
-    yield (
-        f"{found['controller']}, force of the hand {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s",
-        False,
-    )
+    entry = f"{found['from']}:" if found["from"] else "force of the hand"
+    yield f"{found['controller']}, {entry} {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s", False
     if found["stopped"]:
         yield f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it", True
     if ticks == 0:
@@ -230,8 +261,20 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
         yield f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time", False
     if timing := found["slow_results"]:
         yield f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost", False
-    if not found["stopped"]:  # the energies of a run that explodes mean nothing
+    for name, output in found["outputs"].items() if not found["stopped"] else ():
+        yield _output_line(name, output), False
+    if found["energy"] and not found["stopped"]:  # the energies of a run that explodes mean nothing
         yield _energy_line(found["energy"], "force against it" if found["controller"] == "drawn" else "motors"), False
+
+
+def _output_line(name: str, output: Numbers) -> str:
+    """How an output answers a step."""
+    line, final = f"{name} settles at {output['settles_at']:.6g}", output["settles_at"]
+    if abs(output["peak"]) > (1 + WITHIN / 10) * abs(final):
+        line += f", peak {output['peak']:.6g} {output['peak_s']:.4g} s after the step"
+    if output["settled_s"] is not None:
+        return f"{line}, within {100 * WITHIN:g} % from {output['settled_s']:.4g} s after it on"
+    return f"{line}, but is not within {100 * WITHIN:g} % of it at the end" if final else line
 
 
 def unstable(linear: Numbers) -> str:
@@ -301,7 +344,14 @@ def _again(number: int) -> Callable[[Mapping[str, Any], Callable[[], str]], Agai
 
 
 KINDS = (
-    Kind("simulate", SIMULATE, lambda _: Whole(_run_numbers, _run_lines), figure="simulation.simulate", again=_again(0)),
+    Kind(
+        "simulate",
+        SIMULATE,
+        lambda _: Whole(_run_numbers, _run_lines),
+        figure="simulation.simulate",
+        again=_again(0),
+        before=len(_TICKS),
+    ),
     Kind(
         "simulate-response",
         SIMULATE_RESPONSE,

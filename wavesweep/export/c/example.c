@@ -1,4 +1,4 @@
-/* A host: the controller in a loop with a simulated device, pushed with 1 N from rest for 2 s. Prints a table.
+/* A host: the controller in a loop with a simulated device, $entry, for 2 s. Prints a table.
  *
  * On a real device the lines that move it are gone: `in` comes from the sensors, and `out` goes to the motors.
  */
@@ -11,7 +11,7 @@ int main(void)
     static ws_state s;
 $host
     double next[$size];
-    const double hand = 1.0;
+    const double given = 1.0;
     long tick;
     ws_init(&s);
     printf("time_s,$header\n");

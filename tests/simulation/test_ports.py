@@ -1,0 +1,99 @@
+"""Simulations from any input of a drawn loop, against a march in plain numpy, and the columns of their table."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.drawn import DRIVE, WALL, drive
+
+import wavesweep
+from wavesweep.plots import figure_of
+from wavesweep.spec import load
+from wavesweep.tables.simulation import simulate
+
+NAMES = ["tick", "frame", "phase", "time_s", "ref", "load", "error", "speed", "angle", "torque", "twice"]
+
+
+def tables(**simulate):
+    return tomllib.loads(DRIVE) | {"simulate": {"duration_s": 1.0, **simulate}}
+
+
+@pytest.mark.parametrize("source", ["ref", "load"])
+def test_a_step_into_an_input_is_that_of_the_march(source):
+    found = wavesweep.simulate(tables(**{"from": source, "amplitude": 3.0}))
+    assert len(found) == 1
+    step = 3.0 * (np.arange(1000) >= 100)
+    inputs = [step if source == name else 0 * step for name in ("ref", "load")]
+    assert found[0].columns.tolist() == NAMES
+    np.testing.assert_allclose(found[0][NAMES[-4:]].to_numpy().T, drive(inputs), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found[0][["ref", "load"]].to_numpy().T, inputs)
+    np.testing.assert_allclose(found[0].error, inputs[0] - found[0].speed, rtol=0, atol=1e-15)
+    assert found[0].attrs["units"] | {"speed": "rad/s", "load": "N*m", "twice": ""} == found[0].attrs["units"]
+
+
+def test_the_summary_of_a_step_says_where_outputs_settle():
+    (found,) = wavesweep.simulate(tables(amplitude=2.0))
+    outputs = found.attrs["summary"]["outputs"]
+    assert list(outputs) == ["speed", "torque", "twice"]  # the angle goes on without end
+    assert outputs["speed"]["settles_at"] == pytest.approx(2.0, rel=1e-12)
+    assert outputs["speed"]["peak"] == found.speed.max()
+    at = round(1000 * (outputs["speed"]["settled_s"] + 0.1))
+    off = (found.speed - 2.0).abs()
+    assert off[at:].max() <= 0.04 < off[at - 1]
+
+
+def test_a_hand_and_inputs_have_their_columns_beside_each_other():
+    text = WALL.replace('"hand - late.y"', '"hand - late.y + pull"')
+    ports = 'inputs = { pull = "pull" }\noutputs = { place = "m.x", force = "K*m.x" }'
+    text = text.replace("[ports]", f'[signals]\nx = "m.x"\n[ports]\n{ports}')
+    text = text.replace('"K*m.x + B*v.y"', '"K*x + B*v.y"')
+    by_hand, by_pull = (
+        wavesweep.simulate(tomllib.loads(text) | {"simulate": {"input": "step", "duration_s": 0.5} | entry})[0]
+        for entry in ({}, {"from": "pull"})
+    )
+    assert by_hand.columns.tolist()[4:8] == ["pull", "signals.x", "place", "force"]
+    assert {"f_h", "x", "F_s", "touching", "energy_hand"} <= {*by_hand.columns}
+    assert not by_hand.columns.intersection(["u_m", "late", "energy_channel", "f_m"]).size
+    np.testing.assert_array_equal(by_hand.place, by_hand.x)
+    np.testing.assert_array_equal(by_hand.place, by_hand["signals.x"])
+    np.testing.assert_allclose(by_hand.force, 100 * by_hand.x, rtol=1e-14)
+    np.testing.assert_allclose(by_pull.place, by_hand.place, rtol=0, atol=1e-15)  # both push the same mass
+    assert (by_pull.f_h.abs().max(), by_hand.pull.abs().max(), by_pull.pull.max()) == (0, 0, 1)
+
+
+def test_an_unstable_loop_without_a_hand_runs_up_to_the_last_finite_row():
+    (found,) = simulate(load(tables(duration_s=20.0), ["kp=60"]).as_simulated())
+    rows, wanted = (found.facts["ticks"][name] for name in ("simulated", "wanted"))
+    assert 0 < rows < wanted
+    assert found.facts["ticks"]["stopped"] == "numbers overflow"
+    assert np.isfinite(found.columns["speed"]).all()
+    assert found.facts["settles_at"] == {}
+
+
+def test_effects_of_a_device_need_a_hand():
+    with pytest.raises(wavesweep.UsageError, match="option friction: expected a device"):
+        wavesweep.simulate(tables(friction=0.1))
+
+
+def test_the_figure_has_a_panel_for_each_output_and_one_for_signals():
+    (found,) = simulate(load(tables(**{"from": "load"})).as_simulated())
+    canvas = figure_of("simulate")(found.columns, found.facts)
+    titles = [axes.get_ylabel() for axes in canvas.axes if axes.get_ylabel()]
+    assert titles == ["speed (rad/s)", "angle (rad)", "torque (N·m)", "twice", "signals"]
+    assert [line.get_label() for line in canvas.axes[2].get_lines()] == ["torque", "load"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["ref", "load"])
+def test_a_settled_sine_has_the_components_of_the_response(source):
+    """Of a plant of several blocks, whose current acts on it continuously, behind a controller of every tenth tick."""
+    path = Path(__file__).parents[2] / "sweeps" / "examples" / "motor.toml"
+    own = wavesweep.compile(load(path, [f"simulate.from={source}"]))
+    k, f = np.arange(24_000), 170.0
+    parts = [own.simulate(wave(2 * np.pi * f * k / 10_000)).iloc[-1000:] for wave in (np.cos, np.sin)]
+    found = own.response(f, from_=source).set_index("to")
+    for name in ("speed", "current"):
+        tick = (parts[0][name] + 1j * parts[1][name]).to_numpy() * np.exp(-2j * np.pi * f * k[-1000:] / 10_000)
+        wanted = tick.mean()  # of a hundred frames
+        assert found.response_re[name] + 1j * found.response_im[name] == pytest.approx(wanted, rel=1e-9)

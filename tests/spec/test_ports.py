@@ -1,0 +1,108 @@
+"""[ports] inputs and outputs of a drawn loop, and which of them [bode] and [simulate] are about."""
+
+import tomllib
+
+import pytest
+from support.drawn import DRIVE, NETWORK, WALL
+from support.specs import nested
+
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.spec import load
+from wavesweep.spec.block_types import RUN_COLUMNS
+from wavesweep.tables import kind_named
+
+
+def tables(**changes):
+    return tomllib.loads(DRIVE) | changes
+
+
+def mistakes(source, *overrides):
+    with pytest.raises(SpecError) as refused:
+        load(source, overrides)
+    return [str(each) for each in refused.value.mistakes]
+
+
+def test_ports_are_read_with_and_without_units():
+    spec = load(tables())
+    assert spec.drawing.inputs == (("ref", "ref", "rad/s"), ("load", "load", "N*m"))
+    assert [(name, unit) for name, _, unit in spec.drawing.outputs][2:] == [("torque", "N*m"), ("twice", "")]
+    assert spec.tables()["ports"]["outputs"]["twice"] == {"signal": "2*motor.v + error", "unit": ""}
+    assert load(spec.tables()).sha256 == spec.sha256
+
+
+def test_an_input_may_be_the_hands_force():
+    spec = load(tomllib.loads(WALL.replace("[ports]", '[ports]\ninputs = { push = "hand" }\noutputs = { place = "m.x" }')))
+    assert (spec.drawing.outside, spec.routes, spec.routes_between(None, None)) == (("hand",), (), ())
+    assert spec.routes_between("push", None) == (("push", "place"),)
+
+
+def test_all_pairs_are_asked_for_unless_bode_names_an_end():
+    spec = load(tables())
+    assert len(spec.routes) == 8
+    assert load(tables(bode={"from": "load", "to": "speed"})).routes == (("load", "speed"),)
+    assert load(tables(), ["bode.to=angle"]).routes == (("ref", "angle"), ("load", "angle"))
+    with pytest.raises(UsageError, match=r"to: expected a name in \[ports\] \(speed, .*\), found 'spede'"):
+        spec.routes_between(None, "spede")
+
+
+@pytest.mark.parametrize(
+    ("source", "output", "unit"),
+    [("ref", "speed", "1"), ("ref", "angle", "rad/(rad/s)"), ("load", "speed", "(rad/s)/(N*m)"), ("load", "twice", "")],
+)
+def test_the_unit_of_a_response_is_that_of_the_output_over_that_of_the_input(source, output, unit):
+    assert load(tables()).unit_between(source, output) == unit
+
+
+def test_a_loop_without_a_hand_has_frequencies_of_its_own_rate_and_a_step():
+    spec = load(tables(rates={"tick_hz": 20}, block=tables()["block"]))
+    assert (spec.frequency_hz[0], spec.frequency_hz[-1], len(spec.frequency_hz)) == (pytest.approx(2e-4), 9.8, 400)
+    assert (spec.simulate["input"], spec.entry) == ("step", "ref")
+    assert load(tables(), ["simulate.from=load", "simulate.input=noise"]).entry == "load"
+
+
+@pytest.mark.parametrize(
+    ("ports", "key", "expected", "found"),
+    [
+        ({"inputs": {"ref": "rf"}}, "ports.inputs.ref", "a signal that a wire reads", '"rf", which none reads'),
+        ({"inputs": {"ref": 3}}, "ports.inputs.ref", "for a signal from outside", "3"),
+        ({"inputs": {"ref": "kp"}}, "ports.inputs.ref", "a name that is no number", '"kp"'),
+        ({"inputs": {"a": "ref", "b": "ref"}}, "ports.inputs.b", "a signal of its own", '"ref" again'),
+        ({"inputs": {"x": "ref"}}, "ports.inputs.x", "nor the name of a column", '"x"'),
+        ({"inputs": {"ref": {"unit": "rad"}}}, "ports.inputs.ref", "a signal, a signal from outside", "none"),
+        (
+            {"inputs": {"ref": {"signal": "ref", "uni": "rad"}}},
+            "ports.inputs.ref.uni",
+            "one of signal, unit",
+            "an unknown key",
+        ),
+        ({"inputs": "ref"}, "ports.inputs", "a table, NAME = a signal from outside", '"ref"'),
+        ({"outputs": {"ref": "motor.v"}}, "ports.outputs.ref", "another name than that of an input", '"ref"'),
+        ({"outputs": {"y": "motor.w"}}, "ports.outputs.y", "an output of motor: motor.v or motor.x", '"motor.w"'),
+        ({"outputs": {"y": "motor.v*motor.v"}}, "ports.outputs.y", "", "product"),
+        ({"output": {"y": "motor.v"}}, "ports.output", "hand, wall, inputs or outputs", "an unknown port"),
+    ],
+)
+def test_a_mistake_in_ports_is_one_line(ports, key, expected, found):
+    whole = {"inputs": {"ref": "ref", "load": "load"}} | ports
+    lines = [line for line in mistakes(tables(ports=whole)) if line.startswith(f"{key}:")]
+    assert len(lines) == 1
+    assert expected in lines[0]
+    assert found in lines[0]
+
+
+def test_ends_that_a_loop_does_not_have_are_mistakes():
+    (line,) = mistakes(tables(), "bode.from=rf")
+    assert 'bode.from: expected an input in [ports] of a drawn loop (ref, load), found "rf"; did you mean `ref`?' in line
+    (line,) = mistakes(tables(), "simulate.from=speed")
+    assert "simulate.from: expected an input in [ports] of a drawn loop (ref, load)" in line
+    (line,) = mistakes(nested({"controller.kind": "pmw"}), "simulate.from=ref")
+    assert "(it has none)" in line
+
+
+def test_a_loop_that_nothing_reaches_is_not_simulated():
+    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, found neither"):
+        load(tomllib.loads(NETWORK)).as_simulated()
+
+
+def test_no_port_has_the_name_of_a_column_of_a_simulation():
+    assert {field.name for field in kind_named("simulate").fields} == RUN_COLUMNS
