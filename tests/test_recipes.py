@@ -322,8 +322,7 @@ def test_the_damping_of_an_admittance_controlled_arm():
 
 
 def test_a_notch_beyond_half_the_rate():
-    """The gain that is known at 80 Hz; poles of the program's formula outside of the circle at 215 Hz, where the block is
-    refused."""
+    """The gain that is known at 80 Hz; at 215 Hz the program's filter is unstable, and the block is refused."""
     assert ends("notch", f=80, q=2)[0][1] == pytest.approx(222.355288, abs=5e-7)
     given = defaults("notch")
     assert min(radius("notch", given | {"k": k, "f": 215.0}) for k in np.linspace(0, 1000, 101)) > 1

@@ -190,7 +190,7 @@ def admittance(D, M, K, tau, T):
 
 
 def notch(k, f, q, depth, T):
-    """The biquad as the program of the thread has it: RBJ's cookbook, a notch of this depth."""
+    """The filter as the program of the thread has it: its last two inputs and outputs are states."""
     h = 1 / 400
     w = 2 * np.pi * f * h
     alpha = np.sin(w) / (2 * q)
