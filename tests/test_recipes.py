@@ -41,7 +41,7 @@ def numbers_of(name):
 
 def defaults(name):
     numbers = tomllib.loads(TEXTS[name])["numbers"]
-    return {key: given["value"] for key, given in numbers.items()}
+    return {key: given["value"] for key, given in numbers.items() if isinstance(given, dict)}
 
 
 def ends(name, **fixed):
@@ -142,6 +142,39 @@ SHOWN = [
     ("long-delay", {"n": 1}, "1303.7"),
     ("long-delay", {"n": 5}, "346.04"),
     ("long-delay", {"n": 20}, "81.689"),
+    ("cascade", {"h": 0.02}, "110.93"),
+    ("cascade", {"h": 0.02}, "976.49"),
+    ("cascade", {"h": 0.002}, "20.31"),
+    ("cascade", {"h": 0.002}, "9980.0"),
+    ("co-simulation", {"H": 0.04, "n": 1}, "5.6007"),
+    ("co-simulation", {"H": 0.04, "n": 4}, "3.7240"),
+    ("co-simulation", {"H": 0.04, "n": 16}, "3.1955"),
+    ("co-simulation", {"H": 0.01, "n": 1}, "1.5653"),
+    ("co-simulation", {"H": 0.01, "n": 4}, "0.9832"),
+    ("co-simulation", {"H": 0.01, "n": 16}, "0.8363"),
+    ("current-loop", {"h": 132e-6, "x": 1}, "1205.832"),
+    ("current-loop", {"h": 25e-6, "x": 1}, "6366.220"),
+    ("current-loop", {"h": 132e-6, "x": 1.5}, "952.026"),
+    ("current-loop", {"h": 25e-6, "x": 1.5}, "5015.601"),
+    ("current-loop", {"h": 132e-6, "x": 2}, "705.465"),
+    ("current-loop", {"h": 25e-6, "x": 2}, "3724.514"),
+    ("decimation", {"kd": 0, "n": 1}, "4544.000"),
+    ("decimation", {"kd": 0, "n": 4}, "81.336"),
+    ("decimation", {"kd": 2, "n": 1}, "3744.000"),
+    ("decimation", {"kd": 2, "n": 4}, "280.719"),
+    ("batch-reactor", {"n": 2}, "0.0657931"),
+    ("batch-reactor", {"n": 1}, "0.131597"),
+    ("admittance", {"M": 11.25, "K": 1000, "tau": 0.006}, "11.960"),
+    ("admittance", {"M": 11.25, "K": 10000, "tau": 0.006}, "116.219"),
+    ("admittance", {"M": 11.25, "K": 100000, "tau": 0.006}, "960.32"),
+    ("admittance", {"M": 50, "K": 10000, "tau": 0.006}, "119.100"),
+    ("admittance", {"M": 2, "K": 10000, "tau": 0.006}, "103.720"),
+    ("admittance", {"M": 11.25, "K": 10000, "tau": 0.009}, "143.868"),
+    ("notch", {"f": 80, "q": 2}, "222.355"),
+    ("notch", {"f": 40, "q": 2}, "179.175"),
+    ("notch", {"f": 20, "q": 2}, "125.998"),
+    ("notch", {"f": 80, "q": 4}, "244.631"),
+    ("notch", {"depth": 1.0}, "272.687"),
 ]
 
 
@@ -221,3 +254,77 @@ def test_delays_longer_than_a_frame():
         t = brentq(lambda t, b=b, late=late: curve(t, late)[0] - b, 1e-6, t, xtol=1e-15, rtol=1e-14)
         assert row.high == pytest.approx(curve(t, late)[1] * 0.1 / 1e-6, rel=1e-9)
     assert rows[rows.intervals == 0][["B", "n"]].to_numpy().tolist() == [[8, 20]]
+
+
+def test_the_periods_of_a_cascade():
+    """Along the period, a gain that is best is neither the weakest nor the strongest; a march a billionth away agrees."""
+    rows = wavesweep.compile(str(FOLDER / "cascade.toml")).stable_intervals("h", (1e-4, 0.1), k=[100, 200, 800])
+    for k, end, shown in zip((100, 200, 800), rows.high, ("18.8528", "32.0468", "20.5790"), strict=True):
+        given = defaults("cascade") | {"k": k}
+        assert radius("cascade", given | {"h": end * (1 - 1e-9)}) < 1 < radius("cascade", given | {"h": end * (1 + 1e-9)})
+        assert f"{end * 1e3:.4f}" == shown
+        assert shown in numbers_of("cascade")
+    assert ends("cascade", h=0.02)[0] == pytest.approx((110.9342847390224, 976.485367525044), rel=1e-12)
+
+
+def test_substeps_of_a_co_simulation():
+    """Close to the delay differential equation of the mode in which the masses move against each other. Without damping no
+    window is stable that is shorter than that mode's period."""
+    k, coupling = 4 * np.pi**2, 16 * np.pi**2
+    for row in table("co-simulation").itertuples():
+        late = row.H * (row.n + 1) / (2 * row.n)
+        w = brentq(lambda w, late=late: k + coupling + coupling * np.cos(w * late) - w * w, 10, 25)
+        assert row.low == pytest.approx(coupling * np.sin(w * late) / w, rel=0.04)
+    windows = np.geomspace(1e-3, 1 / 3, 60)
+    assert min(radius("co-simulation", {"c": 0.0, "H": H, "n": n, "m": 1.0}) for H in windows for n in (1, 4, 16)) > 1
+
+
+def test_the_dead_time_of_a_current_loop():
+    """A pass at 132 us with 300 Hz, and passes that take so long as the bandwidth is to the limit."""
+    assert "5.223" in numbers_of("current-loop")
+    found = wavesweep.compile(str(FOLDER / "current-loop.toml")).stable_intervals("x", (0.1, 10))
+    assert found.high[0] == pytest.approx(5.223, abs=5e-4)
+    given = defaults("current-loop")
+    at = [radius("current-loop", given | {"x": found.high[0] * (1 + side * 1e-9)}) for side in (-1, 1)]
+    assert at[0] < 1 < at[1]
+
+
+def test_a_torque_that_is_held_for_the_decimation():
+    given = defaults("decimation")
+    h, I, d = given["h"], given["I"], given["d"]
+    rows = table("decimation")
+    every = rows[rows.n == 1]
+    np.testing.assert_allclose(every.high, (4 * I + 2 * h * (d - every.kd)) / h**2, rtol=1e-12)
+    loop = wavesweep.compile(str(FOLDER / "decimation.toml"))
+    rows = loop.stable_intervals(d=[0.0], kd=[0.1, 0.5, 2.0], n=[2, 4])
+    np.testing.assert_allclose(rows.high, 2 * rows.kd / ((rows.n - 1) * h), rtol=1e-12)
+    assert given["kp"] < table("decimation").high.min()
+
+
+def test_messages_in_turn():
+    """The limit that is known of this reactor, and hardly less than half of that of both outputs in each message."""
+    found = table("batch-reactor").set_index("n").high
+    assert found[2] == pytest.approx(0.06579306090414097, rel=1e-13)
+    assert found[2] == pytest.approx(found[1] / 2, rel=1e-4)
+
+
+def test_the_damping_of_an_admittance_controlled_arm():
+    """Below K (tau + T + half a tick), to which it tends with the virtual mass."""
+    given, rows = defaults("admittance"), table("admittance")
+    limit = rows.K * (rows.tau + given["T"] + 0.001)
+    assert (rows.low < limit).all()
+    heavy = (rows.M == 50) & (rows.K <= 10000)
+    np.testing.assert_allclose(rows.low[heavy], limit[heavy], rtol=0.011)
+    assert (rows.sort_values("M").groupby(["K", "tau"]).low.diff().dropna() > 0).all()
+    stiffest = wavesweep.compile(str(FOLDER / "admittance.toml")).stable_intervals("K", (0, 20000)).high[0]
+    assert f"{stiffest:.0f}" == "1045"
+    assert "1045" in numbers_of("admittance")
+
+
+def test_a_notch_beyond_half_the_rate():
+    """The gain that is known at 80 Hz; at 215 Hz the program's filter is unstable, and the block is refused."""
+    assert ends("notch", f=80, q=2)[0][1] == pytest.approx(222.355288, abs=5e-7)
+    given = defaults("notch")
+    assert min(radius("notch", given | {"k": k, "f": 215.0}) for k in np.linspace(0, 1000, 101)) > 1
+    with pytest.raises(wavesweep.SpecError, match="half the block's own rate"):
+        wavesweep.load(FOLDER / "notch.toml", ["f=215"])

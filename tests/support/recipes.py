@@ -106,6 +106,102 @@ def long_delay(K, B, n):
     return np.array([*plant(1e-3, 0.1)(x, v, -late[-1]), x, *late[:-1]])
 
 
+def cascade(h, k, T, K, J):
+    step = plant(h, J)
+    x, v, integral = np.eye(3)
+    wanted = -K * x
+    for _ in range(5):
+        e = wanted - v
+        integral = integral + h * e
+        x, v = step(x, v, k * (e + integral / T))
+    return np.array([x, v, integral])
+
+
+def co_simulation(c, H, n, m):
+    """Newmark's method in the form of a solver: the acceleration of the last step is a state."""
+    h, own, coupling = H / n, 20 * np.pi**2, 16 * np.pi**2
+    left, right = np.split(np.eye(6), 2)
+    others = right[0], left[0]
+    for _ in range(n):
+        left = newmark(h, *left, coupling * others[0], m, c, own)
+        right = newmark(h, *right, coupling * others[1], m, c, own)
+    return np.array([*left, *right])
+
+
+def newmark(h, x, v, a, f, m, c, k):
+    ahead, faster = x + h * v + h * h / 4 * a, v + h / 2 * a
+    a = (f - c * faster - k * ahead) / (m + c * h / 2 + k * h * h / 4)
+    return ahead + h * h / 4 * a, faster + h / 2 * a, a
+
+
+def current_loop(f, h, x, R, L):
+    """The voltage of so many passes ago, and in the first part of a pass of one more."""
+    whole, part = int(x), x - int(x)
+    w, decay = 2 * np.pi * f, np.exp(-R / L * h * np.array([part, 1 - part]))
+    i, filtered, integral, error, *voltage = np.eye(5 + whole)
+    filtered = filtered + h / (1 / (4 * w) + h) * (i - filtered)
+    integral = integral + h / 2 * (error - filtered)
+    voltage = [w * (-L * filtered + R * integral), *voltage]
+    i = decay[0] * i + (1 - decay[0]) / R * voltage[whole + 1] if part else i
+    i = decay[1] * i + (1 - decay[1]) / R * voltage[whole]
+    return np.array([i, filtered, integral, -filtered, *voltage[: whole + 1]])
+
+
+def decimation(kp, kd, d, I, h, n):
+    x, v = np.eye(2)
+    torque = -kp * x - kd * v
+    for _ in range(n):
+        v = (v + h / I * torque) / (1 + h / I * d)
+        x = x + h * v
+    return np.array([x, v])
+
+
+def batch_reactor(h, n):
+    A = [
+        [1.38, -0.2077, 6.715, -5.676],
+        [-0.5814, -4.29, 0, 0.675],
+        [1.067, 4.273, -6.654, 5.893],
+        [0.048, 4.273, 1.343, -2.104],
+    ]
+    B, C = np.array([[0, 0], [5.679, 0], [1.136, -3.146], [1.136, 0]]), np.array([[1, 0, 1, -1], [0, 1, 0, 0]])
+    F = np.zeros((8, 8))  # reactor, integrals of the controller, outputs as they were sent
+    F[:4, :4], F[:4, 4:6], F[:4, 6:] = A, B @ [[-2, 0], [0, 8]], B @ [[0, -2], [5, 0]]
+    F[4:6, 6:] = [[0, 1], [1, 0]]
+    step, frame = expm(F * h), np.eye(8)
+    for sent in ([0], [1]) if n == 2 else ([0, 1],):
+        message = np.eye(8)
+        message[6:][sent] = np.pad(C, ((0, 0), (0, 4)))[sent]
+        frame = step @ message @ frame
+    return frame
+
+
+def admittance(D, M, K, tau, T):
+    h = 0.002
+    whole, part = int(tau / h + 1e-9), tau / h - int(tau / h + 1e-9)
+    F = np.array([[0, 1, 0], [0, -1 / T, 1 / T], [0, 0, 0]])  # position, speed of the arm, speed that it is sent
+    x, v, speed, acceleration, *sent = np.eye(5 + whole)
+    before, acceleration = acceleration, (-K * x - D * speed) / M
+    speed = speed + h / 2 * (acceleration + before)
+    sent = [speed, *sent]
+    for late, share in ((whole + 1, part), (whole, 1 - part)):
+        if share > 1e-9:
+            x, v, _ = expm(F * h * share) @ [x, v, sent[late]]
+    return np.array([x, v, speed, acceleration, *sent[: whole + 1]])
+
+
+def notch(k, f, q, depth, T):
+    """The filter as the program of the thread has it: its last two inputs and outputs are states."""
+    h = 1 / 400
+    w = 2 * np.pi * f * h
+    alpha = np.sin(w) / (2 * q)
+    E = expm(h * np.array([[0, 1, 0], [0, -1 / T, 1 / T], [0, 0, 0]]))
+    x, v, in1, in2, out1, out2, late = np.eye(7)
+    out = ((1 + alpha * depth) * x - 2 * np.cos(w) * in1 + (1 - alpha * depth) * in2) / (1 + alpha)
+    out = out - (-2 * np.cos(w) * out1 + (1 - alpha) * out2) / (1 + alpha)
+    ahead, faster, _ = E @ [x, v, late]
+    return np.array([ahead, faster, x, in1, out, out1, -k * out])
+
+
 FRAMES = {
     "physics-joint": physics_joint,
     "policy": policy,
@@ -116,6 +212,13 @@ FRAMES = {
     "network": network,
     "two-rate-wall": two_rate_wall,
     "long-delay": long_delay,
+    "cascade": cascade,
+    "co-simulation": co_simulation,
+    "current-loop": current_loop,
+    "decimation": decimation,
+    "batch-reactor": batch_reactor,
+    "admittance": admittance,
+    "notch": notch,
 }
 
 
