@@ -105,11 +105,11 @@ class Spec:
 
     def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
         """The same for an input and an output, None for all. Errors: UsageError for a name of none."""
-        drawing = self.drawing
-        if drawing is None or (drawing.hand and source is None and output is None):
-            if source is None and output is None:
-                return ()
+        drawing, asked = self.drawing, source is not None or output is not None
+        if drawing is None and asked:
             raise UsageError("from, to: expected a drawn loop, found a controller, whose responses are those at the hand")
+        if drawing is None or (drawing.hand and not asked):
+            return ()
         chosen = []
         for end, name, ports in (("from", source, drawing.inputs), ("to", output, drawing.outputs)):
             names = [each[0] for each in ports]
