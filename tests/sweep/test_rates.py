@@ -40,6 +40,24 @@ def test_an_answer_of_the_recipe_along_the_time_step():
         assert f"{1e3 * longest_step(5000.0, kd):.3f}" == answer
 
 
+def test_the_longest_period_of_gains_that_were_designed_in_continuous_time():
+    """An LQR with unit weights of a pendulum that stands, x'' = g x + u, its gains rounded to eight digits: z = -1 at
+    `tanh(w h/2) = w/kd`, w^2 = g."""
+    g = 9.81
+    kp = g + np.hypot(g, 1)
+    kp, kd = round(kp, 8), round(np.sqrt(2 * kp + 1), 8)
+    tables = {
+        "rates": {"tick_hz": "1/h"},
+        "numbers": {"h": 0.01},
+        "block": {"pendulum": {"type": "inertia", "inertia": 1, "stiffness": -g}},
+        "wire": {"pendulum.f": f"-{kp}*pendulum.x - {kd}*pendulum.v"},
+    }
+    found = wavesweep.compile(tables).stable_intervals("h", (1e-3, 1))
+    assert found.certified.all()
+    assert found.high.tolist() == pytest.approx([2 * np.arctanh(np.sqrt(g) / kd) / np.sqrt(g)], rel=1e-12)
+    assert found.high[0] == pytest.approx(0.3449335770126, abs=1e-12)
+
+
 def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(monkeypatch):
     joint, sizes, frame = wavesweep.compile(RECIPES / "physics-joint.toml"), [], drawn_loops.assembled
     monkeypatch.setattr(
