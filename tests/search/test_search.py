@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from wavesweep.search.search import Judged, generations, hypervolume, spread, undominated
+from wavesweep.search.study import design
+from wavesweep.spec import load
+from wavesweep.sweep.verdict import own_design
 
 
 def zdt(number, x):
@@ -120,3 +123,35 @@ def test_every_kind_of_design_has_a_part_of_the_population_at_first():
     assert (kinds[0] == 12).all()
     assert (kinds[17] == 12).all()
     assert found.objectives[0, 0] < 0.1
+
+
+@pytest.mark.slow
+def test_a_design_that_breaks_its_bound_between_the_ends_of_a_range_is_not_the_best():
+    """A cascade clocked at two rates, whose damping ratio may be least for an inertia between 8 and 12 kg*m^2."""
+    wires = {"slow.u": "-load.x", "integral.u": "slow.y - load.v", "load.f": "k*(slow.y - load.v + integral.y/T)"}
+    spec = {
+        "rates": {"tick_hz": 50},
+        "numbers": {"J": 10.0, "k": 100.0, "T": 0.5, "K": 20.0},
+        "block": {
+            "load": {"type": "mass", "mass": "J"},
+            "slow": {"type": "gain", "k": "K", "every": 5},
+            "integral": {"type": "integrator", "method": "implicit"},
+        },
+        "wire": wires,
+        "design": {
+            "population": 24,
+            "generations": 20,
+            "vary": {
+                "k": {"start": 10, "stop": 5000, "scale": "log"},
+                "T": {"start": 0.05, "stop": 5, "scale": "log"},
+                "K": {"start": 1, "stop": 100, "scale": "log"},
+            },
+            "wish": {"settling": {}, "damping_ratio": {"at_least": 0.7}},
+            "for_all": {"J": [8, 12]},
+        },
+    }
+    found = design(load(spec), jobs=1).columns
+    assert found["holds"].all()
+    best = load(spec).with_values({name: found[name][0] for name in ("k", "T", "K")})
+    ratios = [own_design(best.with_values({"J": J}))["slowest"]["damping_ratio"] for J in np.linspace(8, 12, 33)]
+    assert min(ratios) >= 0.7 - 1e-3

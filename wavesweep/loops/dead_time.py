@@ -55,20 +55,28 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
 
     values: flat numbers of one loop.
     """
-    from scipy.optimize import brentq
-
     points = np.linspace(*span, POINTS)
     ticks, found = _ticks(drawing, values, path, points), set()
+    near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
+    ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
     for which, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
         low, high = sorted(ticks[which, at : at + 2])
         for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
-            less = partial(
-                lambda p, which, whole: float(_ticks(drawing, values, path, np.array([p]))[which, 0]) - whole,
-                which=which,
-                whole=whole,
-            )
-            found.add(brentq(less, *points[at : at + 2], xtol=float(np.spacing(span[1]))))
+            found.add(_whole_at(partial(_ticks, drawing, values, path), which, whole, points[at : at + 2]))
     return [span[0], *sorted(each for each in found if span[0] < each < span[1]), span[1]]
+
+
+def _whole_at(ticks, which, whole, cell):
+    """The value in a cell at which a sum of ticks is a whole number, which it passes there or meets at one of its ends."""
+    from scipy.optimize import brentq
+
+    def beyond(p):
+        return float(ticks(np.array([p]))[which, 0]) - whole
+
+    ends = list(map(beyond, cell))
+    if ends[0] * ends[1] >= 0:
+        return float(cell[int(np.argmin(np.abs(ends)))])
+    return brentq(beyond, *cell, xtol=float(np.spacing(cell[1])))
 
 
 POINTS = 4001  # of a span, between which a number of ticks is taken as monotone

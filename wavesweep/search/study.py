@@ -35,9 +35,11 @@ from wavesweep.tables.table import Table, facts_of
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
+TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
-BETWEEN, FINEST = (7, 3), 256  # values between two of a range that the last check looks at, if the combinations are so few
+# Values between two of a range that the search looks at from time to time, and the last check, if the combinations are so few.
+BETWEEN, OFTEN, FINEST = (63, 15, 7, 3), 20, 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,9 +199,14 @@ def design(
     front = spread(best, FRONT)
     job.genes[settings["generations"]] = front.genes
     records = run.records(settings["generations"])
+    genes, records = run.kept(front.genes, records)
+    if not len(genes):  # between the ends of the ranges none of them meets its bounds
+        said = miss(spec, records, job.finest, wish_units(spec))
+        run.forget()
+        raise WavesweepError(said)
     # With more to hold for, a design may be worth less than another one.
-    still = undominated(Judged(front.genes, *judged(asked, records)))
-    columns, kept = _columns(spec, job, front.genes[still], records[still])
+    still = undominated(Judged(genes, *judged(asked, records)))
+    columns, kept = _columns(spec, job, genes[still], records[still])
     counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
     timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
@@ -258,7 +265,8 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> DesignJob:
     for axis in asked.for_all:
         for value in axis.values if axis.structural else ():
             grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
-    finer = scenarios_of(grid.spec, between=int(count_of(grid.spec, 1) <= FINER))
+    often = next((number for number in BETWEEN if count_of(grid.spec, number) <= OFTEN), 0)
+    finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= FINER))
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
     between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
     finest = scenarios_of(grid.spec, between) if between else finer
@@ -342,6 +350,29 @@ class _Run:
         compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
+    def kept(self, genes: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The designs of the front that keep their bounds over all that it is checked for, and their records.
+
+        A search that sees some values of a range finds what is good there alone. If no design of the front keeps its bounds in
+        between, those of all generations are tried, the best first; if none of them does, the records of the front remain.
+        """
+        job, asked = self.job, self.job.grid.spec.design
+        good = judged(asked, records)[1] == 0
+        if good.any():
+            return genes[good], records[good]
+        first, last = self.since, self.job.chunks.loops - 1
+        others = np.concatenate([job.genes[each] for each in range(first, last)])
+        objectives, violation = judged(asked, self.everything())
+        order = np.lexsort(objectives.T[::-1])
+        order = order[violation[order] == 0][:TRIED]
+        for some in np.array_split(others[order], max(1, len(order) // FRONT)) if order.size else ():
+            designs = designs_of(asked.vary, some)
+            found = DesignTask(job.grid.spec, job.finest, designs, len(some), job.stop, job.dtype, job.box).records()
+            good = judged(asked, found)[1] == 0
+            if good.any():
+                return some[good], found[good]
+        return genes[:0], records
+
     def everything(self) -> np.ndarray:
         """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
         first, last = (self.job.chunks_of(each).start for each in (self.since, self.job.chunks.loops - 1))
@@ -387,7 +418,7 @@ def _columns(spec, job, genes, records):
 
 def _checked(job):
     """Whether the front is checked between the ends of the ranges, if there is anything between."""
-    return len(job.finer) == count_of(job.grid.spec, 1)
+    return len(job.finer) >= count_of(job.grid.spec, 1)
 
 
 def _notices(job):
