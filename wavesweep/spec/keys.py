@@ -31,6 +31,10 @@ INPUTS = {
     "noise": "white noise, a new value in each tick",
     "record": "the force of a CSV file",
 }
+STEPS = {
+    "elapsed": "the time since its last frame, as game engines do",
+    "nominal": "always rates.ratio ticks",
+}
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
 FILTERS = ("lp1", "hp", "lp2")
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
@@ -151,10 +155,19 @@ _TABLE = [
     _whole(
         "environment.delay",
         0,
-        "fast ticks until the slow result is in place, 0 to the ratio",
+        'fast ticks until the slow result is in place, 0 to the ratio; or "frame": with the next frame, however long this one is',
         low=0,
         high=None,
         unit="tick",
+    ),
+    Key(
+        "environment.step",
+        "string",
+        None,
+        "",
+        "over what time the slow environment integrates where [for_all] lets frames vary",
+        choices=tuple(STEPS),
+        meanings=STEPS,
     ),
     Key(
         "controller.kind",

@@ -23,6 +23,7 @@ from wavesweep.spec.keys import (
 )
 from wavesweep.spec.reading import Leaf, Place
 
+DELAY = "environment.delay"
 SAME = 1e-12  # relative: cutoffs that two machines find from the same edges
 
 
@@ -55,20 +56,29 @@ class Given:
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
     """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes, the values are not valid."""
-    checked, mistakes = check_each(KEYS, given.leaves)
-    wrong = set(given.leaves) - set(checked)
+    of_frame = is_frame(given)
+    leaves = {path: leaf for path, leaf in given.leaves.items() if not (of_frame and path == DELAY)}
+    checked, mistakes = check_each(KEYS, leaves)
+    wrong = set(leaves) - set(checked)
     # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
     device = given.device()
     known = (device.loop() if device else {}) | checked
     values = {path: known.get(path, KEYS[path].default) for path in VALUE_PATHS}
     mistakes += [*_required(given), *(_unknown(given, device) if device else ())]
     mistakes += _resolve_rates(given, checked, values)
+    if of_frame:
+        values[DELAY] = longest_delay(values["rates.ratio"])
     for name in FILTERS:
         mistakes += _resolve_filter(name, given, checked, values)
     # A limit is not applied where the value that sets it is itself a mistake.
     wrong |= {mistake.key for mistake in mistakes}
     mistakes += [m for path in LIMITS if not wrong & {path, *LIMITS[path]} for m in _check_limit(path, given, values)]
     return values, mistakes
+
+
+def is_frame(given: Given) -> bool:
+    """Return whether slow results are in place with the next frame, however long it is."""
+    return DELAY in given.leaves and given.leaves[DELAY].value == "frame"
 
 
 def check_each(keys: Mapping[str, Key], leaves: Mapping[str, Leaf]) -> tuple[dict, list[Mistake]]:

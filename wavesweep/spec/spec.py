@@ -16,7 +16,7 @@ from wavesweep.spec.for_all import ForAll
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.require import Require
-from wavesweep.spec.resolving import Given, resolve
+from wavesweep.spec.resolving import Given, is_frame, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault, fitting
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
@@ -190,6 +190,17 @@ class Spec:
         """What every answer has to hold for; None if it is for the spec's own numbers alone."""
         return self._studies.for_all
 
+    @property
+    def delay_of_frame(self) -> bool:
+        """Whether slow results are in place with the next frame, however long the one before is."""
+        return is_frame(self._given)
+
+    @property
+    def step(self) -> str:
+        """Over what time the slow environment integrates where frames vary: "elapsed" or "nominal"."""
+        leaf = self._given.leaves.get("environment.step")
+        return str(leaf.value) if leaf else "elapsed"
+
     def refuse_require(self, what: str) -> None:
         """Raise UsageError if [sweep] requires more than stability, which is all that `what` is about."""
         if self.require:
@@ -296,6 +307,10 @@ class Spec:
         if self.uneven:
             del known["rates.ratio"]
             known["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
+        if self.delay_of_frame:
+            known["environment.delay"] = "frame"
+        if "environment.step" in self._given.leaves:
+            known["environment.step"] = self.step
         return {path: known[path] for path in KEYS if path in known}
 
     @property
