@@ -1,0 +1,66 @@
+"""Graphs with a quadratic norm at each node, whose edges are the matrices of a switched system."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Graph:
+    """Edges `(edges,)`: from the node `source` by the matrix `symbol` to the node `target`; nodes are 0, 1, ...
+
+    A node stands for what has happened before it. The graph is complete if from the target of every edge there is one for
+    every matrix that may follow: then every allowed sequence is a walk in it.
+    """
+
+    source: np.ndarray
+    symbol: np.ndarray
+    target: np.ndarray
+
+    @staticmethod
+    def single(symbols: int) -> "Graph":
+        """Return the graph of one node, which remembers nothing."""
+        return Graph(np.zeros(symbols, int), np.arange(symbols), np.zeros(symbols, int))
+
+    @property
+    def nodes(self) -> int:
+        """The number of nodes."""
+        return 1 + int(self.target.max())
+
+    def doubled(self, symbols: int) -> "Graph":
+        """Return the graph with a second edge beside each one, whose matrix is the one that is `symbols` further on."""
+        pairs = (self.source, self.source), (self.symbol, self.symbol + symbols), (self.target, self.target)
+        return Graph(*map(np.concatenate, pairs))
+
+    def is_complete(self, follows: np.ndarray) -> bool:
+        """Return whether every sequence that `follows` allows is a walk, from some node."""
+        leaving = np.zeros((1 + max(self.source.max(), self.target.max()), len(follows)), bool)
+        leaving[self.source, self.symbol] = True
+        every = np.isin(np.flatnonzero(follows.any(0) | follows.any(1)), self.symbol).all()
+        return bool(every and not (follows[self.symbol] & ~leaving[self.target]).any())
+
+    def split(self, parts: dict[int, np.ndarray], follows: np.ndarray) -> tuple["Graph", np.ndarray]:
+        """Return the graph with some nodes in two, and of each of its nodes the one that it was.
+
+        parts: node -> the edges into it (indices) that lead to its new half. What leaves a node leaves both halves, by the
+        matrices that may follow those of the edges into them; nodes that nothing reaches are left out.
+        """
+        halves = {node: self.nodes + i for i, node in enumerate(parts)}
+        target = self.target.copy()
+        for node, edges in parts.items():
+            target[edges] = halves[node]
+        leaving = {node: np.flatnonzero(self.source == node) for node in parts}
+        source = np.concatenate([self.source, *(np.full(leaving[node].size, half) for node, half in halves.items())])
+        more = np.concatenate([np.arange(self.source.size), *leaving.values()])
+        symbol, target, origin = self.symbol[more], target[more], np.append(np.arange(self.nodes), list(parts)).astype(int)
+        while True:
+            may = np.zeros((origin.size, len(follows)), bool)
+            np.logical_or.at(may, target, follows[symbol])
+            kept = may[source, symbol]
+            if kept.all():
+                break
+            source, symbol, target = source[kept], symbol[kept], target[kept]
+        reached = np.unique(target)
+        number = np.full(origin.size, -1)
+        number[reached] = np.arange(reached.size)
+        return Graph(number[source], symbol, number[target]), origin[reached]
