@@ -88,19 +88,9 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
     kinds = {SAMPLE: frozenset(slow) - shown, SHOW: shown, TICK: frozenset(), LATE: None}
     if 0 in frames.delays:
         kinds[THROUGH] = frozenset(slow)
-    symbols = [
-        Symbol(ticks, delay, through=through)
-        for ticks in frames.lengths
-        for delay in frames.delays
-        for through in sorted({each == 0 for each in frames.delays})
-    ]
-    symbols += [replace(each, delay=LOST, lost=i + 1) for each in symbols[:0] for i in range(frames.lost)]
-    symbols += [
-        Symbol(ticks, LOST, i + 1, through=through)
-        for ticks in frames.lengths
-        for i in range(frames.lost)
-        for through in sorted({each == 0 for each in frames.delays})
-    ]
+    results = [(delay, 0) for delay in frames.delays] + [(LOST, i + 1) for i in range(frames.lost)]
+    through = sorted({delay == 0 for delay in frames.delays})
+    symbols = [Symbol(ticks, *result, through=each) for ticks in frames.lengths for result in results for each in through]
 
     def rest(symbol):
         row = [TICK] * (symbol.ticks - 1)
@@ -173,11 +163,8 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
             if alike == len(maps):
                 maps.append(own)
             index[kind, step] = alike
-    one, other = (
-        replace(_scheduled(loop, kinds, shown, slow), exact=None if loop.exact is None else loop.exact)
-        for loop in twins(_with_period(drawing, slow, nominal), {**values, path: ANY})
-    )
-    drift = drift_of_drawn(one, other)
+    both_loops = twins(_with_period(drawing, slow, nominal), {**values, path: ANY})
+    drift = drift_of_drawn(*(_scheduled(loop, kinds, shown, slow) for loop in both_loops))
     if drift.folded:
         raise UsageError(f"{number}: expected a loop whose drift does not depend on it, found one whose drift does")
     ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
@@ -192,7 +179,7 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
 
 def _may_follow(before, after):
     # A result that is in place at once is so at the end of the frame before.
-    at_once = after.delay == 0 if isinstance(after.delay, int) else False
+    at_once = after.delay == 0
     in_a_row = after.lost == 0 or after.lost == before.lost + 1
     return in_a_row and before.through == at_once and after.step in (None, before.ticks)
 

@@ -1,11 +1,12 @@
 """Graphs with a quadratic norm at each node, whose edges are the matrices of a switched system."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Graph:
     """Edges `(edges,)`: from the node `source` by the matrix `symbol` to the node `target`; nodes are 0, 1, ...
 
@@ -22,10 +23,21 @@ class Graph:
         """Return the graph of one node, which remembers nothing."""
         return Graph(np.zeros(symbols, int), np.arange(symbols), np.zeros(symbols, int))
 
-    @property
+    @cached_property
     def nodes(self) -> int:
         """The number of nodes."""
         return 1 + int(self.target.max())
+
+    @cached_property
+    def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The number of the pair of nodes that each edge joins, and the first and the last node of each pair."""
+        known, number = np.unique(self.source * self.nodes + self.target, return_inverse=True)
+        return number, known // self.nodes, known % self.nodes
+
+    def grouped(self, number: np.ndarray) -> tuple[np.ndarray, list[int]]:
+        """Return the edges in the order of a number that each has, 0, 1, ..., and where each number begins, and the end."""
+        order = np.argsort(number, kind="stable")
+        return order, np.searchsorted(number[order], np.arange(number.max() + 2)).tolist()
 
     def doubled(self, symbols: int) -> "Graph":
         """Return the graph with a second edge beside each one, whose matrix is the one that is `symbols` further on."""

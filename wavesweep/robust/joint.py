@@ -12,7 +12,7 @@ from wavesweep.robust.norms import WORK, Centre, advanced, first_centre, found
 from wavesweep.robust.words import KEPT, LONGEST, Word, crossing, growing, growth, improved, is_refuted, refuted_beyond
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
-WITHIN = 0.7  # of the tolerance, how near to a number that is refuted a proof is tried first
+WITHIN = 0.93  # of the tolerance, how near to a number that is refuted a proof is tried first
 FURTHER = 2.0  # times the distance from it, after a proof has failed
 NEAR_START = 0.01  # of the distance from the start to an end, which stands for the end's own size if that is smaller
 SCANNED = 48  # numbers at which short words are looked at, between the start and the limit

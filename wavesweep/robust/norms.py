@@ -231,15 +231,14 @@ class _Newton:
     def of(P, A, graph) -> "_Newton":
         nodes, n = P.shape[0], P.shape[-1]
         gradient, (inverse, _, moved, arriving) = _gradient(P, A, graph)
-        mixed = _acting(_transposed(moved))
-        pairs = [(graph.source, graph.source), (graph.target, graph.target), (graph.source, graph.target)]
-        keys = np.concatenate([row * nodes + column for row, column in [*pairs, pairs[2][::-1]]])
-        blocks = np.concatenate([_acting(inverse), _acting(arriving), -mixed, -_transposed(mixed)])
-        order = np.argsort(keys, kind="stable")
-        first = np.flatnonzero(np.diff(keys[order], prepend=-1))
         hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
-        which = keys[order][first]
-        hessian[which // nodes, :, which % nodes] = np.add.reduceat(blocks[order], first, axis=0)
+        at = np.arange(nodes)
+        ends = (graph.source, inverse), (graph.target, arriving)
+        hessian[at, :, at] = sum(_acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
+        pairs, first, last = graph.pairs
+        mixed = _acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+        np.subtract.at(hessian, (first, slice(None), last), mixed)
+        np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
         return _Newton(gradient, cho_factor(hessian.reshape(gradient.size, -1), lower=True, overwrite_a=True), (nodes, n))
 
     @property
@@ -271,9 +270,29 @@ def _unpacked(vectors, n):
     return X
 
 
-def _acting(X):
-    """The maps `S -> X S X'` of symmetric matrices, for vectors of `_packed`."""
-    row, column, weight = _places(X.shape[-1])
-    rows, columns = X[..., row, :], X[..., column, :]
+def _products(X, order, bounds):
+    """The sums of `vec(X) vec(X)'` over groups of matrices, `(groups, n, n, n, n)`; see `Graph.grouped`."""
+    n = X.shape[-1]
+    vectors = X.reshape(-1, n * n)[order]
+    found = np.empty((len(bounds) - 1, n * n, n * n))
+    for i in range(len(found)):
+        some = vectors[bounds[i] : bounds[i + 1]]
+        np.matmul(some.T, some, out=found[i])
+    return found
+
+
+def _acting(products, n):
+    """The sums of the maps `S -> X S X'` of symmetric matrices over groups, for vectors of `_packed`."""
+    row, column, weight = _places(n)
     factor = weight / np.sqrt(2)
-    return factor[:, None] * factor * (rows[..., row] * columns[..., column] + rows[..., column] * columns[..., row])
+    one, other = _crossed(n)
+    flat = products.reshape(len(products), -1)
+    return factor[:, None] * factor * (flat[:, one] + flat[:, other])
+
+
+@lru_cache(maxsize=64)
+def _crossed(n):
+    """Where X_ac X_bd and X_ad X_bc are, for all pairs a <= b and c <= d."""
+    row, column, _ = _places(n)
+    a, b, c, d = row[:, None], column[:, None], row, column
+    return ((a * n + c) * n + b) * n + d, ((a * n + d) * n + b) * n + c
