@@ -20,9 +20,11 @@ EVERY = 12  # of these, at which long ones are looked for
 TRIED = 8  # words whose crossings are computed
 ROUNDS = 8  # of looking for words nearer to the start
 MORE = 3  # times as many words, where no proof is found
+SPENT = 0.9  # of the work, after which no more norms are looked for
+STRIDE = 0.35  # of what is left to the number that is refuted, how near to it norms are looked for next
 STEPS = 60  # norms for one side of the start
 LEAST_CLIMB, LEAST_BACK = 0.05, 1e-5  # of what is left, the shortest stretch of a proof that goes on
-PAYS = 0.1  # of a stretch, the step by which it has to grow
+PAYS = 0.2  # of a stretch, the step by which it has to grow
 HALVINGS = 14
 
 
@@ -126,7 +128,7 @@ def bracket(
         below.fails,
         above.fails,
         (below.word, above.word),
-        below.settled and above.settled,
+        bool(below.settled and above.settled),
         tuple(sorted((*below.stretches, *above.stretches), key=lambda each: each.low)),
         (below.centre, above.centre),
     )
@@ -145,8 +147,8 @@ class _Side:
 def _side(family, start, limit, tolerance, words, first, centre, work):
     """What is proved and refuted from the start towards a limit.
 
-    first: forms for the start. With them, which need few nodes, the proof goes as far as it can. Norms for the end itself
-    are found on a finer graph, and go back from there to what is proved.
+    first: forms for the start. With them, which need few nodes, the proof goes as far as it can. Then norms are found for a
+    number further on, on a finer graph, which go back from there to what is proved; and so on.
     """
     fails, word = _nearest(family, start, limit, tolerance, words)
     if first is None:
@@ -154,25 +156,28 @@ def _side(family, start, limit, tolerance, words, first, centre, work):
     gap = WITHIN * tolerance if word else 0.0
     goal = _inside(fails, start, gap) if word else limit
     stretches, reached = _covered(family, first, start, goal, LEAST_CLIMB)
-    spent, further = 0.0, []
+    spent = 0.0
     while reached != goal:
-        centre, factor = found(family.at(goal), family.follows, centre, work - spent)
+        aim = fails - STRIDE * (fails - reached) if word else goal
+        aim = aim if abs(aim - start) < abs(goal - start) else goal
+        centre, factor = found(family.at(aim), family.follows, centre, (work - spent) / 2)
         spent += centre.work
         if factor == 1:
-            further, back = _covered(family, centre, goal, reached, LEAST_BACK)
+            further, back = _covered(family, centre, aim, reached, LEAST_BACK)
             if back == reached:
-                break
-        nearer = _grown(family, start, goal, centre, word, MORE) if gap else None
+                stretches, reached = (*stretches, *further), aim
+                continue
+        nearer = _grown(family, start, aim, centre, word, MORE) if gap else None
         if nearer:
             (fails, word), gap = nearer, WITHIN * tolerance
         else:
-            gap = max(FURTHER * gap, WITHIN * tolerance)
-        goal, further = _inside(fails if word else limit, start, gap), []
-        if spent >= work or (goal - reached) * (limit - start) <= 0:
+            gap = max(FURTHER * abs((fails if word else limit) - aim) / _scale(aim, start), WITHIN * tolerance)
+        goal = _inside(fails if word else limit, start, gap)
+        if spent >= SPENT * work or (goal - reached) * (limit - start) <= 0:
             goal = reached
     end = limit if not word else fails
     settled = abs(end - goal) <= tolerance * _scale(end, start)
-    return _Side(goal, fails, word, settled, (*stretches, *further), centre or first)
+    return _Side(goal, fails, word, settled, stretches, centre or first)
 
 
 def _scale(end, start):

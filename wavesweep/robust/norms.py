@@ -17,11 +17,12 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from wavesweep.robust.graph import Graph
 
 SHARE = 0.8  # of the way to where the prediction fails
-CLOSE = 0.5  # Newton decrement up to which a point counts as the centre
+CLOSE = 0.6  # Newton decrement up to which a point counts as the centre
 ALIKE = 0.5  # of the largest score, from which on a node is split with it
 STALLED, OF_REST = 2e-3, 0.2  # gain of a step, absolute and of what is left, below which nodes are split
+MARGIN = 1e-3  # by which the matrices may shrink more than they have to
 SMALLEST_STEP = 1e-7  # of what is left, below which the prediction has failed
-WORK = 6e10  # operations, of Newton steps, after which a search ends: some 10 s
+WORK = 2e11  # operations, of Newton steps, after which a search ends: some 20 s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,9 +85,9 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
     except LinAlgError:
         centre, factor = first_centre(A)
         centre = recentred(centre, factor * A, 8)
-    while factor < 1 and centre.work < work:
-        before = factor
-        try:
+    try:
+        while factor < 1 and centre.work < work:
+            before = factor
             centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
             centre = centre.rounded()
             if factor < 1 and factor - before < min(STALLED, OF_REST * (1 - factor)):
@@ -94,8 +95,10 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
                 if finer is None:
                     break
                 centre = finer
-        except LinAlgError:  # equations of which rounding leaves nothing
-            break
+        if factor == 1:
+            centre = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
+    except LinAlgError:  # equations of which rounding leaves nothing
+        pass
     return centre, factor
 
 
