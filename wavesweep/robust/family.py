@@ -22,10 +22,9 @@ class Family(Protocol):
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the matrices at x less identity, and bounds on the errors of their entries."""
 
-    def deviation(self, low: float, high: float) -> np.ndarray:
-        """Return bounds on how far the matrices between two numbers are from the segment between those at both.
-
-        `(symbols, n, n)`, or a number for all entries; infinite if there is none.
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return matrices less identity, `(points, symbols, n, n)`, and bounds on errors of their entries: those of every number
+        from low to high are within them of the convex hull of the points. None if there are none, as beside a pole.
         """
 
 
@@ -53,7 +52,6 @@ class Affine:
         eye = np.eye(self.constant.shape[-1])
         return self.at(x) - eye, ROUNDING * (np.abs(self.constant) + np.abs(x * self.slope) + eye)
 
-    def deviation(self, low: float, high: float) -> float:
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`."""
-        del low, high
-        return 0.0
+        return tuple(map(np.stack, zip(self.enclosed(low), self.enclosed(high), strict=True)))

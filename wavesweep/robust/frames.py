@@ -8,6 +8,7 @@ come after any other one, and there are as many matrices as lengths. (Products i
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -29,6 +30,8 @@ LOST = "lost"  # the same: the result never comes, and the last one is held
 RATIO = "rates.ratio"
 SOLVABLE = 1e-6  # of its terms, the least size of what closes a number's loop in a tick
 ANY = np.array([0.5, 2.0])  # a number that varies
+SOME = 0.7  # one at which no entry of a frame vanishes by chance
+MIDDLE = 64 * ENTRIES  # of a matrix, what the rounding of a number does to it
 SAMPLE, THROUGH, SHOW, TICK, LATE = "sample", "through", "show", "tick", "late"
 
 
@@ -230,9 +233,8 @@ class LoopFrames:
     @staticmethod
     def of(ticks, kept, rows, samples, symbols, follows) -> "LoopFrames":
         """Return the frames of ticks; kept: the states without drift."""
-        closed, patterns = _closed(ticks, [0.7]), []
-        for row, sample in zip(rows, samples, strict=True):
-            patterns.append(pattern_of(np.array([*row, sample]), [each.E for each in closed.maps]))
+        changes = [each.E for each in _closed(ticks, SOME).maps]
+        patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
         kept = np.array(kept)
         acts = np.logical_or.reduce(patterns)
         while True:
@@ -251,13 +253,17 @@ class LoopFrames:
         """See `Family`."""
         if self.fixed is not None:
             return self.fixed.at(x)
-        return np.eye(self.kept.size) + self.enclosed(x)[0]
+        maps = []
+        for each in self.ticks.maps:
+            E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
+            maps.append(np.eye(len(E)) + E)
+        whole = [_joined(self._ticks(i), maps, lambda first, later: later @ first) for i in range(len(self.rows))]
+        return np.array([each[np.ix_(self.kept, self.kept)] for each in whole])
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`. Accuracy: to first order in a rounding."""
-        closed = _closed(self.ticks, [x])
-        changes = [each.E[0] if each.E.ndim > 2 else each.E for each in closed.maps]
-        errors = [ENTRIES * (each.terms[0][0] if each.terms[0].ndim > 2 else each.terms[0]) for each in closed.maps]
+        maps = _closed(self.ticks, x).maps
+        changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
         E = np.empty((len(self.rows), self.kept.size, self.kept.size))
         dE = np.empty_like(E)
         for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
@@ -268,34 +274,31 @@ class LoopFrames:
             E[i], dE[i] = (part[np.ix_(self.kept, self.kept)] for part in (whole, error))
         return E, dE
 
-    def deviation(self, low: float, high: float) -> np.ndarray | float:
+    def _ticks(self, symbol):
+        """The kinds of a frame's ticks, the sample at its end included, with the length of each run of the same."""
+        return [(kind, len(list(run))) for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])]
+
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """See `Family`.
 
         If the number acts only at the sample, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`, which is monotone between
-        its poles, so that every matrix lies on the segment. Otherwise the ticks are enclosed by Taylor models of second
-        order (see `Enclosure`): of a frame `C + s L + s^2 Q` within R for s from -1 to 1, what deviates from the segment is at
-        most |Q| + 2 R.
+        its poles: all are on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of second
+        order (see `Enclosure`), a frame being `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through its values at
+        -1, 0 and 1 is within 2.25 R of it, and in the hull of its control points (G. Farin, Curves and Surfaces for CAGD, 2002).
         """
-        direct = [each.D[..., 0, 0] for each in self.ticks.maps if each.inputs]
-        closing = np.array([[1 - x * d for d in direct] for x in (low, high)])
-        sizes = np.array([[1 + np.abs(x * d) for d in direct] for x in (low, high)])
-        if direct and not ((np.abs(closing) > SOLVABLE * sizes).all() and (closing[0] * closing[1] > 0).all()):
-            return np.inf
+        direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
+        closing, sizes = (np.array([sign + np.abs(x * direct) if sign else 1 - x * direct for x in (low, high)]) for sign in (0, 1))
+        if not ((np.abs(closing) > SOLVABLE * sizes).all() and (closing[0] * closing[1] > 0).all()):
+            return None
         if self.fixed is not None or low == high:
-            return 0.0
-        return self._enclosed_deviation((low + high) / 2, (high - low) / 2)
-
-    def _enclosed_deviation(self, middle, half):
+            return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
+        middle, half = (low + high) / 2, (high - low) / 2
+        (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
         maps = [_enclosure(each, middle, half) for each in self.ticks.maps]
-        found = []
-        for row, sample in zip(self.rows, self.samples, strict=True):
-            whole = maps[sample]
-            first = None
-            for kind in row:
-                first = maps[kind] if first is None else _then(first, maps[kind])
-            whole = whole if first is None else _then(first, whole)
-            found.append((np.abs(whole.curves).sum(-3) + 2 * whole.rest)[np.ix_(self.kept, self.kept)])
-        return np.array(found) * (1 + 1e-9)
+        rest = [_joined(self._ticks(i), maps, _then).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
+        more = 2.3 * np.array(rest)
+        control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
+        return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -328,9 +331,11 @@ class _Fixed:
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
 
 
-def _closed(ticks, values):
-    """The ticks at values of the number, as a batch."""
-    return OpenTicks(ticks, None).closed(np.zeros(len(values), int), np.asarray(values, float), terms=True)
+def _closed(ticks, x):
+    """The ticks at a value of the number."""
+    if x == 0:
+        return ticks
+    return OpenTicks(ticks, None).closed(np.zeros((), int), np.asarray(float(x)), terms=True)
 
 
 def _in_a_row(row, changes, errors):
@@ -359,3 +364,16 @@ def _enclosure(tick, middle, half):
 
 def _then(first, later):
     return first + later + later @ first
+
+
+def _joined(runs, maps, joined):
+    """The maps of runs of ticks, `(kind, ticks)`, one after the other; the powers of a run by squaring."""
+    whole = None
+    for kind, ticks in runs:
+        power, left = maps[kind], ticks
+        while left:
+            if left % 2:
+                whole = power if whole is None else joined(whole, power)
+            left //= 2
+            power = joined(power, power) if left else power
+    return whole

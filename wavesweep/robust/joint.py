@@ -22,10 +22,10 @@ ROUNDS = 8  # of looking for words nearer to the start
 MORE = 3  # times as many words, where no proof is found
 SPENT = 0.9  # of the work, after which no more norms are looked for
 STRIDE = 0.35  # of what is left to the number that is refuted, how near to it norms are looked for next
-STEPS = 60  # norms for one side of the start
+STEPS = 300  # norms for one side of the start
 LEAST_CLIMB, LEAST_BACK = 0.05, 1e-5  # of what is left, the shortest stretch of a proof that goes on
+SHORTEST = 1e-7  # of the whole way, a stretch
 PAYS = 0.2  # of a stretch, the step by which it has to grow
-HALVINGS = 14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,8 +110,7 @@ def bracket(
     first. work: operations for each end after which no more norms are looked for.
 
     What is proved holds for every number from `low` to `high`, not only for those that were looked at: each stretch has norms
-    in which the matrices at both of its ends shrink, those between lie within `Family.deviation` of the segment between these,
-    and norms are convex. A number that is refuted says nothing of those beyond it.
+    in which the matrices shrink in whose hull those of all its numbers are (see `Family.hull`), and norms are convex. A number that is refuted says nothing of those beyond it.
     """
     first, factor = found(family.at(start), family.follows, work=work)
     first = first if factor == 1 else None
@@ -244,14 +243,8 @@ def _norms(centre):
 
 def _proves(family, centre, one, other):
     """Whether the forms of a centre are proved for all numbers between two."""
-    norms, more = _norms(centre), family.deviation(min(one, other), max(one, other))
-    if not np.isfinite(more).all():
-        return False
-    for x in {one, other}:
-        E, dE = family.enclosed(x)
-        if not shrink(norms, E, dE + more, family.follows):
-            return False
-    return True
+    points = family.hull(min(one, other), max(one, other))
+    return points is not None and all(shrink(_norms(centre), *point, family.follows) for point in zip(*points, strict=True))
 
 
 def _covered(family, centre, start, goal, least):
@@ -260,25 +253,26 @@ def _covered(family, centre, start, goal, least):
     Each is made longer as long as there are forms in which the matrices at both of its ends shrink, and that pays. least: of
     what is left, the length of a stretch, below which this ends.
     """
-    stretches, end, graph = [], start, centre.graph
+    stretches, end, graph, most = [], start, centre.graph, abs(goal - start)
     ends = graph.doubled(len(family.follows))
     while end != goal and len(stretches) < STEPS:
         fixed, x, step = family.at(end), end, np.inf
+        target = goal if abs(goal - end) <= most else end + most * np.sign(goal - end)
         both = replace(centre, graph=ends)
-        while x != goal and abs(step) > PAYS * abs(x - end):
+        while x != target and abs(step) > PAYS * abs(x - end):
             before = x
             try:
-                both, x = advanced(both, lambda x, fixed=fixed: np.concatenate([family.at(x), fixed]), x, goal)
+                both, x = advanced(both, lambda x, fixed=fixed: np.concatenate([family.at(x), fixed]), x, target)
                 both = both.rounded()
             except LinAlgError:
                 break
             step = x - before
-        centre = replace(both, graph=graph)
-        for _ in range(HALVINGS):
-            if x == end or _proves(family, centre, end, x):
-                break
+        centre, most = replace(both, graph=graph), 4 * most
+        shortest = max(min(least * abs(goal - end), abs(target - end)), SHORTEST * abs(goal - start))
+        while abs(x - end) >= shortest and x != end and not _proves(family, centre, end, x):
             x = (x + end) / 2
-        if abs(x - end) <= least * abs(goal - end) or not _proves(family, centre, end, x):
+            most = 2 * abs(x - end)
+        if abs(x - end) < shortest or x == end:
             break
         stretches.append(_stretch(end, x, centre))
         end = x

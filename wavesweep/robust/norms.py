@@ -21,6 +21,7 @@ CLOSE = 0.6  # Newton decrement up to which a point counts as the centre
 ALIKE = 0.5  # of the largest score, from which on a node is split with it
 STALLED, OF_REST = 2e-3, 0.2  # gain of a step, absolute and of what is left, below which nodes are split
 MARGIN = 1e-3  # by which the matrices may shrink more than they have to
+FARTHEST = 0.1  # factor of matrices, below which known forms are of no use
 SMALLEST_STEP = 1e-7  # of what is left, below which the prediction has failed
 WORK = 2e11  # operations, of Newton steps, after which a search ends: some 20 s
 
@@ -76,15 +77,10 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
     The matrices grow from a small multiple of themselves; as the growth stalls, nodes of the graph are split. start: forms from
     which to begin, such as those of similar matrices.
     """
-    if start is None:
-        start, factor = first_centre(A)
-    else:
-        start, factor = replace(start, work=0.0), _largest_factor(start, A)
-    try:
-        centre = recentred(start, factor * A, 8)
-    except LinAlgError:
+    centre, factor = (replace(start, work=0.0), _largest_factor(start, A)) if start else (None, 0.0)
+    if not factor:
         centre, factor = first_centre(A)
-        centre = recentred(centre, factor * A, 8)
+    centre = recentred(centre, factor * A, 8)
     try:
         while factor < 1 and centre.work < work:
             before = factor
@@ -96,32 +92,39 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
                     break
                 centre = finer
         if factor == 1:
-            centre = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
+            more = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
+            centre = more if more.shrinks(A) else centre
     except LinAlgError:  # equations of which rounding leaves nothing
-        pass
+        if start and factor < 1:
+            return found(A, follows, None, work - centre.work)
     return centre, factor
 
 
 def _largest_factor(centre, A):
+    """A factor with which the matrices A shrink in known forms, 0 if they are too far from those for which these were found."""
     factor = 1.0
-    while not centre.shrinks(factor * A):
+    while factor > FARTHEST and not centre.shrinks(factor * A):
         factor *= 0.9
-    return factor if factor == 1 else 0.99 * factor
+    return factor if factor == 1 else 0.99 * factor if factor > FARTHEST else 0.0
 
 
 def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
     """Return forms near the centre of those in which the matrices A of x shrink, from such ones, by some Newton steps."""
     P, seen, work = centre.P, centre.seen(A), centre.work
     for _ in range(steps):
-        newton = _Newton.of(P, seen, centre.graph)
+        try:
+            newton = _Newton.of(P, seen, centre.graph)
+        except LinAlgError:  # equations of which rounding leaves nothing
+            break
         step = newton.solved(-newton.gradient)
         work += newton.work
         decrement = np.sqrt(max(0.0, -newton.gradient @ _packed(step).ravel()))
-        length, least = 1.0, 1 / (1 + decrement)
-        if decrement > CLOSE:
-            while length > least and not _shrinks(P + length * step, seen, centre.graph):
-                length *= 0.7
-            length = max(0.8 * length, least) if length < 1 else 1.0
+        length, least = 1.0, 0.1 / (1 + decrement)
+        while not _shrinks(P + length * step, seen, centre.graph) and length > least:
+            length *= 0.7
+        length *= 1.0 if length == 1 else SHARE
+        if not _shrinks(P + length * step, seen, centre.graph):  # rounding leaves no room
+            break
         P = P + length * step
         if decrement < CLOSE:
             break
