@@ -29,6 +29,7 @@ LAYERS = (
     "stability",
     "response",
     "passive",
+    "robust",
     "simulation",
     "prove",
     "store",

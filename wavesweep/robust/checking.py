@@ -29,14 +29,14 @@ def shrink(norms: Norms, E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> 
 
     It is so if the graph is complete, and `F = P_i - A' P_j A` is positive definite on each edge. F is computed with a bound R
     on its errors, entry by entry. In units of the states, powers of 2, that make its diagonal about 1, F is positive definite
-    if the Cholesky decomposition of `F - (|R| + c) I` runs to its end, `|R|` being the largest sum of a row, and c what rounding
-    may do to the decomposition itself (S. M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
+    if the Cholesky decomposition of `F - (|R| + c) I` runs to its end. Here `|R|` is the largest sum of a row, and c is what
+    rounding may do to the decomposition itself (S. M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
 
     Norms are convex: if this holds for two matrices of each symbol, by the same norms, it holds for all between them.
     """
     P, graph = norms.P, norms.graph
     n = P.shape[-1]
-    if not (graph.is_complete(follows) and np.isfinite(P).all() and (P == np.swapaxes(P, -1, -2)).all()):
+    if not (graph.is_complete(follows) and np.isfinite(P).all() and (np.swapaxes(P, -1, -2) == P).all()):
         return False
     A, size, dA = np.eye(n) + E, np.abs(np.eye(n) + E), dE + UNIT * np.abs(np.eye(n) + E)
     A, size, dA = A[graph.symbol], size[graph.symbol], dA[graph.symbol]

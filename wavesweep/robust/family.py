@@ -23,8 +23,10 @@ class Family(Protocol):
         """Return the matrices at x less identity, and bounds on the errors of their entries."""
 
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return matrices less identity, `(points, symbols, n, n)`, and bounds on errors of their entries: those of every number
-        from low to high are within them of the convex hull of the points. None if there are none, as beside a pole.
+        """Return matrices less identity, `(points, symbols, n, n)`, and bounds on the errors of their entries.
+
+        The matrices of every number from low to high are within the bounds of the convex hull of the points. None if there are
+        no such points, as beside a pole.
         """
 
 

@@ -1,9 +1,9 @@
 """The frames of a loop whose slow environment takes another number of ticks each time.
 
-A frame of M ticks begins when the slow environment takes its sample, and ends when it takes the next one. Here it is looked at from
-the tick after a sample to the next sample: all that happens in it then depends on its own length alone, and not on that
-of the frame before, since the environment's step is the time since its last sample, or a fixed one. So any frame may
-come after any other one, and there are as many matrices as lengths. (Products in a row only begin at another tick.)
+A frame of M ticks begins when the slow environment takes its sample, and ends when it takes the next one. Here it goes from the
+tick after a sample to the next sample: all that happens in it then depends on its own length alone, and not on that of the
+frame before, since the environment's step is the time since its last sample, or a fixed one. So any frame may come after any
+other one, and there are as many matrices as lengths. (Products of frames in a row only begin at another tick.)
 """
 
 from collections.abc import Mapping
@@ -144,8 +144,8 @@ def frames_of_drawing(
 def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nominal):
     """The family of frames.
 
-    kinds: of ticks, the slow blocks that run in each, None for a moment at which only the blocks `shown` run. rest: the kinds of
-    a symbol's ticks after its sample.
+    kinds: of ticks, the slow blocks that run in each, None for a moment at which only the blocks `shown` run. rest: gives the
+    kinds of a symbol's ticks after its sample.
     """
     if not scalar_place(drawing, name_of(number)):
         raise UsageError(f"{number}: expected a number that one wire, or one gain, reads linearly, found another one")
@@ -171,11 +171,11 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
     if drift.folded:
         raise UsageError(f"{number}: expected a loop whose drift does not depend on it, found one whose drift does")
     ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+    if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
+        symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
     rows = [[index[kind, symbol.step or steps[0]] for kind in rest(symbol)] for symbol in symbols]
     first = order[0]
-    samples = [
-        index[THROUGH if symbol.through else first, symbol.ticks if frames.elapsed else nominal] for symbol in symbols
-    ]
+    samples = [index[THROUGH if symbol.through else first, symbol.ticks if frames.elapsed else nominal] for symbol in symbols]
     follows = np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
     return LoopFrames.of(ticks, drift.kept, rows, samples, tuple(symbols), follows)
 
@@ -283,12 +283,13 @@ class LoopFrames:
 
         If the number acts only at the sample, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`, which is monotone between
         its poles: all are on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of second
-        order (see `Enclosure`), a frame being `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through its values at
-        -1, 0 and 1 is within 2.25 R of it, and in the hull of its control points (G. Farin, Curves and Surfaces for CAGD, 2002).
+        order (see `Enclosure`), a frame being `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through its values
+        at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, as a Bezier curve is.
         """
         direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
-        closing, sizes = (np.array([sign + np.abs(x * direct) if sign else 1 - x * direct for x in (low, high)]) for sign in (0, 1))
-        if not ((np.abs(closing) > SOLVABLE * sizes).all() and (closing[0] * closing[1] > 0).all()):
+        through = np.array([low, high])[:, None] * direct
+        closing = 1 - through
+        if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
             return None
         if self.fixed is not None or low == high:
             return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))

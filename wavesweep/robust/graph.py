@@ -19,14 +19,16 @@ class Graph:
     target: np.ndarray
 
     @staticmethod
-    def single(symbols: int) -> "Graph":
-        """Return the graph of one node, which remembers nothing."""
-        return Graph(np.zeros(symbols, int), np.arange(symbols), np.zeros(symbols, int))
+    def least(follows: np.ndarray) -> "Graph":
+        """Return the graph that remembers no more than what may follow: one node, if every matrix may follow every other one."""
+        kinds, node = np.unique(follows, axis=0, return_inverse=True)
+        source, symbol = np.nonzero(kinds)
+        return Graph(source, symbol, node.reshape(-1)[symbol])
 
     @cached_property
     def nodes(self) -> int:
         """The number of nodes."""
-        return 1 + int(self.target.max())
+        return 1 + int(max(self.source.max(), self.target.max()))
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -82,7 +82,7 @@ def decide(family: Family, x: float = 0.0, words: Iterable[Word] = (), work: flo
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     A = family.at(x)
-    centre, _ = first_centre(A)
+    centre, _ = first_centre(A, family.follows)
     for word in growing(A, family.follows, centre.basis):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
@@ -110,7 +110,8 @@ def bracket(
     first. work: operations for each end after which no more norms are looked for.
 
     What is proved holds for every number from `low` to `high`, not only for those that were looked at: each stretch has norms
-    in which the matrices shrink in whose hull those of all its numbers are (see `Family.hull`), and norms are convex. A number that is refuted says nothing of those beyond it.
+    in which the matrices shrink in whose hull those of all its numbers are (see `Family.hull`), and norms are convex. A number
+    that is refuted says nothing of those beyond it.
     """
     first, factor = found(family.at(start), family.follows, work=work)
     first = first if factor == 1 else None
@@ -198,14 +199,14 @@ def _nearest(family, start, limit, tolerance, words):
         radius = np.abs(np.linalg.eigvals(A)).max(-1)
         grows = [each for each in words if growth(A, each) >= 1] + [each for each in alone if radius[each] >= 1]
         if not grows and i % EVERY == EVERY - 1:
-            grows = growing(A, family.follows, first_centre(A)[0].basis)
+            grows = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
         if grows:
             fails, word = _first(family, grows, before, x, limit)
             break
         before = x
     for _ in range(ROUNDS if word else 0):
         x = _inside(fails, start, tolerance / 4)
-        nearer = _grown(family, start, x, first_centre(family.at(x))[0], word)
+        nearer = _grown(family, start, x, first_centre(family.at(x), family.follows)[0], word)
         if not nearer:
             break
         fails, word = nearer

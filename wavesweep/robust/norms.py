@@ -58,15 +58,16 @@ class Centre:
         return replace(self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
 
 
-def first_centre(A: np.ndarray) -> tuple[Centre, float]:
-    """Return a single form for matrices A `(symbols, n, n)`, and a factor with which they shrink in it."""
+def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
+    """Return the same form at each node of the least graph, for matrices A `(symbols, n, n)`, and a factor with which they shrink."""
     n = A.shape[-1]
     P = np.eye(n)
     for _ in range(100):
         P = 1e-3 * np.eye(n) + (_transposed(A) @ P @ A).mean(0)
         P /= np.trace(P) / n
     to = _transposed(np.linalg.cholesky(P))
-    centre = Centre(np.eye(n)[None], Graph.single(len(A)), np.linalg.inv(to), to)
+    graph = Graph.least(follows)
+    centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, np.linalg.inv(to), to)
     return centre, 0.5 / max(np.linalg.norm(centre.seen(A), 2, axis=(-2, -1)).max(), 0.5)
 
 
@@ -79,7 +80,7 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
     """
     centre, factor = (replace(start, work=0.0), _largest_factor(start, A)) if start else (None, 0.0)
     if not factor:
-        centre, factor = first_centre(A)
+        centre, factor = first_centre(A, follows)
     centre = recentred(centre, factor * A, 8)
     try:
         while factor < 1 and centre.work < work:
@@ -289,7 +290,7 @@ def _products(X, order, bounds):
 
 def _acting(products, n):
     """The sums of the maps `S -> X S X'` of symmetric matrices over groups, for vectors of `_packed`."""
-    row, column, weight = _places(n)
+    weight = _places(n)[2]
     factor = weight / np.sqrt(2)
     one, other = _crossed(n)
     flat = products.reshape(len(products), -1)

@@ -16,10 +16,10 @@ Word = tuple[int, ...]
 
 
 def is_refuted(family: Family, word: Word, x: float) -> bool:
-    """Return whether the word, repeated for ever, is proved to grow at x: its product has an eigenvalue outside the unit circle.
+    """Return whether the word, repeated for ever, is proved to grow at x.
 
-    The product is formed with a bound on the errors of its entries, and no matrix within it may have an eigenvalue on the
-    circle near those that are outside (see `count_outside`).
+    Its product has an eigenvalue outside the unit circle. The product is formed with a bound on the errors of its entries, and
+    no matrix within it may have an eigenvalue on the circle near those that are outside (see `count_outside`).
     """
     E, dE = family.enclosed(x)
     product = E[word[0]], dE[word[0]]
@@ -72,9 +72,9 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
         for i in range(length):
             before.append(A[word[i]] @ before[-1])
             after.append(after[-1] @ A[word[-1 - i]])
-        after = after[::-1]  # after[i]: of the matrices from the i-th on
-        changed = [word[:i] + (j,) + word[i + 1 :] for i in range(length) for j in range(len(A))]
-        added = [word[:i] + (j,) + word[i:] for i in range(length) for j in range(len(A))]
+        after.reverse()  # after[i]: of the matrices from the i-th on
+        changed = [(*word[:i], j, *word[i + 1 :]) for i in range(length) for j in range(len(A))]
+        added = [(*word[:i], j, *word[i:]) for i in range(length) for j in range(len(A))]
         less = [word[:i] + word[i + 1 :] for i in range(length)] if length > 1 else []
         products = [after[i + 1] @ A @ before[i] for i in range(length)] + [after[i] @ A @ before[i] for i in range(length)]
         products = np.concatenate([*products, np.array([after[i + 1] @ before[i] for i in range(len(less))]).reshape(-1, n, n)])
