@@ -1,7 +1,7 @@
 """Matrices in any order: published joint spectral radii, all short words, and what the check of a proof refuses."""
 
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -59,6 +59,7 @@ def test_the_golden_pair_to_a_millionth():
     assert (refuted.verdict, sorted(refuted.word)) == (REFUTED, [0, 1])
 
 
+@pytest.mark.slow
 def test_an_integrator_whose_input_is_used_a_tick_late_or_not_at_all():
     """x' = -k x, sampled in every tick: the small gain of Kao and Lincoln (2004) proves 2/3; a tick late for ever ends at 1."""
     family = Affine.of([[[1, 0], [1, 0]], [[1, 0], [1, 0]]], [[[-1, 0], [0, 0]], [[0, -1], [0, 0]]])
@@ -92,7 +93,7 @@ def test_stretches_of_a_proof_join_and_hold_between_their_ends():
     found = bracket(family, 0.0, (-5.0, 5.0))
     ends = [(each.low, each.high) for each in found.stretches]
     assert (ends[0][0], ends[-1][1]) == (found.low, found.high)
-    assert all(one[1] == other[0] for one, other in zip(ends, ends[1:], strict=False))
+    assert all(one[1] == other[0] for one, other in pairwise(ends))
     for stretch in found.stretches:
         for x in np.linspace(stretch.low, stretch.high, 5):
             assert shrink(stretch.norms, *family.enclosed(x), family.follows)
@@ -103,9 +104,7 @@ def exact_minimum(P, Q, A):
     """The signs of the leading minors of P - A' Q A in exact numbers."""
     P, Q, A = ([[Fraction(float(entry)) for entry in row] for row in part] for part in (P, Q, A))
     n = len(A)
-    F = [
-        [P[i][j] - sum(A[k][i] * Q[k][m] * A[m][j] for k in range(n) for m in range(n)) for j in range(n)] for i in range(n)
-    ]
+    F = [[P[i][j] - sum(A[k][i] * Q[k][m] * A[m][j] for k in range(n) for m in range(n)) for j in range(n)] for i in range(n)]
     for k in range(n):
         if F[k][k] <= 0:
             return False

@@ -20,7 +20,7 @@ class Graph:
 
     @staticmethod
     def least(follows: np.ndarray) -> "Graph":
-        """Return the graph that remembers no more than what may follow: one node, if every matrix may follow every other one."""
+        """Return the graph that remembers no more than what may follow: one node, if all may follow all."""
         kinds, node = np.unique(follows, axis=0, return_inverse=True)
         source, symbol = np.nonzero(kinds)
         return Graph(source, symbol, node.reshape(-1)[symbol])

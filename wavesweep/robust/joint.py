@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgError
 from wavesweep.robust.checking import Norms, shrink
 from wavesweep.robust.family import Family
 from wavesweep.robust.norms import WORK, Centre, advanced, first_centre, found
-from wavesweep.robust.words import KEPT, LONGEST, Word, crossing, growing, growth, improved, is_refuted, refuted_beyond
+from wavesweep.robust.words import KEPT, LONGEST, Word, crossing, growing, growth, is_refuted, refuted_beyond
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 WITHIN = 0.93  # of the tolerance, how near to a number that is refuted a proof is tried first
@@ -22,6 +22,7 @@ ROUNDS = 8  # of looking for words nearer to the start
 MORE = 3  # times as many words, where no proof is found
 SPENT = 0.9  # of the work, after which no more norms are looked for
 STRIDE = 0.35  # of what is left to the number that is refuted, how near to it norms are looked for next
+FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # steps of the tolerance that follow if they cost little, the last one, and their work
 STEPS = 300  # norms for one side of the start
 LEAST_CLIMB, LEAST_BACK = 0.05, 1e-5  # of what is left, the shortest stretch of a proof that goes on
 SHORTEST = 1e-7  # of the whole way, a stretch
@@ -89,7 +90,7 @@ def decide(family: Family, x: float = 0.0, words: Iterable[Word] = (), work: flo
     centre, factor = found(A, family.follows, work=work)
     if factor == 1 and _proves(family, centre, x, x):
         return Decision(PROVED, _norms(centre))
-    for word in growing(A, family.follows, centre.basis, MORE * KEPT, MORE * LONGEST):
+    for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     return Decision(UNKNOWN)
@@ -162,11 +163,10 @@ def _side(family, start, limit, tolerance, words, first, centre, work):
         aim = aim if abs(aim - start) < abs(goal - start) else goal
         centre, factor = found(family.at(aim), family.follows, centre, (work - spent) / 2)
         spent += centre.work
-        if factor == 1:
-            further, back = _covered(family, centre, aim, reached, LEAST_BACK)
-            if back == reached:
-                stretches, reached = (*stretches, *further), aim
-                continue
+        further = _back(family, centre, factor, aim, reached)
+        if further:
+            stretches, reached = (*stretches, *further), aim
+            continue
         nearer = _grown(family, start, aim, centre, word, MORE) if gap else None
         if nearer:
             (fails, word), gap = nearer, WITHIN * tolerance
@@ -175,9 +175,31 @@ def _side(family, start, limit, tolerance, words, first, centre, work):
         goal = _inside(fails if word else limit, start, gap)
         if spent >= SPENT * work or (goal - reached) * (limit - start) <= 0:
             goal = reached
+    gap, spent, centre = tolerance, 0.0, centre or first
+    while word and abs(fails - goal) <= tolerance * _scale(fails, start) and gap > FINEST and spent < FINE:
+        gap /= FINER
+        aim = _inside(fails, start, gap)
+        fails, word = _grown(family, start, aim, centre, word) or (fails, word)
+        aim = _inside(fails, start, gap)
+        if (aim - goal) * (limit - start) <= 0:
+            continue
+        finer, factor = found(family.at(aim), family.follows, centre, FINE - spent)
+        spent += finer.work
+        further = _back(family, finer, factor, aim, goal)
+        if not further:
+            break
+        stretches, goal, centre = (*stretches, *further), aim, finer
     end = limit if not word else fails
     settled = abs(end - goal) <= tolerance * _scale(end, start)
-    return _Side(goal, fails, word, settled, stretches, centre or first)
+    return _Side(goal, fails, word, settled, stretches, centre)
+
+
+def _back(family, centre, factor, aim, reached):
+    """The stretches from a number to what is proved, () if there is a gap; factor: what was found for the number."""
+    if factor < 1:
+        return ()
+    stretches, back = _covered(family, centre, aim, reached, LEAST_BACK)
+    return stretches if back == reached else ()
 
 
 def _scale(end, start):
@@ -215,12 +237,9 @@ def _nearest(family, start, limit, tolerance, words):
 
 def _grown(family, start, x, centre, word=(), more=1):
     """The nearest refuted number of the words that grow at x, None if none is found. word: one that nearly does."""
-    A = family.at(x)
-    words = growing(A, family.follows, centre.basis, more * KEPT, more * LONGEST)
-    better = [improved(A, family.follows, each) for each in dict.fromkeys([*words[:2], *([word] if word else [])])]
-    words = dict.fromkeys([*(each for each in better if growth(A, each) >= 1), *words])
-    found_ = _first(family, list(words), start, x, x)
-    return found_ if found_[1] else None
+    words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more * KEPT, more * LONGEST)
+    nearest = _first(family, words, start, x, x)
+    return nearest if nearest[1] else None
 
 
 def _first(family, words, stable, unstable, limit):

@@ -23,6 +23,7 @@ STALLED, OF_REST = 2e-3, 0.2  # gain of a step, absolute and of what is left, be
 MARGIN = 1e-3  # by which the matrices may shrink more than they have to
 FARTHEST = 0.1  # factor of matrices, below which known forms are of no use
 SMALLEST_STEP = 1e-7  # of what is left, below which the prediction has failed
+CALLS = 3e6  # operations that would take as long as the calls of a Newton step
 WORK = 2e11  # operations, of Newton steps, after which a search ends: some 20 s
 
 
@@ -59,7 +60,8 @@ class Centre:
 
 
 def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
-    """Return the same form at each node of the least graph, for matrices A `(symbols, n, n)`, and a factor with which they shrink."""
+    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor with which they
+    shrink in it."""
     n = A.shape[-1]
     P = np.eye(n)
     for _ in range(100):
@@ -251,7 +253,7 @@ class _Newton:
     @property
     def work(self) -> float:
         """Operations that it took, roughly."""
-        return self.gradient.size**3 / 3 + 1e5
+        return self.gradient.size**3 / 3 + CALLS
 
     def solved(self, right) -> np.ndarray:
         """The changes of the forms for a right side."""

@@ -1,5 +1,7 @@
 """Patterns of frames that make a loop unstable: words that are repeated for ever."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wavesweep.monodromy.rounding import both
@@ -7,8 +9,10 @@ from wavesweep.robust.family import Family
 from wavesweep.stability.spectrum import count_outside
 
 KEPT = 60  # words of each length that are made longer
-LOOKED_AT = 80  # words of each length whose eigenvalues are computed
+LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST = 14  # matrices in a word
+LEADING = 8  # words of each length, and of all, that are joined in pairs
+IMPROVED = 3  # of these, that are changed matrix by matrix
 LONGEST_IMPROVED = 64
 BISECTIONS = 40
 
@@ -29,35 +33,65 @@ def is_refuted(family: Family, word: Word, x: float) -> bool:
     return bool(count[0] > 0 and clear[0])
 
 
-def growth(A: np.ndarray, word: Word) -> float:
-    """Return the spectral radius of the product of a word."""
+def product_of(A: np.ndarray, word: Word) -> np.ndarray:
+    """Return the product of the matrices of a word, the first of which acts first."""
     product = A[word[0]]
     for symbol in word[1:]:
         product = A[symbol] @ product
+    return product
+
+
+def growth(A: np.ndarray, word: Word) -> float:
+    """Return the spectral radius of the product of a word."""
+    product = product_of(A, word)
     return float(np.abs(np.linalg.eigvals(product)).max()) if np.isfinite(product).all() else np.inf
 
 
-def growing(A: np.ndarray, follows: np.ndarray, basis: np.ndarray, kept: int = KEPT, longest: int = LONGEST) -> list[Word]:
+def growing(
+    A: np.ndarray, follows: np.ndarray, basis: np.ndarray, known: Sequence[Word] = (), kept: int = KEPT, longest: int = LONGEST
+) -> list[Word]:
     """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or more, those that grow most per
     matrix first.
 
     Of each length the words are kept whose products have the largest norms, in a basis in which the matrices are small: longer
-    ones begin with these. None may be found though there are some.
+    ones begin with these. The leading words, and those that are known, are put behind one another, and the best ones are
+    changed matrix by matrix. None may be found though there are some.
     """
     A = np.linalg.inv(basis) @ A @ basis
-    words, products, found = np.arange(len(A))[:, None], A, []
+    rates = {word: growth(A, word) ** (1 / len(word)) for word in known}
+    words, products = np.arange(len(A))[:, None], A
     for length in range(1, longest + 1):
-        size = np.linalg.norm(products, axis=(-2, -1))
-        order = np.argsort(-size)
+        order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
         closing = order[follows[words[order, -1], words[order, 0]]][:LOOKED_AT]
         if closing.size:
-            radius = np.abs(np.linalg.eigvals(products[closing])).max(-1)
-            found += [(radius[i] ** (1 / length), tuple(words[closing[i]].tolist())) for i in np.flatnonzero(radius >= 1)]
+            radius = np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
+            best = np.argsort(-radius)[:LEADING]
+            rates |= {_least(tuple(words[closing[i]].tolist())): radius[i] for i in best}
         first, symbol = np.nonzero(follows[words[order[:kept], -1]])
         first = order[first]
         words = np.concatenate([words[first], symbol[:, None]], axis=1)
         products = A[symbol] @ products[first]
-    return list(dict.fromkeys(_least(word) for _, word in sorted(found, reverse=True)))
+    rates |= _joined(A, follows, _leading(rates))
+    for word in _leading(rates)[:IMPROVED]:
+        better = improved(A, follows, word)
+        rates[better] = growth(A, better) ** (1 / len(better))
+    return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
+
+
+def _leading(rates):
+    return sorted(rates, key=rates.get, reverse=True)[:LEADING]
+
+
+def _joined(A, follows, words):
+    """The growth per matrix of pairs of words, the second from each of its matrices on, those that grow most."""
+    turned = list(dict.fromkeys(word[i:] + word[:i] for word in words for i in range(len(word))))
+    pairs = [(one, other) for one in words for other in turned if _allowed(follows, one + other)]
+    if not pairs:
+        return {}
+    products = {word: product_of(A, word) for word in {*words, *turned}}
+    radius = np.abs(np.linalg.eigvals(np.array([products[other] @ products[one] for one, other in pairs]))).max(-1)
+    rates = radius ** (1 / np.array([len(one) + len(other) for one, other in pairs]))
+    return {_least(pairs[i][0] + pairs[i][1]): rates[i] for i in np.argsort(-rates)[:LEADING].tolist()}
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
