@@ -1,0 +1,244 @@
+"""Frames of varying length against the loop at one length, and against a march in plain numpy."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import butter
+from support.specs import INTEGRATIONS, values_of
+
+from wavesweep.errors import UsageError
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.from_drawing import assembled, twins
+from wavesweep.monodromy.cut import with_batch
+from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.robust.frames import FRAME, LOST, Frames, Symbol, frames_of_controller, frames_of_drawing
+from wavesweep.robust.joint import bracket
+from wavesweep.robust.words import growth
+from wavesweep.spec import load
+from wavesweep.stability import stable_intervals
+from wavesweep.sweep.open_loops import wall_cut
+
+LENGTHS = 16, 20, 25, 33
+
+
+def fig4(kind="pmw", **changes):
+    """The loop of Figure 4, or the same walls under another controller."""
+    values = values_of(kind)
+    return {
+        **values,
+        "controller.b": 10.0,
+        "filters.lp1.order": 1,
+        "filters.lp1.cutoff_hz": 8.57,
+        "environment.integration": "explicit",
+        "environment.B_VE": 1.0,
+        "device.velocity": "difference",
+        **changes,
+    }
+
+
+def large(eigenvalues):
+    """The eigenvalues that are not next to 0, sorted."""
+    return np.sort_complex(eigenvalues[np.abs(eigenvalues) > 1e-4])
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("integration", INTEGRATIONS)
+@pytest.mark.parametrize(("ticks", "delay"), [(1, 0), (1, 1), (7, 0), (7, 2), (7, FRAME)])
+def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks, delay):
+    values = fig4(kind, **{"environment.integration": integration, "controller.Kp": 20.0 * (ticks > 1), "rates.ratio": 5})
+    frames = frames_of_controller(values, Frames((ticks,), (delay,)))
+    alone = values | {"rates.ratio": ticks, "environment.delay": ticks if delay == FRAME else delay, "environment.K_VE": 35.0}
+    drawing = loop_drawing(alone)
+    read = {path: alone[path] for path in alone if path in drawing.reads}
+    E = closed_frame(assembled(drawing, read), drift_of_drawn(*twins(drawing, read)))
+    expected, found = (large(np.linalg.eigvals(each)) for each in (np.eye(len(E)) + E, frames.at(35.0)[0]))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def marched(values, K, pattern, repeats, nominal=None):
+    """The growth of the loop of Figure 4 over a pattern of (ticks, delay), by its difference equations, tick by tick.
+
+    nominal: ticks of the wall's step; by default the time since the last frame.
+    """
+    T, b, m, d, B = 1e-3, values["controller.b"], values["device.mass"], values["device.damping"], values["environment.B_VE"]
+    root = np.sqrt(2 * b)
+    step = expm(T * np.array([[-d / m, 0, 1 / m], [1, 0, 0], [0, 0, 0]]))
+    (b0, b1), (_, a1) = butter(1, values["filters.lp1.cutoff_hz"], fs=1 / T)
+    v, x, before, u, y, x_s, out, shown = 0.0, 1.0, 1.3, 0.0, 0.0, 0.5, 0.2, 0.1
+    elapsed, late, logs = pattern[-1][0], False, []
+    for _ in range(repeats):
+        for ticks, delay in pattern:
+            for k in range(ticks):
+                if k == 0 and late:
+                    shown = out
+                if k == delay and k > 0:
+                    shown = out
+                v_hat = (x - before) / T
+                wave = root * v_hat - shown
+                u, y = wave, b0 * wave + b1 * u - a1 * y
+                force = b * v_hat - root * shown
+                if k == 0:
+                    speed = (root * y - K * x_s) / (b + B)
+                    wall = K * x_s + B * speed
+                    x_s += (nominal or elapsed) * T * speed
+                    out = y - np.sqrt(2 / b) * wall
+                before = x
+                v, x = step[:2, :2] @ (v, x) + step[:2, 2] * -force
+            elapsed, late = ticks, delay == FRAME
+        size = max(np.abs([v, (x - before) / T, u, y, 10 * x_s, out, shown]))
+        logs.append(np.log(size))
+        v, x, before, u, y, x_s, out, shown = (each / size for each in (v, x, before, u, y, x_s, out, shown))
+        before, x = before - x, 0.0  # the device's own position is read by nothing
+    return np.exp(np.mean(logs[repeats // 2 :]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("elapsed", [True, False])
+def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
+    rng = np.random.default_rng(5)
+    frames = Frames(LENGTHS, (1, 8, FRAME), elapsed=elapsed)
+    family = frames_of_controller(fig4(), frames)
+    for K in (150.0, 400.0, 900.0):
+        pattern = [(int(rng.choice(LENGTHS)), frames.delays[rng.integers(3)]) for _ in range(3)]
+        word = tuple(family.symbols.index(Symbol(*each)) for each in pattern)
+        expected = marched(fig4(), K, pattern, 400, None if elapsed else 20)
+        assert growth(family.at(K), word) == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.slow
+def test_the_pattern_that_is_found_grows_and_what_is_proved_does_not():
+    found = bracket(family := frames_of_controller(fig4(), Frames(LENGTHS)), 20.0, (0.0, 5000.0))
+    pattern = [(family.symbols[i].ticks, 1) for i in found.words[1]]
+    assert marched(fig4(), 1.02 * found.fails_from, pattern, 600) > 1
+    rng, K = np.random.default_rng(1), found.high
+    lasting = [(int(ticks), 1) for ticks in rng.choice(LENGTHS, 300)]
+    assert marched(fig4(), K, lasting, 2) < 1
+    assert marched(fig4(), K, pattern, 600) < 1
+
+
+def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
+    family = frames_of_controller(fig4(), Frames((20,), (1,), lost=2))
+    kinds = [(each.delay, each.lost) for each in family.symbols]
+    assert kinds == [(1, 0), (LOST, 1), (LOST, 2)]
+    np.testing.assert_array_equal(family.follows, [[True, True, False], [True, False, True], [True, False, False]])
+    one_lost = [(20, 1), (20, LOST)]
+    assert growth(family.at(300.0), (0, 1)) == pytest.approx(marched(fig4(), 300.0, one_lost, 400), rel=0.03)
+
+
+def test_a_result_that_is_there_at_once_and_one_that_is_not():
+    family = frames_of_controller(fig4(), Frames((20,), (0, 5)))
+    assert [(each.delay, each.through) for each in family.symbols] == [(0, False), (0, True), (5, False), (5, True)]
+    assert growth(family.at(200.0), (1,)) == pytest.approx(
+        growth(frames_of_controller(fig4(), Frames((20,), (0,))).at(200.0), (0,)), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(("kind", "number"), [("dc-lm", "local_model.K_LM"), ("pmw", "environment.K_VE")])
+def test_matrices_between_two_numbers_are_in_the_hull(kind, number):
+    """At most as far from it as the bounds: the parabola's control points, or both ends."""
+    family = frames_of_controller(fig4(kind, **{"environment.K_VE": 50.0}), Frames((20, 33)), number)
+    E, dE = family.hull(100.0, 400.0)
+    for s in np.linspace(0, 1, 7):
+        weights = [(1 - s) ** 2, 2 * s * (1 - s), s**2] if len(E) == 3 else [1 - s, s]
+        inside = sum(weight * each for weight, each in zip(weights, E, strict=True))
+        found, own = family.enclosed(100.0 + 300 * s)
+        assert (np.abs(found - inside) <= dE.max(0) + own).all()
+
+
+@pytest.mark.parametrize("elapsed", [True, False])
+def test_a_drawn_loop_has_the_frames_of_the_controller_that_it_draws(elapsed):
+    values = fig4(**{"environment.delay": 1})
+    drawing = loop_drawing(values)
+    read = {path: values[path] for path in values if path in drawing.reads}
+    drawn = frames_of_drawing(drawing, read, LENGTHS, "environment.K_VE", elapsed=elapsed)
+    own = frames_of_controller(values, Frames(LENGTHS, elapsed=elapsed))
+    for one, other in zip(drawn.at(300.0), own.at(300.0), strict=True):
+        np.testing.assert_allclose(large(np.linalg.eigvals(one)), large(np.linalg.eigvals(other)), atol=1e-9)
+
+
+PERIODIC = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"K": 100.0},
+    "block": {
+        "m": {"type": "mass", "mass": 0.5, "damping": 2.0},
+        "slow": {"type": "hold", "every": 4},
+        "speed": {"type": "difference", "every": 4, "phase": 1},
+        "later": {"type": "hold", "every": 4, "phase": 2},
+    },
+    "wire": {"slow.u": "m.x", "speed.u": "m.x", "later.u": "K*slow.y + 3*speed.y", "m.f": "-later.y"},
+}
+
+
+def test_periods_of_blocks_that_run_after_the_sample_are_those_of_the_frame_before():
+    """A difference in the second tick of a frame is over the time since that tick of the frame before."""
+    spec = load(PERIODIC)
+    family = frames_of_drawing(spec.drawing, spec.values, (4, 7), "numbers.K")
+    assert {(each.ticks, each.step) for each in family.symbols} == {(4, 4), (4, 7), (7, 4), (7, 7)}
+    step, pattern, K = expm(1e-3 * np.array([[-4, 0, 2], [1, 0, 0], [0, 0, 0]])), [4, 7, 7], 900.0
+    v, x, force, before, gap, sizes = 0.3, 1.0, 0.0, 0.9, pattern[-1], []
+    for _ in range(300):
+        for ticks in pattern:
+            for k in range(ticks):
+                if k == 0:
+                    held = x
+                if k == 1:
+                    speed, before = (x - before) / (gap * 1e-3), x
+                if k == 2:
+                    force = K * held + 3 * speed
+                v, x = step[:2, :2] @ (v, x) - step[:2, 2] * force
+            gap = ticks
+        size = max(abs(v), 30 * abs(x))
+        v, x, force, before, held = (each / size for each in (v, x, force, before, held))
+        sizes.append(np.log(size))
+    word = tuple(
+        next(i for i, each in enumerate(family.symbols) if (each.ticks, each.step) == pair) for pair in ((4, 7), (7, 4), (7, 7))
+    )
+    assert growth(family.at(K), word) == pytest.approx(np.exp(np.mean(sizes[150:])), rel=0.02)
+
+
+def test_one_length_alone_is_the_interval_of_today():
+    values = fig4(**{"environment.delay": 1})
+    today = stable_intervals(with_batch(wall_cut(values), 1), "K_VE", (0.0, 5000.0), np.array([[1.0]]))
+    found = bracket(frames_of_controller(values, Frames((20,))), 20.0, (0.0, 5000.0), 1e-6)
+    assert found.high == pytest.approx(today.high[0], rel=1e-6)
+    assert found.low == pytest.approx(today.low[0], abs=1e-6)
+    assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
+
+
+TABLE = [
+    ("pmw", Frames(LENGTHS), 197.0, 198.9),
+    ("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8),
+    ("pmw", Frames((20, 40)), 148.4, 148.5),
+    ("pmw", Frames((19, 20, 21)), 791.5, 792.3),
+    ("pmw", Frames(tuple(range(16, 34))), 196.9, 198.9),
+    ("dc-slow", Frames(LENGTHS), 146.8, 147.0),
+    ("dc-slow", Frames(LENGTHS, (FRAME,)), 48.9, 49.0),
+    ("pmw-lm", Frames(LENGTHS), 306.3, 309.5),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "frames", "proved", "refuted"), TABLE)
+def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
+    """Between a number that is proved and one that a pattern refutes, which random patterns do not contradict."""
+    family = frames_of_controller(fig4(kind), frames)
+    found = bracket(family, 20.0, (0.0, 5000.0))
+    assert found.settled
+    assert found.high >= proved
+    assert found.fails_from <= refuted
+    assert found.high < found.fails_from <= found.high * 1.0101
+    rng = np.random.default_rng(2)
+    for x in (0.5 * found.high, found.high):
+        A = family.at(x)
+        assert all(growth(A, tuple(rng.integers(len(A), size=rng.integers(1, 9)))) < 1 for _ in range(300))
+    assert growth(family.at(found.fails_from), found.words[1]) >= 1
+
+
+def test_what_is_no_frame_is_refused():
+    for lengths, delays in (((), (1,)), ((0,), (1,)), ((16, 20), (17,)), ((16,), ())):
+        with pytest.raises(UsageError, match="frames: expected"):
+            Frames(lengths, delays)
+    with pytest.raises(UsageError, match="slow environment"):
+        frames_of_controller(fig4("dc"), Frames((20,)))
+    with pytest.raises(UsageError, match="one wire"):
+        frames_of_controller(fig4(), Frames((20,)), "controller.b")

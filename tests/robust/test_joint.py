@@ -1,0 +1,145 @@
+"""Matrices in any order: published joint spectral radii, all short words, and what the check of a proof refuses."""
+
+from fractions import Fraction
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from wavesweep.robust.checking import Norms, shrink
+from wavesweep.robust.family import Affine
+from wavesweep.robust.graph import Graph
+from wavesweep.robust.joint import PROVED, REFUTED, bracket, decide
+
+ONE = Graph.least(np.ones((1, 1), bool))
+GOLDEN = (1 + 5**0.5) / 2
+PAIR = np.array([[[1.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [1.0, 1.0]]])
+
+
+def scaled(matrices):
+    """The family of the matrices times a number: it decays up to 1 over their joint spectral radius."""
+    matrices = np.array(matrices, float)
+    return Affine.of(0 * matrices, matrices)
+
+
+def largest_of_words(A, longest):
+    """The largest spectral radius per matrix of all words up to a length."""
+    found = 0.0
+    for length in range(1, longest + 1):
+        for word in product(range(len(A)), repeat=length):
+            whole = np.linalg.multi_dot([*(A[i] for i in word), np.eye(A.shape[-1])])
+            found = max(found, np.abs(np.linalg.eigvals(whole)).max() ** (1 / length))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("matrices", "radius"),
+    [
+        (PAIR, GOLDEN),
+        # Ahmadi, Jungers, Parrilo and Roozbehani, SIAM J. Control Optim. 52 (2014)
+        ([[[-1, -1], [-4, 0]], [[3, 3], [-2, 1]]], 3.917384715148),
+        # Gripenberg, Linear Algebra Appl. 234 (1996); no word of fewer than 13 matrices grows so fast
+        ([[[0.6, 0], [0.2, 0.6]], [[0.6, -0.6], [0, -0.2]]], 0.6596789),
+        # Parrilo and Jadbabaie, Linear Algebra Appl. 428 (2008): one quadratic norm proves no less than the root of 2
+        ([[[1, 0], [1, 0]], [[0, 1], [0, -1]]], 1.0),
+    ],
+)
+def test_published_joint_spectral_radii(matrices, radius):
+    found = bracket(scaled(matrices), 0.1, (0.0, 3.0), 1e-4)
+    assert found.settled
+    assert found.high < 1 / radius * (1 + 1e-7)
+    assert found.fails_from == pytest.approx(1 / radius, rel=1e-6)
+    assert found.high > found.fails_from * (1 - 1e-4)
+
+
+def test_the_golden_pair_to_a_millionth():
+    family = scaled(PAIR / GOLDEN)
+    assert decide(family, 1 - 5e-7).verdict == PROVED
+    refuted = decide(family, 1 + 5e-7)
+    assert (refuted.verdict, sorted(refuted.word)) == (REFUTED, [0, 1])
+
+
+@pytest.mark.slow
+def test_an_integrator_whose_input_is_used_a_tick_late_or_not_at_all():
+    """x' = -k x, sampled in every tick: the small gain of Kao and Lincoln (2004) proves 2/3; a tick late for ever ends at 1."""
+    family = Affine.of([[[1, 0], [1, 0]], [[1, 0], [1, 0]]], [[[-1, 0], [0, 0]], [[0, -1], [0, 0]]])
+    found = bracket(family, 0.5, (0.01, 3.0))
+    assert found.low == 0.01
+    assert found.high > 0.99
+    assert found.fails_from == pytest.approx(1, abs=1e-8)
+
+
+def test_an_order_that_is_forbidden_may_be_what_grows():
+    matrices, alternating = np.array([[[2.0]], [[0.4]]]), np.array([[False, True], [True, True]])
+    assert decide(Affine.of(matrices)).verdict == REFUTED
+    assert decide(Affine.of(matrices, follows=alternating)).verdict == PROVED
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_short_word_grows_where_decay_is_proved(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(int(rng.integers(2, 4)), int(rng.integers(2, 5)), 1)) * 0 + 1
+    A = rng.normal(size=(len(A), A.shape[1], A.shape[1]))
+    found = bracket(scaled(A), 0.01 / np.abs(A).max(), (0.0, 10.0))
+    radius = largest_of_words(A, 6 if len(A) == 2 else 4)
+    assert found.settled
+    assert found.high * radius < 1
+    assert found.fails_from * radius == pytest.approx(1, rel=0.02)
+
+
+def test_stretches_of_a_proof_join_and_hold_between_their_ends():
+    A, B = (np.random.default_rng(seed).normal(size=(2, 3, 3)) for seed in (7, 8))
+    family = Affine.of(0.3 * A / np.abs(A).max(), B)
+    found = bracket(family, 0.0, (-5.0, 5.0))
+    ends = [(each.low, each.high) for each in found.stretches]
+    assert (ends[0][0], ends[-1][1]) == (found.low, found.high)
+    assert all(one[1] == other[0] for one, other in pairwise(ends))
+    for stretch in found.stretches:
+        for x in np.linspace(stretch.low, stretch.high, 5):
+            assert shrink(stretch.norms, *family.enclosed(x), family.follows)
+            assert largest_of_words(family.at(x), 3) < 1
+
+
+def exact_minimum(P, Q, A):
+    """The signs of the leading minors of P - A' Q A in exact numbers."""
+    P, Q, A = ([[Fraction(float(entry)) for entry in row] for row in part] for part in (P, Q, A))
+    n = len(A)
+    F = [[P[i][j] - sum(A[k][i] * Q[k][m] * A[m][j] for k in range(n) for m in range(n)) for j in range(n)] for i in range(n)]
+    for k in range(n):
+        if F[k][k] <= 0:
+            return False
+        for i in range(k + 1, n):
+            F[i] = [F[i][j] - F[i][k] / F[k][k] * F[k][j] for j in range(n)]
+    return True
+
+
+def test_what_is_checked_holds_in_exact_arithmetic_and_nothing_beside_it_passes():
+    """Norms that are barely good enough pass or do not; those that pass are right in exact numbers."""
+    passed = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(1, 5))
+        A, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+        P = root @ root.T + 1e-6 * np.eye(n)
+        P = (P + P.T) / 2
+        # A times the largest factor with which it shrinks, but for a few roundings
+        L = np.linalg.cholesky(P)
+        A /= np.linalg.norm(np.linalg.solve(L, A.T @ L), 2) * (1 + 10.0 ** rng.uniform(-17, -8))
+        holds = shrink(Norms(P[None], ONE), A[None] - np.eye(n), np.zeros((1, n, n)), np.ones((1, 1), bool))
+        if holds:
+            passed += 1
+            assert exact_minimum(P, P, (A - np.eye(n)) + np.eye(n))
+    assert passed > 20
+
+
+def test_a_check_needs_every_sequence_small_errors_and_symmetric_forms():
+    E, follows = np.array([[[-0.5]], [[-0.4]]]), np.ones((2, 2), bool)
+    norms, exact = Norms(np.ones((1, 1, 1)), Graph.least(np.ones((2, 2), bool))), np.zeros((2, 1, 1))
+    assert shrink(norms, E, exact, follows)
+    assert not shrink(norms, E, exact + 0.6, follows)
+    assert not shrink(Norms(norms.P, Graph(*(np.array([0]) for _ in range(3)))), E, exact, follows)
+    one_way = Graph(np.array([0, 0]), np.array([0, 1]), np.array([0, 1]))  # nothing leaves the second node
+    assert not shrink(Norms(np.ones((2, 1, 1)), one_way), E, exact, follows)
+    assert not shrink(Norms(-norms.P, norms.graph), E, exact, follows)
+    lopsided = np.array([[[1.0, 0.1], [0.0, 1.0]]])
+    assert not shrink(Norms(lopsided, ONE), -np.eye(2)[None], np.zeros((1, 2, 2)), np.ones((1, 1), bool))

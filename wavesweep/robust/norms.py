@@ -1,0 +1,307 @@
+"""Quadratic norms in which every frame shrinks, on a graph that grows until there are some.
+
+The norm at node i is `x -> sqrt(x' P_i x)`. If `P_i - A' P_j A` is positive definite for every edge from i to j by the matrix A
+of a complete graph, every allowed product of matrices decays (A. A. Ahmadi, R. M. Jungers, P. A. Parrilo, M. Roozbehani, Joint
+spectral radius and path-complete graph Lyapunov functions, SIAM J. Control Optim. 52, 2014). They are found by the barrier
+`-sum log det (P_i - A' P_j A) + sum tr P_i`, whose minimum is followed as the matrices grow; what is found here is only
+checked in `checking`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from wavesweep.robust.graph import Graph
+
+SHARE = 0.8  # of the way to where the prediction fails
+CLOSE = 0.6  # Newton decrement up to which a point counts as the centre
+ALIKE = 0.5  # of the largest score, from which on a node is split with it
+STALLED, OF_REST = 2e-3, 0.2  # gain of a step, absolute and of what is left, below which nodes are split
+MARGIN = 1e-3  # by which the matrices may shrink more than they have to
+FARTHEST = 0.1  # factor of matrices, below which known forms are of no use
+SMALLEST_STEP = 1e-7  # of what is left, below which the prediction has failed
+CALLS = 3e6  # operations that would take as long as the calls of a Newton step
+WORK = 2e11  # operations, of Newton steps, after which a search ends: some 20 s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centre:
+    """Forms P `(nodes, n, n)` on a graph, for states z of x = basis z, and the work that they have cost (operations)."""
+
+    P: np.ndarray
+    graph: Graph
+    basis: np.ndarray
+    inverse: np.ndarray
+    work: float = 0.0
+
+    @property
+    def forms(self) -> np.ndarray:
+        """The forms for the states x."""
+        P = _transposed(self.inverse) @ self.P @ self.inverse
+        return (P + _transposed(P)) / 2
+
+    def seen(self, A: np.ndarray) -> np.ndarray:
+        """Return matrices for z."""
+        return self.inverse @ A @ self.basis
+
+    def shrinks(self, A: np.ndarray) -> bool:
+        """Return whether the matrices A of x shrink on every edge, in doubles."""
+        return _shrinks(self.P, self.seen(A), self.graph)
+
+    def rounded(self) -> "Centre":
+        """Return the same in a basis in which the mean form is a multiple of the identity, that of forms at the centre."""
+        to = _transposed(np.linalg.cholesky(self.P.sum(0) / self.graph.source.size))
+        back = np.linalg.inv(to)
+        P = _transposed(back) @ self.P @ back
+        return replace(self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
+
+
+def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
+    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor with which they
+    shrink in it."""
+    n = A.shape[-1]
+    P = np.eye(n)
+    for _ in range(100):
+        P = 1e-3 * np.eye(n) + (_transposed(A) @ P @ A).mean(0)
+        P /= np.trace(P) / n
+    to = _transposed(np.linalg.cholesky(P))
+    graph = Graph.least(follows)
+    centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, np.linalg.inv(to), to)
+    return centre, 0.5 / max(np.linalg.norm(centre.seen(A), 2, axis=(-2, -1)).max(), 0.5)
+
+
+def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work: float = WORK) -> tuple[Centre, float]:
+    """Look for forms in which the matrices A `(symbols, n, n)` shrink. Return them and 1, or if there are none the factor below
+    1 with which they do.
+
+    The matrices grow from a small multiple of themselves; as the growth stalls, nodes of the graph are split. start: forms from
+    which to begin, such as those of similar matrices.
+    """
+    centre, factor = (replace(start, work=0.0), _largest_factor(start, A)) if start else (None, 0.0)
+    if not factor:
+        centre, factor = first_centre(A, follows)
+    centre = recentred(centre, factor * A, 8)
+    try:
+        while factor < 1 and centre.work < work:
+            before = factor
+            centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
+            centre = centre.rounded()
+            if factor < 1 and factor - before < min(STALLED, OF_REST * (1 - factor)):
+                finer = _finer(centre, factor * A, follows)
+                if finer is None:
+                    break
+                centre = finer
+        if factor == 1:
+            more = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
+            centre = more if more.shrinks(A) else centre
+    except LinAlgError:  # equations of which rounding leaves nothing
+        if start and factor < 1:
+            return found(A, follows, None, work - centre.work)
+    return centre, factor
+
+
+def _largest_factor(centre, A):
+    """A factor with which the matrices A shrink in known forms, 0 if they are too far from those for which these were found."""
+    factor = 1.0
+    while factor > FARTHEST and not centre.shrinks(factor * A):
+        factor *= 0.9
+    return factor if factor == 1 else 0.99 * factor if factor > FARTHEST else 0.0
+
+
+def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
+    """Return forms near the centre of those in which the matrices A of x shrink, from such ones, by some Newton steps."""
+    P, seen, work = centre.P, centre.seen(A), centre.work
+    for _ in range(steps):
+        try:
+            newton = _Newton.of(P, seen, centre.graph)
+        except LinAlgError:  # equations of which rounding leaves nothing
+            break
+        step = newton.solved(-newton.gradient)
+        work += newton.work
+        decrement = np.sqrt(max(0.0, -newton.gradient @ _packed(step).ravel()))
+        length, least = 1.0, 0.1 / (1 + decrement)
+        while not _shrinks(P + length * step, seen, centre.graph) and length > least:
+            length *= 0.7
+        length *= 1.0 if length == 1 else SHARE
+        if not _shrinks(P + length * step, seen, centre.graph):  # rounding leaves no room
+            break
+        P = P + length * step
+        if decrement < CLOSE:
+            break
+    return replace(centre, P=P, work=work)
+
+
+def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
+    """Return forms for a number nearer to the target, and that number: along the tangent of the centres, then by Newton steps.
+
+    centre: forms for x. matrices: those of x for a number.
+    """
+    graph, A = centre.graph, centre.seen(matrices(x))
+    newton = _Newton.of(centre.P, A, graph)
+    small = 1e-6 * (target - x)
+    change = _gradient(centre.P, centre.seen(matrices(x + small)), graph)[0] - newton.gradient
+    tangent, nearer = newton.solved(-change / small), centre.P + newton.solved(-newton.gradient)
+    P = nearer if _shrinks(nearer, A, graph) else centre.P
+
+    def holds(step):
+        return _shrinks(P + step * tangent, centre.seen(matrices(x + step)), graph)
+
+    step = target - x
+    if holds(step):
+        reached = target
+    else:
+        shortest = SMALLEST_STEP * abs(step)
+        while not holds(step):
+            step /= 4
+            if abs(step) < shortest:
+                return replace(centre, work=centre.work + newton.work), x
+        low, high = step, 4 * step
+        for _ in range(5):
+            middle = (low + high) / 2
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        step = SHARE * low
+        reached = x + step
+    centre = replace(centre, P=P + step * tangent, work=centre.work + newton.work)
+    return recentred(centre, matrices(reached)), reached
+
+
+def _finer(centre, A, follows):
+    """The forms on a graph of which some nodes are split, None if nothing is left to split.
+
+    The inverse slacks of the edges are weights of the sequences for which the forms are worst. Nodes are split in which very
+    different ones meet, relative to all that meets there, along the principal component of the difference.
+    """
+    graph = centre.graph
+    _, (inverse, _, _, arriving) = _gradient(centre.P, centre.seen(A), graph)
+    leaving = np.zeros_like(centre.P)
+    np.add.at(leaving, graph.source, inverse)
+    scores, parts = [], []
+    for node in range(graph.nodes):
+        edges = np.flatnonzero(graph.target == node)
+        if edges.size < 2:
+            continue
+        scale = np.linalg.inv(np.linalg.cholesky(leaving[node]))
+        flows = scale @ arriving[edges] @ _transposed(scale)
+        weight = np.trace(flows, axis1=-2, axis2=-1)
+        apart = _packed(flows / weight[:, None, None] - flows.sum(0) / weight.sum())
+        values, vectors = np.linalg.eigh((apart * weight[:, None]).T @ apart)
+        late = apart @ vectors[:, -1] > 0
+        if late.any() and not late.all():
+            scores.append(values[-1] / weight.sum() * np.trace(leaving[node] @ centre.P[node]))
+            parts.append((node, edges[late]))
+    if not scores:
+        return None
+    chosen = dict(part for part, score in zip(parts, scores, strict=True) if score >= ALIKE * max(scores))
+    graph, origin = graph.split(chosen, follows)
+    return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
+
+
+def _transposed(X):
+    return np.swapaxes(X, -1, -2)
+
+
+def _shrinks(P, A, graph):
+    try:
+        np.linalg.cholesky(_slack(P, A[graph.symbol], graph))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _slack(P, A, graph):
+    return P[graph.source] - _transposed(A) @ P[graph.target] @ A
+
+
+def _gradient(P, A, graph):
+    """The gradient of the barrier, and what it is made of: of each edge the inverse slack F^-1, A, A F^-1 and A F^-1 A'."""
+    A = A[graph.symbol]
+    inverse = np.linalg.inv(_slack(P, A, graph))
+    inverse = (inverse + _transposed(inverse)) / 2
+    moved = A @ inverse
+    arriving = moved @ _transposed(A)
+    total = np.zeros_like(P) + np.eye(P.shape[-1])
+    np.add.at(total, graph.source, -inverse)
+    np.add.at(total, graph.target, arriving)
+    return _packed(total).ravel(), (inverse, A, moved, arriving)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Newton:
+    """The gradient of the barrier, and its Hessian as a Cholesky factor."""
+
+    gradient: np.ndarray
+    factor: tuple
+    shape: tuple[int, int]
+
+    @staticmethod
+    def of(P, A, graph) -> "_Newton":
+        nodes, n = P.shape[0], P.shape[-1]
+        gradient, (inverse, _, moved, arriving) = _gradient(P, A, graph)
+        hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
+        at = np.arange(nodes)
+        ends = (graph.source, inverse), (graph.target, arriving)
+        hessian[at, :, at] = sum(_acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
+        pairs, first, last = graph.pairs
+        mixed = _acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+        np.subtract.at(hessian, (first, slice(None), last), mixed)
+        np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
+        return _Newton(gradient, cho_factor(hessian.reshape(gradient.size, -1), lower=True, overwrite_a=True), (nodes, n))
+
+    @property
+    def work(self) -> float:
+        """Operations that it took, roughly."""
+        return self.gradient.size**3 / 3 + CALLS
+
+    def solved(self, right) -> np.ndarray:
+        """The changes of the forms for a right side."""
+        return _unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
+
+
+@lru_cache(maxsize=64)
+def _places(n):
+    row, column = np.triu_indices(n)
+    return row, column, np.where(row == column, 1.0, np.sqrt(2))
+
+
+def _packed(X):
+    """Symmetric matrices as vectors with the same scalar product."""
+    row, column, weight = _places(X.shape[-1])
+    return X[..., row, column] * weight
+
+
+def _unpacked(vectors, n):
+    row, column, weight = _places(n)
+    X = np.empty((*vectors.shape[:-1], n, n))
+    X[..., row, column] = X[..., column, row] = vectors / weight
+    return X
+
+
+def _products(X, order, bounds):
+    """The sums of `vec(X) vec(X)'` over groups of matrices, `(groups, n, n, n, n)`; see `Graph.grouped`."""
+    n = X.shape[-1]
+    vectors = X.reshape(-1, n * n)[order]
+    found = np.empty((len(bounds) - 1, n * n, n * n))
+    for i in range(len(found)):
+        some = vectors[bounds[i] : bounds[i + 1]]
+        np.matmul(some.T, some, out=found[i])
+    return found
+
+
+def _acting(products, n):
+    """The sums of the maps `S -> X S X'` of symmetric matrices over groups, for vectors of `_packed`."""
+    weight = _places(n)[2]
+    factor = weight / np.sqrt(2)
+    one, other = _crossed(n)
+    flat = products.reshape(len(products), -1)
+    return factor[:, None] * factor * (flat[:, one] + flat[:, other])
+
+
+@lru_cache(maxsize=64)
+def _crossed(n):
+    """Where X_ac X_bd and X_ad X_bc are, for all pairs a <= b and c <= d."""
+    row, column, _ = _places(n)
+    a, b, c, d = row[:, None], column[:, None], row, column
+    return ((a * n + c) * n + b) * n + d, ((a * n + d) * n + b) * n + c
