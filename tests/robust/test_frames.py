@@ -205,8 +205,18 @@ def test_one_length_alone_is_the_interval_of_today():
     assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
 
 
+@pytest.mark.slow
+def test_a_similar_loop_begins_with_what_is_known():
+    first = bracket(frames_of_controller(fig4(), Frames((20, 40))), 20.0, (0.0, 5000.0))
+    family = frames_of_controller(fig4(**{"environment.B_VE": 1.1}), Frames((20, 40)))
+    found, alone = (bracket(family, 20.0, (0.0, 5000.0), known=known) for known in (first, None))
+    assert found.settled
+    assert found.fails_from == pytest.approx(alone.fails_from, rel=1e-6)
+    assert found.high == pytest.approx(alone.high, rel=0.01)
+
+
 TABLE = [
-    ("pmw", Frames(LENGTHS), 197.0, 198.9),
+    ("pmw", Frames(LENGTHS), 196.9, 198.9),
     ("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8),
     ("pmw", Frames((20, 40)), 148.4, 148.5),
     ("pmw", Frames((19, 20, 21)), 791.5, 792.3),
@@ -227,6 +237,8 @@ def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
     assert found.high >= proved
     assert found.fails_from <= refuted
     assert found.high < found.fails_from <= found.high * 1.0101
+    ends = [found.low, *(each.high for each in found.stretches)]
+    assert ends == [*(each.low for each in found.stretches), found.high]
     rng = np.random.default_rng(2)
     for x in (0.5 * found.high, found.high):
         A = family.at(x)

@@ -75,6 +75,7 @@ def test_an_order_that_is_forbidden_may_be_what_grows():
     assert decide(Affine.of(matrices, follows=alternating)).verdict == PROVED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_short_word_grows_where_decay_is_proved(seed):
     rng = np.random.default_rng(seed)

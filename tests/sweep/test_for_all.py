@@ -49,7 +49,7 @@ def test_pd_held_over_a_period_that_is_not_known_has_the_limit_of_the_longest():
 def test_a_single_value_is_the_interval_of_the_spec():
     (own,), (row,) = for_all(PD, n={"values": [5]})
     assert row["fails_from"] == pytest.approx(own["high"], rel=1e-12)
-    assert row["high"] == pytest.approx(own["high"], rel=1e-2)
+    assert (row["low"], row["high"], row["settled"]) == (own["low"], pytest.approx(own["high"], rel=1e-12), True)
 
 
 @pytest.mark.slow
@@ -104,6 +104,64 @@ def test_no_numbers_of_the_box_break_what_is_proved(seed):
         values = read_by(drawing, loaded.values) | {name: each for name, each in arrays.items() if name in drawing.reads}
         for part in distinct([each == 0 for each in values.values() if np.ndim(each)], points):
             assert (radii_of(drawing, selected(values, part), part.size) < 1).all()
+
+
+VARIED = [  # lengths, other tables, by what it has to be proved, from what refuted at the latest
+    ([16, 20, 25, 33], {}, 196, 200),
+    ([16, 20, 25, 33], {"environment": {"step": "nominal"}}, 287, 291),
+    ([20, 40], {}, 147.4, 148.6),
+    ([19, 20, 21], {}, 791.5, 792.4),
+    ([16, 20, 25, 33], {"controller": {"kind": "dc-slow"}}, 146.7, 147.0),
+    ([16, 20, 25, 33], {"controller": {"kind": "dc-slow"}, "environment": {"delay": "frame"}}, 48.9, 49.0),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("lengths", "more", "proved", "refuted"), VARIED)
+def test_frames_of_any_length_in_any_order(lengths, more, proved, refuted):
+    spec = {name: {**table, **more.get(name, {})} for name, table in FIG4.items()}
+    (_,), (row,) = for_all(spec, **{"rates.ratio": {"values": lengths, "varying": True}})
+    assert (row["certified"], row["settled"]) == (True, True)
+    assert proved <= row["high"] < row["fails_from"] <= refuted
+    assert row["counterexample"].startswith("frames ")
+
+
+def test_one_length_is_the_interval_of_today():
+    (own,), (row,) = for_all(FIG4, **{"rates.ratio": {"values": [20], "varying": True}})
+    assert row["high"] == pytest.approx(own["high"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_results_that_fail_to_come_are_held():
+    (_,), (row,) = for_all(FIG4, lost=2)
+    assert row["settled"]
+    assert "(lost)" in row["counterexample"]
+    assert row["fails_from"] < 801
+
+
+def test_a_drawn_loop_may_have_frames_of_any_length():
+    """PD held over a period that changes in any order: the limit is no higher than that of the longer one for ever."""
+    (_,), (row,) = for_all(PD, n={"values": [5, 10], "varying": True})
+    assert row["certified"]
+    assert row["high"] < row["fails_from"] <= 2 * 4 / 0.010 * (1 + 1e-7)
+
+
+@pytest.mark.parametrize(
+    ("spec", "ranges", "expected"),
+    [
+        (FIG4, {"device.mass": {"values": [0.1, 0.2], "varying": True}}, "expected rates.ratio or environment.delay"),
+        (
+            FIG4,
+            {"rates.ratio": {"values": [1, 20], "varying": True}, "environment.delay": {"values": [5, 9]}},
+            "expected delays",
+        ),
+        (PD, {"kd": {"values": [3, 4], "varying": True}}, "expected one number, which `every` of blocks reads"),
+        (PD, {"n": {"values": [2, 5], "varying": True}, "kd": {"start": 3, "stop": 4}}, "the range of kd"),
+    ],
+)
+def test_what_cannot_vary_is_said(spec, ranges, expected):
+    with pytest.raises(UsageError, match=expected):
+        for_all(spec, **ranges)
 
 
 def test_check_says_whether_the_design_holds_for_all():

@@ -60,14 +60,15 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """A frame: its ticks, the delay of the result (ticks, FRAME or LOST), and of results that are lost the number in a row.
+    """A frame: its ticks, the delay of the result (ticks, FRAME or LOST, None in a drawn loop), and of results that are lost
+    the number in a row.
 
     step: the period of slow blocks that run later than the sample, which is the length of the frame before; None if nothing
     depends on it. through: whether the next result is in place at once, with the sample at which this frame ends.
     """
 
     ticks: int
-    delay: int | str = 0
+    delay: int | str | None = None
     lost: int = 0
     step: int | None = None
     through: bool = False
@@ -130,7 +131,7 @@ def frames_of_drawing(
     kinds = {phase: frozenset(name for name in slow if slow[name] == phase) for phase in sorted({*slow.values(), 0})}
     later = len(kinds) > 1
     steps = lengths if elapsed and later else (None,)
-    symbols = [Symbol(ticks, step=step) for ticks in lengths for step in steps]
+    symbols = [Symbol(ticks, None, step=step) for ticks in lengths for step in steps]
 
     def rest(symbol):
         return [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]

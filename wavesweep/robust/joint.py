@@ -8,12 +8,11 @@ from scipy.linalg import LinAlgError
 
 from wavesweep.robust.checking import Norms, shrink
 from wavesweep.robust.family import Family
-from wavesweep.robust.norms import WORK, Centre, advanced, first_centre, found
+from wavesweep.robust.norms import WORK, Centre, advanced, finer, first_centre, found
 from wavesweep.robust.words import KEPT, LONGEST, Word, crossing, growing, growth, is_refuted, refuted_beyond
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 WITHIN = 0.93  # of the tolerance, how near to a number that is refuted a proof is tried first
-FURTHER = 2.0  # times the distance from it, after a proof has failed
 NEAR_START = 0.01  # of the distance from the start to an end, which stands for the end's own size if that is smaller
 SCANNED = 48  # numbers at which short words are looked at, between the start and the limit
 EVERY = 12  # of these, at which long ones are looked for
@@ -24,8 +23,10 @@ SPENT = 0.9  # of the work, after which no more norms are looked for
 STRIDE = 0.35  # of what is left to the number that is refuted, how near to it norms are looked for next
 FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # steps of the tolerance that follow if they cost little, the last one, and their work
 STEPS = 300  # norms for one side of the start
-LEAST_CLIMB, LEAST_BACK = 0.05, 1e-5  # of what is left, the shortest stretch of a proof that goes on
-SHORTEST = 1e-7  # of the whole way, a stretch
+# Of what is left, or of the number itself: the shortest stretch of a proof that goes on from the start, and that goes back to
+# what is proved, and what several have to cover together without a finer graph.
+LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
+SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3  # of the whole way: a stretch, and what it has to be a part of
 PAYS = 0.2  # of a stretch, the step by which it has to grow
 
 
@@ -124,10 +125,8 @@ def bracket(
     if first is None or np.isnan(below.end) or np.isnan(above.end):
         below, above = (replace(each, end=np.nan, settled=False, stretches=()) for each in parts)
     return Bracket(
-        below.end,
-        above.end,
-        below.fails,
-        above.fails,
+        *(float(each.end) for each in (below, above)),
+        *(float(each.fails) for each in (below, above)),
         (below.word, above.word),
         bool(below.settled and above.settled),
         tuple(sorted((*below.stretches, *above.stretches), key=lambda each: each.low)),
@@ -154,52 +153,83 @@ def _side(family, start, limit, tolerance, words, first, centre, work):
     fails, word = _nearest(family, start, limit, tolerance, words)
     if first is None:
         return _Side(np.nan, fails, word, False, (), None)
-    gap = WITHIN * tolerance if word else 0.0
-    goal = _inside(fails, start, gap) if word else limit
-    stretches, reached = _covered(family, first, start, goal, LEAST_CLIMB)
-    spent = 0.0
-    while reached != goal:
+    goal = _inside(fails, start, WITHIN * tolerance) if word else limit
+    stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
+    # The ceiling is a number for which no norms were found.
+    spent, ceiling, before = climbed.work, None, start
+    while reached != goal and spent < SPENT * work:
+        if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
+            if abs(reached - before) <= tolerance * _scale(reached, start):
+                break
+            ceiling, before = None, reached  # a graph that has become finer may do more
         aim = fails - STRIDE * (fails - reached) if word else goal
+        aim = aim if ceiling is None else (reached + ceiling) / 2
         aim = aim if abs(aim - start) < abs(goal - start) else goal
-        centre, factor = found(family.at(aim), family.follows, centre, (work - spent) / 2)
-        spent += centre.work
-        further = _back(family, centre, factor, aim, reached)
+        centre, factor = found(family.at(aim), family.follows, centre, (work - spent) / 3)
+        further, used = _back(family, centre, factor, aim, reached, work - spent)
+        spent += used
         if further:
             stretches, reached = (*stretches, *further), aim
             continue
-        nearer = _grown(family, start, aim, centre, word, MORE) if gap else None
-        if nearer:
-            (fails, word), gap = nearer, WITHIN * tolerance
+        nearer = _grown(family, start, aim, centre, word, MORE)
+        if nearer and abs(nearer[0] - start) > abs(reached - start):
+            (fails, word), ceiling = nearer, None
+            goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
+        elif aim == limit:
+            goal = _farther(_inside(limit, start, WITHIN * tolerance), reached, start)
         else:
-            gap = max(FURTHER * abs((fails if word else limit) - aim) / _scale(aim, start), WITHIN * tolerance)
-        goal = _inside(fails if word else limit, start, gap)
-        if spent >= SPENT * work or (goal - reached) * (limit - start) <= 0:
-            goal = reached
-    gap, spent, centre = tolerance, 0.0, centre or first
-    while word and abs(fails - goal) <= tolerance * _scale(fails, start) and gap > FINEST and spent < FINE:
+            ceiling = aim
+    side = _Side(reached, fails, word, False, stretches, centre or first)
+    if word and abs(fails - reached) <= tolerance * _scale(fails, start):
+        side = _refined(family, side, start, tolerance)
+    end = side.fails if word else limit
+    return replace(side, settled=abs(end - side.end) <= tolerance * _scale(end, start))
+
+
+def _refined(family, side, start, tolerance):
+    """The side with its end nearer to what is refuted, and that nearer to the start, as far as this costs little."""
+    gap, spent = tolerance, 0.0
+    while gap > FINEST and spent < FINE:
         gap /= FINER
-        aim = _inside(fails, start, gap)
-        fails, word = _grown(family, start, aim, centre, word) or (fails, word)
-        aim = _inside(fails, start, gap)
-        if (aim - goal) * (limit - start) <= 0:
+        aim = _inside(side.fails, start, gap)
+        fails, word = _grown(family, start, aim, side.centre, side.word) or (side.fails, side.word)
+        side, aim = replace(side, fails=fails, word=word), _inside(fails, start, gap)
+        if abs(aim - start) <= abs(side.end - start):
             continue
-        finer, factor = found(family.at(aim), family.follows, centre, FINE - spent)
-        spent += finer.work
-        further = _back(family, finer, factor, aim, goal)
+        centre, factor = found(family.at(aim), family.follows, side.centre, FINE - spent)
+        further, used = _back(family, centre, factor, aim, side.end, FINE - spent)
+        spent += used
         if not further:
             break
-        stretches, goal, centre = (*stretches, *further), aim, finer
-    end = limit if not word else fails
-    settled = abs(end - goal) <= tolerance * _scale(end, start)
-    return _Side(goal, fails, word, settled, stretches, centre)
+        side = replace(side, end=aim, centre=centre, stretches=(*side.stretches, *further))
+    return side
 
 
-def _back(family, centre, factor, aim, reached):
-    """The stretches from a number to what is proved, () if there is a gap; factor: what was found for the number."""
-    if factor < 1:
-        return ()
-    stretches, back = _covered(family, centre, aim, reached, LEAST_BACK)
-    return stretches if back == reached else ()
+def _back(family, centre, factor, aim, reached, work):
+    """The stretches from a number to what is proved, () if there is a gap, and the work; factor: what was found for the number.
+
+    Where a stretch cannot be made longer, forms are looked for again, on a finer graph if that has not helped before.
+    """
+    stretches, at, used = (), aim, centre.work
+    while factor == 1 and used < work:
+        further, far, last = _covered(family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used)
+        stretches, used = (*stretches, *further), used + last.work
+        if far == reached:
+            return stretches, used
+        stalled, at = abs(far - at) <= LEAST_AGAIN * abs(far - reached), far
+        try:
+            centre = finer(last, family.at(at), family.follows) if stalled else last
+        except LinAlgError:
+            break
+        if centre is None:
+            break
+        centre, factor = found(family.at(at), family.follows, centre, (work - used) / 2)
+        used += centre.work
+    return (), used
+
+
+def _farther(one, other, start):
+    return one if abs(one - start) > abs(other - start) else other
 
 
 def _scale(end, start):
@@ -267,19 +297,19 @@ def _proves(family, centre, one, other):
     return points is not None and all(shrink(_norms(centre), *point, family.follows) for point in zip(*points, strict=True))
 
 
-def _covered(family, centre, start, goal, least):
-    """Stretches without a gap from the start towards the goal, and how far they go.
+def _covered(family, centre, start, goal, least, work):
+    """Stretches without a gap from the start towards the goal, how far they go, and the last forms.
 
     Each is made longer as long as there are forms in which the matrices at both of its ends shrink, and that pays. least: of
-    what is left, the length of a stretch, below which this ends.
+    what is left, the length of a stretch, below which this ends. work: of the forms, after which it ends too.
     """
     stretches, end, graph, most = [], start, centre.graph, abs(goal - start)
     ends = graph.doubled(len(family.follows))
-    while end != goal and len(stretches) < STEPS:
+    while end != goal and len(stretches) < STEPS and centre.work < work:
         fixed, x, step = family.at(end), end, np.inf
         target = goal if abs(goal - end) <= most else end + most * np.sign(goal - end)
         both = replace(centre, graph=ends)
-        while x != target and abs(step) > PAYS * abs(x - end):
+        while x != target and abs(step) > PAYS * abs(x - end) and both.work < work:
             before = x
             try:
                 both, x = advanced(both, lambda x, fixed=fixed: np.concatenate([family.at(x), fixed]), x, target)
@@ -288,7 +318,8 @@ def _covered(family, centre, start, goal, least):
                 break
             step = x - before
         centre, most = replace(both, graph=graph), 4 * most
-        shortest = max(min(least * abs(goal - end), abs(target - end)), SHORTEST * abs(goal - start))
+        share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
+        shortest = max(min(share, abs(target - end)), SHORTEST * abs(goal - start))
         while abs(x - end) >= shortest and x != end and not _proves(family, centre, end, x):
             x = (x + end) / 2
             most = 2 * abs(x - end)
@@ -296,7 +327,7 @@ def _covered(family, centre, start, goal, least):
             break
         stretches.append(_stretch(end, x, centre))
         end = x
-    return tuple(stretches), end
+    return tuple(stretches), end, centre
 
 
 def _stretch(one, other, centre):

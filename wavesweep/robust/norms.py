@@ -90,10 +90,10 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
             centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
             centre = centre.rounded()
             if factor < 1 and factor - before < min(STALLED, OF_REST * (1 - factor)):
-                finer = _finer(centre, factor * A, follows)
-                if finer is None:
+                more = finer(centre, factor * A, follows)
+                if more is None:
                     break
-                centre = finer
+                centre = more
         if factor == 1:
             more = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
             centre = more if more.shrinks(A) else centre
@@ -168,8 +168,10 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
     return recentred(centre, matrices(reached)), reached
 
 
-def _finer(centre, A, follows):
-    """The forms on a graph of which some nodes are split, None if nothing is left to split.
+def finer(centre, A, follows):
+    """Return forms on a graph of which some nodes are split, None if nothing is left to split.
+
+    centre: forms in which the matrices A of x shrink.
 
     The inverse slacks of the edges are weights of the sequences for which the forms are worst. Nodes are split in which very
     different ones meet, relative to all that meets there, along the principal component of the difference.

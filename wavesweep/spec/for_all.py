@@ -32,14 +32,24 @@ class ForAll:
     lost: int = 0
 
     @property
+    def changing(self) -> tuple[Axis, ...]:
+        """The numbers that may be another one in every frame; one of a single value is constant."""
+        return tuple(axis for axis in self.axes if axis.path in self.varying and len(values_of_range(axis)) > 1)
+
+    @property
     def unknown(self) -> tuple[Axis, ...]:
         """The numbers that are constant."""
-        return tuple(axis for axis in self.axes if axis.path not in self.varying)
+        return tuple(axis for axis in self.axes if axis not in self.changing)
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         found: dict[str, object] = {axis.name: _written(axis, axis.path in self.varying) for axis in self.axes}
         return found | ({"lost": self.lost} if self.lost else {})
+
+
+def values_of_range(axis: Axis) -> tuple:
+    """The values of a range, those of a whole number one by one."""
+    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
 
 
 def _written(axis, varying):

@@ -155,7 +155,7 @@ _TABLE = [
     _whole(
         "environment.delay",
         0,
-        'fast ticks until the slow result is in place, 0 to the ratio; or "frame": with the next frame, however long this one is',
+        'fast ticks until the slow result is in place, 0 to the ratio; or "frame": with the next frame, whenever that is',
         low=0,
         high=None,
         unit="tick",

@@ -11,15 +11,16 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.domain import domain
 from wavesweep.robust.boxes import Cover, cover
-from wavesweep.spec import Axis, Spec
+from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
-from wavesweep.spec.for_all import ForAll
+from wavesweep.spec.for_all import values_of_range
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, one_loop, radii_of
 from wavesweep.sweep.drawn_task import TINY, DrawnTask, frames_where_solvable
 from wavesweep.sweep.grid import distinct, own_loop, read_by
 from wavesweep.sweep.tasks import FELT, FIELDS, felt_at_ends
+from wavesweep.sweep.varying import Rules, bracketed, decided, text_of
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
@@ -49,13 +50,18 @@ FOR_ALL_RECORD = np.dtype(
 class ForAllGuarantee:
     """The numbers of [for_all], as `IntervalJob.guarantee`."""
 
-    for_all: ForAll
+    rules: Rules
     dtype = FOR_ALL_RECORD
     kind = "for_all"
 
     @property
     def method(self) -> str:
         """How the intervals are found, in a line."""
+        if self.rules.vary:
+            return (
+                "quadratic norms on a graph of frames, in which all shrink, checked by Cholesky with bounds on rounding; "
+                "refuted by a pattern of frames that grows"
+            )
         return (
             "guardian maps of all numbers at once, interpolated with a bound and proved positive by Bernstein coefficients; "
             "refuted by the exact intervals of the worst numbers found"
@@ -63,20 +69,24 @@ class ForAllGuarantee:
 
     def task(self, along: str, span: tuple[float, float], parts: tuple) -> "ForAllTask":
         """The task for loops with these numbers."""
-        return ForAllTask(self.for_all, along, span, parts)
+        return ForAllTask(self.rules, along, span, parts)
 
 
-def refuse_unsuitable_ranges(for_all: ForAll, drawing: Drawing, along: str) -> None:
-    """Raise UsageError for numbers that cannot be held for beside intervals along a number."""
+def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
+    """Raise UsageError for numbers that cannot be held for beside intervals along a number, empty for a design alone."""
+    for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
     swept = [axis.name for axis in for_all.axes if axis.path == along]
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
     trees = drawing.dead_times.values()
     timing = {name for tree in trees for name, _ in names_in(tree)} | (drawing.rating if trees else set())
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing]
-    cases = np.prod([len(_values(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
-    varying = [axis.name for axis in for_all.axes if axis.path in for_all.varying] + ["lost"] * bool(for_all.lost)
+    cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
-        (varying, "numbers that are constant", f"{', '.join(varying)}, which vary from frame to frame"),
+        (
+            rules.vary and ranges,
+            "values of numbers beside such that vary from frame to frame",
+            f"the range of {', '.join(ranges)}",
+        ),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -84,10 +94,14 @@ def refuse_unsuitable_ranges(for_all: ForAll, drawing: Drawing, along: str) -> N
     ):
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
+    if rules.vary:
+        rules.family(drawing, dict(spec.values), along or _number(spec))
 
 
-def _values(axis: Axis) -> tuple:
-    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
+def _number(spec: Spec) -> str:
+    """A number along which the frames of a design alone are looked at: that of its intervals, or of its wall."""
+    name = spec.along or "K_VE"
+    return spec.names.find(name).path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +111,7 @@ class ForAllTask:
     parts: (members, drawing, values), see `drawn_groups`.
     """
 
-    for_all: ForAll
+    rules: Rules
     along: str
     span: tuple[float, float]
     parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
@@ -107,7 +121,8 @@ class ForAllTask:
         found = {}
         for members, drawing, values in self.parts:
             for place, number in enumerate(members.tolist()):
-                records = _recorded(*_Loop(self, drawing, one_loop(values, place)).intervals())
+                loop = _Loop(self, drawing, one_loop(values, place))
+                records = _recorded(*(loop.varying() if self.rules.vary else loop.intervals()))
                 records["slice"] = number
                 found[number] = _with_felt(drawing, one_loop(values, place), self.along, records)
         return np.concatenate([found[number] for number in sorted(found)])
@@ -146,10 +161,12 @@ class _Loop:
 
     def __init__(self, task, drawing, values):
         self.task, self.drawing, self.values = task, drawing, values
-        unknown = [axis for axis in task.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+        unknown = [axis for axis in task.rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
         self.ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
         listed = [axis for axis in unknown if axis.values or axis.structural]
-        self.cases = [dict(zip((axis.path for axis in listed), each, strict=True)) for each in product(*map(_values, listed))]
+        self.cases = [
+            dict(zip((axis.path for axis in listed), each, strict=True)) for each in product(*map(values_of_range, listed))
+        ]
 
     def intervals(self) -> tuple[list[_Row], bool]:
         """The rows, and whether the search was certified."""
@@ -161,8 +178,36 @@ class _Loop:
         rows = [row for part in parts if (row := self._proved(seen, part))]
         return rows, all(case.certified for case in seen)
 
+    def varying(self) -> tuple[list[_Row], bool]:
+        """The rows of loops whose frames vary, and whether the search was certified."""
+        cases = [_Case(self, each) for each in self.cases]
+        parts = [_Part(*self.task.span)]
+        for case in cases:
+            parts = _shared(parts, case.parts())
+        rows = []
+        for part in parts:
+            own = [self._bracketed(case, (part.low, part.high)) for case in cases]
+            if None not in own:
+                rows.append(_all_of(own))
+        return [row for row in rows if row and row.low < row.high], all(case.certified for case in cases)
+
+    def _bracketed(self, case, about) -> _Row | None:
+        family = self.task.rules.family(case.drawing, self.values | case.case, self.task.along)
+        found = bracketed(family, self.task.span, about)
+        if found is None:
+            return None
+        texts = [text_of(family, word) for word in found.words]
+        part = _Part(
+            found.fails_below if texts[0] else found.low,
+            found.fails_from if texts[1] else found.high,
+            *({**case.case, text: None} if text else None for text in texts),
+        )
+        return _Row(found.low, found.high, part, found.settled, _text(part))
+
     def _proved(self, cases, part) -> _Row | None:
         """What is proved of a part; None if nothing is, or if it falls apart."""
+        if not self.ranges:  # the exact intervals of each case are its proof
+            return _Row(part.low, part.high, part, True, _text(part))
         for _ in range(ROUNDS):
             low, high = self._within(part)
             if not low < high:
@@ -202,7 +247,18 @@ def _text(part):
 
 
 def _numbers(by):
-    return ", ".join(f"{name_of(path)} = {value:.6g}" for path, value in by.items())
+    return ", ".join(name_of(path) if value is None else f"{name_of(path)} = {value:.6g}" for path, value in by.items())
+
+
+def _all_of(rows) -> _Row | None:
+    """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
+    low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
+    below, above = max(rows, key=lambda row: row.part.low).part, min(rows, key=lambda row: row.part.high).part
+    part = _Part(below.low, above.high, below.low_by, above.high_by)
+    near = [
+        by is None or _near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
+    ]
+    return _Row(low.low, high.high, part, all(near) and all(row.settled for row in (low, high)), _text(part))
 
 
 def _largest_free(low, high, spans):
@@ -332,10 +388,17 @@ class _Case:
 def verdict(spec: Spec) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown") and
     counterexample, the numbers with which it is unstable."""
-    drawing, values = own_loop(spec)
-    refuse_unsuitable_ranges(spec.for_all, drawing, "")
-    loop, known = _Loop(ForAllTask(spec.for_all, "", (0.0, 0.0), ()), drawing, values), True
+    refuse_unsuitable_ranges(spec, "")
+    rules, values = Rules.of(spec), dict(spec.values)
+    loop, known = _Loop(ForAllTask(rules, "", (0.0, 0.0), ()), own_loop(spec)[0], values), True
     for case in (_Case(loop, each) for each in loop.cases):
+        if rules.vary:
+            number = _number(spec)
+            said, pattern = decided(rules.family(case.drawing, values | case.case, number), float(values[number]))
+            if said == "refuted":
+                return {"verdict": said, "counterexample": _numbers({**case.case, pattern: None})}
+            known &= said == "proved"
+            continue
         numbers = case.unstable()
         found = case.cover() if numbers is None and case.ranges else None
         if found is not None and len(found.unstable):

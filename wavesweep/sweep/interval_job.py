@@ -71,8 +71,10 @@ class IntervalJob(Job):
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
         if self.guarantee is not None:
-            parts = drawn_groups(self.grid.spec, changes, len(chunk.loops), self.resolved, rates=True, along=self.axis.path)
-            return self.guarantee.task(self.axis.path, _span(self.axis), tuple(parts))
+            spec, along = self.grid.spec, self.axis.path
+            parts = groups(spec, changes, len(chunk.loops), self.resolved, rates=True)
+            whole = ((members, drawing_for(spec, values, along), values) for members, values in parts)
+            return self.guarantee.task(along, _span(self.axis), tuple(whole))
         checked = self.grid.loops <= CHECKED
         options = {"checked": checked, "prove": self.prove, "require": self.require}
         return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)

@@ -18,7 +18,6 @@ from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
-    from wavesweep.spec.for_all import ForAll
     from wavesweep.sweep.for_all import ForAllGuarantee
     from wavesweep.sweep.hands import Guarantee, Hands
     from wavesweep.sweep.interval_job import IntervalJob
@@ -126,7 +125,7 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool
     own = job_of(spec, along, prove=prove)
     how = method(own)
     if spec.for_all:
-        return [Stage("", own, how), _for_all(spec, spec.for_all, own, hands)]
+        return [Stage("", own, how), _for_all(spec, own, hands)]
     if hands is None:
         return [Stage("", own, how)]
     hands.refuse(own)
@@ -137,16 +136,16 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool
     return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees]
 
 
-def _for_all(spec: Spec, for_all: ForAll, own: IntervalJob, hands: Hands | None) -> Stage:
+def _for_all(spec: Spec, own: IntervalJob, hands: Hands | None) -> Stage:
     """The stage of rows for all numbers of [for_all]."""
     from wavesweep.sweep.for_all import ForAllGuarantee, refuse_unsuitable_ranges
-    from wavesweep.sweep.grid import own_loop
+    from wavesweep.sweep.varying import Rules
 
     if hands:
         raise UsageError("for hands: expected a spec without [for_all], which may have the operator's numbers, found both")
     spec.refuse_require("[for_all]")
-    refuse_unsuitable_ranges(for_all, own_loop(spec, own.axis.path)[0], own.axis.path)
-    guarantee = ForAllGuarantee(for_all)
+    refuse_unsuitable_ranges(spec, own.axis.path)
+    guarantee = ForAllGuarantee(Rules.of(spec))
     return Stage(guarantee.kind, _guaranteed(own, guarantee), guarantee.method)
 
 

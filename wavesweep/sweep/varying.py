@@ -1,0 +1,91 @@
+"""Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, LoopFrames, frames_of_controller, frames_of_drawing
+from wavesweep.robust.joint import PROVED, REFUTED, Bracket, bracket, decide
+from wavesweep.spec import Spec
+from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.spec.expressions import names_in
+from wavesweep.spec.for_all import ForAll, values_of_range
+
+DELAY = "environment.delay"
+STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
+KIND = "controller.kind"
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a spec says that its frames vary.
+
+    with_frame: whether results are in place with the next frame. elapsed: whether the slow environment integrates over the
+    time since its last frame.
+    """
+
+    for_all: ForAll
+    with_frame: bool = False
+    elapsed: bool = True
+
+    @staticmethod
+    def of(spec: Spec) -> "Rules":
+        """The rules of a spec with [for_all]."""
+        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed")
+
+    @property
+    def vary(self) -> bool:
+        """Whether anything varies."""
+        return bool(self.for_all.changing or self.for_all.lost)
+
+    def family(self, drawing: Drawing, values: Mapping[str, object], along: str) -> LoopFrames:
+        """The frames of a loop along a number. Errors: UsageError for numbers that cannot vary, or another one along."""
+        axes = {axis.path: axis for axis in self.for_all.changing}
+        if KIND in values:
+            if wrong := axes.keys() - {RATIO, DELAY}:
+                raise UsageError(
+                    f"[for_all] varying: expected rates.ratio or environment.delay, found {', '.join(sorted(wrong))}"
+                )
+            lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
+            delays = values_of_range(axes[DELAY]) if DELAY in axes else (FRAME if self.with_frame else values[DELAY],)
+            frames = Frames(tuple(map(int, lengths)), tuple(delays), self.for_all.lost, self.elapsed)
+            return frames_of_controller(values, frames, along)
+        running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
+        wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
+        if wrong or len(axes) != 1 or self.for_all.lost:
+            found = ", ".join([axis.name for axis in axes.values()] + ["lost"] * bool(self.for_all.lost))
+            raise UsageError(f"[for_all] varying: expected one number, which `every` of blocks reads, found {found}")
+        ((path, axis),) = axes.items()
+        lengths = tuple(map(int, values_of_range(axis)))
+        return frames_of_drawing(drawing, {**values, path: int(values[path])}, lengths, along, elapsed=self.elapsed)
+
+
+def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
+    """What is proved and refuted about an interval of the nominal loop; None if no start of a proof is found."""
+    low, high = about
+    for share in STARTS:
+        found = bracket(family, low + share * (high - low), span)
+        if np.isfinite(found.low):
+            return found
+    return None
+
+
+def decided(family: LoopFrames, value: float) -> tuple[str, str]:
+    """Whether a loop is stable for every order of frames at a value of the number, and the pattern with which it is not."""
+    found = decide(family, value)
+    words = {PROVED: "proved", REFUTED: "refuted"}
+    return words.get(found.verdict, "unknown"), text_of(family, found.word)
+
+
+def text_of(family: LoopFrames, word: tuple[int, ...]) -> str:
+    """A pattern of frames as a text; empty without one."""
+    return f"frames {', '.join(_frame(family.symbols[each], family) for each in word)}" if word else ""
+
+
+def _frame(symbol, family):
+    several = len({(each.delay, each.lost) for each in family.symbols}) > 1
+    if symbol.delay == LOST:
+        return f"{symbol.ticks} (lost)"
+    return f"{symbol.ticks} (delay {symbol.delay})" if several else f"{symbol.ticks}"
