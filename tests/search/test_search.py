@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from wavesweep import compile  # noqa: A004 - the library calls it so
 from wavesweep.search.search import Judged, generations, hypervolume, spread, undominated
 from wavesweep.search.study import design
 from wavesweep.spec import load
@@ -155,3 +156,24 @@ def test_a_design_that_breaks_its_bound_between_the_ends_of_a_range_is_not_the_b
     best = load(spec).with_values({name: found[name][0] for name in ("k", "T", "K")})
     ratios = [own_design(best.with_values({"J": J}))["slowest"]["damping_ratio"] for J in np.linspace(8, 12, 33)]
     assert min(ratios) >= 0.7 - 1e-3
+
+
+def test_a_design_is_proved_for_all_numbers_of_its_spec():
+    """Direct coupling: the wall of the worst numbers, from which the proof is no further than 1 %."""
+    spec = {
+        "controller": {"kind": "dc-slow"},
+        "environment": {"integration": "explicit", "delay": 1},
+        "device": {"velocity": "difference"},
+        "for_all": {"device.mass": {"start": 0.08, "stop": 0.125}},
+        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+        "design": {"population": 8, "generations": 2, "vary": {"device.damping": {"start": 1, "stop": 3}}},
+    }
+    spec["design"]["wish"] = {"z_width": {"B_VE": [1]}}
+    found = design(load(spec), jobs=1).columns
+    own = load({name: table for name, table in spec.items() if name not in ("for_all", "design")})
+    worst = min(
+        compile(own.with_values({"device.mass": mass, "device.damping": found["device.damping"][0]})).stable_intervals().high[0]
+        for mass in (0.08, 0.125)
+    )
+    assert found["holds"].all()
+    assert 0.99 * worst < found["z_width"][0] < worst

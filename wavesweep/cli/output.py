@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from wavesweep.tables.table import Table
 
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
+FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 MOST_CHANGES = 5  # of a spec that are listed
 
@@ -96,12 +97,16 @@ def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractCo
 
 
 def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
-    """Yield a notice for each number that --set gives a value of its own although the command sweeps it."""
+    """Yield a notice for each number that --set gives a value of its own although the command sweeps it, and one for [for_all]
+    in a spec of which the command looks at its own numbers alone."""
     from wavesweep.spec import SYMBOLS
 
     table = "bode" if command == "bode" else "sweep"
     swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
+    if spec.for_all and command not in FOR_ALL:
+        others = "zwidth, stability-region, check and design"
+        yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of [for_all]"
     for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():
         name = each.partition("=")[0].strip()
         key = spec.names.find(name)

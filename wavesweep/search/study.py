@@ -23,6 +23,7 @@ from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.drawn_loops import held_loop
+from wavesweep.sweep.for_all import proved_from_zero, verdict
 from wavesweep.sweep.gathering import records_of
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
 from wavesweep.sweep.hands import Guarantee
@@ -97,7 +98,12 @@ class DesignJob(Job):
         """The task of a worker for that chunk."""
         spec, genes, last = self.grid.spec, self._genes_of(chunk), chunk.loops.start == self.chunks.loops - 1
         designs, scenarios = designs_of(spec.design.vary, genes), self.finest if last else tuple(self.scenarios)
-        return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
+        return self.task_of(spec, scenarios, designs, len(genes), last)
+
+    def task_of(self, spec, scenarios, designs, count: int, last: bool) -> "DesignTask":
+        """The task for designs; last: whether they are of the front, for which more is checked."""
+        box, proved = (self.box, spec.for_all is not None) if last else (None, False)
+        return DesignTask(spec, scenarios, designs, count, self.stop, self.dtype, box, proved)
 
     def slices_of(self, chunk: Chunk) -> int:
         """Number of designs of a chunk."""
@@ -118,7 +124,8 @@ class DesignJob(Job):
 class DesignTask:
     """The wishes of some designs, at their worst over the scenarios.
 
-    count: number of designs, which may be 0. box: of hands to check them for.
+    count: number of designs, which may be 0. box: of hands to check them for. proved: whether they have to be proved for all of
+    [for_all].
     """
 
     spec: Spec
@@ -128,6 +135,7 @@ class DesignTask:
     stop: float
     dtype: np.dtype
     box: HandBox | None = None
+    proved: bool = False
 
     def records(self) -> np.ndarray:
         """Return a record per design."""
@@ -138,9 +146,27 @@ class DesignTask:
             for name, worst in found.items():
                 records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
                 records[f"{name}_certified"] = worst.certified
+        if self.proved:
+            self._prove(records)
         if self.box:
             self._hold(records)
         return records
+
+    def _prove(self, records):
+        """Take the walls and the designs that are proved for all of [for_all] in place of those that were looked at."""
+        names = [wish.name for wish in self.spec.design.wishes]
+        for number, record in enumerate(records):
+            spec = self.spec.with_values({path: column[number].item() for path, column in self.designs.items()})
+            if "z_width" in names:
+                wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
+                for damping in wish.options.get("B_VE", (spec.values[spec.wall[1]],)):
+                    wall = proved_from_zero(spec.with_values({spec.wall[1]: damping}), spec.wall[0], self.stop)
+                    record["z_width"] = min(record["z_width"], wall)
+                continue
+            said = verdict(spec)["verdict"]
+            for name in names if said != "proved" else ():
+                record[f"{name}_certified"] = False
+                record[name] = np.nan if said == "refuted" else record[name]
 
     def _hold(self, records):
         """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
@@ -367,7 +393,7 @@ class _Run:
         order = order[violation[order] == 0][:TRIED]
         for some in np.array_split(others[order], max(1, len(order) // FRONT)) if order.size else ():
             designs = designs_of(asked.vary, some)
-            found = DesignTask(job.grid.spec, job.finest, designs, len(some), job.stop, job.dtype, job.box).records()
+            found = job.task_of(job.grid.spec, job.finest, designs, len(some), last=True).records()
             good = judged(asked, found)[1] == 0
             if good.any():
                 return some[good], found[good]
@@ -426,6 +452,8 @@ def _notices(job):
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
     yield f"each design holds for {several}; those of the front were checked over {len(job.finest)}"
+    if job.grid.spec.for_all:
+        yield "of these, z_width, or that the design is stable, is proved for all of [for_all]"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     if {wish.name for wish in job.grid.spec.design.wishes} == {"channel"}:

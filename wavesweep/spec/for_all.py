@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis
 from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.design import Design
 from wavesweep.spec.keys import BUILT_IN, Key, Names
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.sorting import Sorted
@@ -40,6 +41,15 @@ class ForAll:
     def unknown(self) -> tuple[Axis, ...]:
         """The numbers that are constant."""
         return tuple(axis for axis in self.axes if axis not in self.changing)
+
+    def ends(self, design: Design) -> tuple[Axis, ...]:
+        """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
+
+        Those that the design varies, or holds for already, are none.
+        """
+        known = {axis.path for axis in (*design.vary, *design.for_all)}
+        others = (axis for axis in self.unknown if axis.path not in known)
+        return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""

@@ -218,6 +218,7 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN, usual: 
     for_all, wrong_ranges = build_for_all(leaves, names)
     if for_all:
         wrong_ranges += refuse_swept({axis.path: axis for axis in axes["sweep"]}, for_all)
+        design = design and replace(design, for_all=(*design.for_all, *for_all.ends(design)))
     route = {name: str(leaf.value) for name, leaf in leaves.route.items()}
     found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all, route)
     return found, mistakes + wrong + wrong_design + wrong_ranges

@@ -18,7 +18,7 @@ from wavesweep.spec.for_all import values_of_range
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, one_loop, radii_of
 from wavesweep.sweep.drawn_task import TINY, DrawnTask, frames_where_solvable
-from wavesweep.sweep.grid import distinct, own_loop, read_by
+from wavesweep.sweep.grid import distinct, drawing_for, own_loop, read_by
 from wavesweep.sweep.tasks import FELT, FIELDS, felt_at_ends
 from wavesweep.sweep.varying import Rules, bracketed, decided, text_of
 
@@ -383,6 +383,15 @@ class _Case:
     def named(self, point) -> dict[str, float]:
         """The numbers of a point of the box."""
         return self.case | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
+
+
+def proved_from_zero(spec: Spec, path: str, stop: float) -> float:
+    """Return up to what stiffness of a wall, at most `stop`, all loops of [for_all] are proved to be stable from about 0 on."""
+    values = dict(spec.values)
+    drawing = drawing_for(spec, values, path)
+    rows = ForAllTask(Rules.of(spec), path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
+    found = rows[(rows["intervals"] > 0) & (rows["low"] <= FROM_ZERO * rows["high"] * (1 + SETTLED))]
+    return float(found["high"].max(initial=0.0))
 
 
 def verdict(spec: Spec) -> dict[str, str]:
