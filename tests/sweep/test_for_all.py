@@ -155,6 +155,11 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
             {"rates.ratio": {"values": [1, 20], "varying": True}, "environment.delay": {"values": [5, 9]}},
             "expected delays",
         ),
+        (
+            PD | {"block": PD["block"] | {"pd": {"type": "pi", "kp": 1.0, "ki": 2.0, "every": "n"}}},
+            {"n": {"values": [2, 5], "varying": True}},
+            "states mean the same at every period",
+        ),
         (PD, {"kd": {"values": [3, 4], "varying": True}}, "expected one number, which `every` of blocks reads"),
         (PD, {"n": {"values": [2, 5], "varying": True}, "kd": {"start": 3, "stop": 4}}, "the range of kd"),
     ],

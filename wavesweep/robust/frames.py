@@ -22,7 +22,7 @@ from wavesweep.monodromy.periodic import Ticks
 from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
 from wavesweep.passive.enclosure import Enclosure
-from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
 from wavesweep.spec.expressions import evaluate
 
 FRAME = "frame"  # a delay: the result is in place with the next sample, whenever that is
@@ -128,6 +128,12 @@ def frames_of_drawing(
             "a frame that varies: expected blocks that run once in it, at phases before its shortest length, found "
             f"every {sorted(every)}, phases {sorted(slow.values())}, lengths {sorted(lengths)}"
         )
+    odd = [block.name for block in drawing.blocks if block.name in slow and _realised(block)]
+    if odd and elapsed:
+        raise UsageError(
+            "a frame that varies: expected slow blocks whose states mean the same at every period (hold, difference, integrator, "
+            f"delay, gain, ss, tf, ...), found {', '.join(odd)}; draw a pi or a pid by integrator, difference and gain"
+        )
     kinds = {phase: frozenset(name for name in slow if slow[name] == phase) for phase in sorted({*slow.values(), 0})}
     later = len(kinds) > 1
     steps = lengths if elapsed and later else (None,)
@@ -140,6 +146,11 @@ def frames_of_drawing(
     return _family(
         drawing, values, Frames(lengths, (0,), elapsed=elapsed), number, kinds | {TICK: frozenset()}, (), symbols, rest, nominal
     )
+
+
+def _realised(block: DrawnBlock) -> bool:
+    """Whether the states of a block are those of a realisation, which is another one at each period."""
+    return block.type in ("pi", "pid", "lead", "notch", "butterworth") or "cutoff_hz" in dict(block.keys)
 
 
 def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nominal):
