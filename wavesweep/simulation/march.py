@@ -55,8 +55,8 @@ def simulate(
 
     values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick, `(ticks,)`. effects: see
     `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages. entry: the signal from
-    outside that the record is of, if not of the hand's force; all others are 0. frames: of the slow blocks, in place of the rate
-    and the delay of the slow environment.
+    outside that the record is of, if not of the hand's force; all others are 0. frames: of the slow blocks, in place of the
+    rate and the delay of the slow environment.
 
     The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
     `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
@@ -186,7 +186,8 @@ class March:
     def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
 
-        Delays of frames come on top of the former. -1 is for a result that is lost. The last entry of all, 0, is for a result after the last tick.
+        Delays of frames come on top of these. -1 is for a result that is lost. The last entry of all is for a result after the
+        last tick.
         """
         drawn: dict[Rhythm, list[int | None]] = {}
         for each in self.results:

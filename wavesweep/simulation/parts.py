@@ -232,7 +232,7 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
     """
     known = scalars(values)
     if frames:
-        _refuse(frames, [(block.name, *_schedule(block, known)) for block in drawing.alone])
+        _refuse(frames, [(block, *_schedule(block, known)) for block in drawing.alone])
     rate = float(value_of(drawing.tick_hz, known))
     waits = {name: divided(value_of(tree, known) * rate) for name, tree in drawing.dead_times.items()}
     parts = tuple(_part(block, known, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
@@ -279,14 +279,17 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
 
 def _refuse(frames, schedules):
     """Refuse blocks that cannot have frames of varying length."""
-    slow = [(every, phases) for _, every, phases in schedules if every > 1]
+    slow = [each for each in schedules if each[1] > 1]
     if not slow:
         raise UsageError("simulate.frames: expected a slow environment, or blocks with `every` above 1, found none")
-    everys, latest = sorted({every for every, _ in slow}), max(phases[-1] for _, phases in slow)
+    everys, latest = sorted({every for _, every, _ in slow}), max(phases[-1] for *_, phases in slow)
     if len(everys) > 1:
         raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
     if latest >= min(frames.ticks):
         raise UsageError(f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}")
+    filters = [block.name for block, *_ in slow if block.type == "butterworth"]
+    if filters and len({*frames.rhythm(0).periods}) > 1:  # each realisation would be another filter
+        raise UsageError(f"simulate.frames: expected no Butterworth filter whose period varies, found {', '.join(filters)}")
 
 
 def _schedule(block, known):

@@ -50,12 +50,13 @@ def _frame(label, item, leaf):
     parts = item if isinstance(item, dict) else {"ticks": item}
     found, mistakes = {}, []
     for name, value in parts.items():
+        place = f"{label}.{name}" if parts is item else label
+        if name not in PARTS:
+            mistakes.append(leaf.mistake(place, f"one of {', '.join(PARTS)}", "an unknown key", nearest(name, PARTS)))
+            continue
         try:
-            if name not in PARTS:
-                raise Rejected(f"one of {', '.join(PARTS)}", "an unknown key", nearest(name, PARTS))
             found[name] = check(PARTS[name], value)
         except Rejected as error:
-            place = f"{label}.{name}" if parts is item else label
             mistakes.append(leaf.mistake(place, error.expected, error.found, error.suggestion))
     if "ticks" not in parts:
         mistakes.append(leaf.mistake(label, "the ticks of the frame", "none"))

@@ -230,8 +230,8 @@ _SIMULATE = [
         "list",
         None,
         "tick",
-        "frames of the slow environment, repeated for ever: the ticks of each, or { ticks, delay, lost } where its result comes "
-        "at another tick, or never (lost = true); absent: all of rates.ratio ticks",
+        "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
+        "delay, or never comes (lost = true); absent: all of the same length",
     ),
 ]
 

@@ -174,7 +174,7 @@ def _notices(spec: Spec) -> Iterator[str]:
         keys = ", ".join(f"simulate.{name}" for name in unread)
         yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
     if options["frames"]:
-        yield "simulate.frames: what is said of the linear loop is for frames of one length, and no response is compared with it"
+        yield "simulate.frames: what is said of the linear loop is about frames of one length; no response is compared with it"
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
     if spec.preset:
         beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
