@@ -39,7 +39,8 @@ def build_frames(leaf: Leaf) -> tuple[tuple[Frame, ...] | None, list[Mistake]]:
     frames, mistakes = [], []
     for index, item in enumerate(leaf.value):
         frame, wrong = _frame(f"{FRAMES}[{index}]", item, leaf)
-        frames, mistakes = [*frames, frame], [*mistakes, *wrong]
+        frames.append(frame)
+        mistakes += wrong
     if not mistakes and sum(each.ticks for each in frames) > LONGEST_FRAME:
         mistakes = [leaf.mistake(FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(sum(each.ticks for each in frames)))]
     return (None if mistakes else tuple(frames)), mistakes

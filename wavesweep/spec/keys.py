@@ -59,7 +59,7 @@ SYMBOLS = MappingProxyType(
 class Key:
     """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
 
-    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); a list is [simulate] frames.
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); [simulate] frames is a "list".
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
