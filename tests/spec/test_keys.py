@@ -30,7 +30,7 @@ NOT_NUMBERS = [
 @pytest.mark.parametrize("key", [*KEYS.values(), *STUDY_KEYS.values()], ids=lambda key: key.path)
 def test_every_key_says_what_it_is(key):
     assert key.description
-    assert key.type in ("number", "integer", "string", "boolean")
+    assert key.type in ("number", "integer", "string", "boolean", "list")
     assert bool(key.unit) == key.numeric
     assert key.unit.isascii()
 

@@ -18,6 +18,9 @@ def command(spec: str, options: Options) -> None:
     Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
     its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.
 
+    With [simulate] frames = [16, 16, 20, 33, 33] the slow environment's frames have these lengths in turn, for ever: so a
+    counterexample of [for_all] is seen to grow.
+
     If the linear loop is unstable, the summary, the figure and the facts of the run say so, with its spectral radius, and the
     response is compared with no linear one. The simulation stops before the hand is 1 km away or a force exceeds 1e6 N. The
     exit code is 0 in both cases.

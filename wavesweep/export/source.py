@@ -99,6 +99,10 @@ def exported(spec: Spec) -> dict[str, str]:
     """
     spec = spec.as_simulated()
     refuse_what_makes_no_loop(spec)
+    if spec.simulate["frames"]:
+        raise UsageError(
+            "export: expected frames of one length (--set simulate.frames= leaves others out), found simulate.frames"
+        )
     loop, effects = loop_of(spec.drawing or loop_drawing(spec.values), spec.values), effects_of(spec)
     refuse(loop, effects)
     loop = loop if effects.wall is None else loop.behind(effects.wall)

@@ -11,6 +11,7 @@ from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects, changed
 from wavesweep.simulation.inputs import Input
 from wavesweep.simulation.march import simulate
+from wavesweep.simulation.parts import Frames
 from wavesweep.simulation.record import Simulation
 from wavesweep.spec import Spec
 
@@ -22,11 +23,28 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     the spec describes, shape ``(ticks,)``; `changes` fields of `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
 
     Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
-    a force that is not a vector of finite numbers, or an option that does not exist or is out of range.
+    a force that is not a vector of finite numbers, an option that does not exist or is out of range, or frames that the loop
+    cannot have.
     """
     effects, units = changed(effects_of(spec), changes), (spec.at_port("m"), spec.at_port("N"))
     force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
-    return simulate(spec.values, force, effects, drawing=spec.drawing, units=units, entry=spec.entry)
+    return simulate(spec.values, force, effects, drawing=spec.drawing, units=units, entry=spec.entry, frames=frames_of(spec))
+
+
+def frames_of(spec: Spec) -> Frames | None:
+    """Return the frames of the spec's [simulate] table, None if it has none.
+
+    Results come after the delay of their frame, by default that of the spec; those of a drawn loop's blocks at once.
+    """
+    given = spec.simulate["frames"]
+    if not given:
+        return None
+    delay = spec.values.get("environment.delay", 0)
+    usual = [each.ticks if spec.delay_of_frame else delay for each in given]
+    delays = [usual if each.delay is None else each.delay for each, usual in zip(given, usual, strict=True)]
+    nominal = spec.values["rates.ratio"] if spec.step == "nominal" else None
+    ticks, lost = tuple(each.ticks for each in given), [each.lost for each in given]
+    return Frames(ticks, tuple(None if gone else each for gone, each in zip(lost, delays, strict=True)), nominal)
 
 
 def effects_of(spec: Spec) -> Effects:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import repeat
+from itertools import cycle, repeat
 from operator import itemgetter
 from typing import Any
 
@@ -26,6 +26,7 @@ from wavesweep.simulation.parts import (
     REACTION,
     SEEN,
     SPEED,
+    Frames,
     Loop,
     Rhythm,
     loop_of,
@@ -48,12 +49,14 @@ def simulate(
     drawing: Drawing | None = None,
     units: tuple[str, str] = ("m", "N"),
     entry: str = "",
+    frames: Frames | None = None,
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
 
     values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick, `(ticks,)`. effects: see
     `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages. entry: the signal from
-    outside that the record is of, if not of the hand's force; all others are 0.
+    outside that the record is of, if not of the hand's force; all others are 0. frames: of the slow blocks, in place of the
+    rate and the delay of the slow environment.
 
     The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
     `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
@@ -63,7 +66,9 @@ def simulate(
     not iterated. An encoder, late results and jitter see the signal at the ticks, as their originals do.
     """
     effects = Effects() if effects is None else effects
-    loop = loop_of(loop_drawing(values) if drawing is None else drawing, values)
+    if frames and drawing is None:
+        values = {**values, "rates.ratio": 2, "environment.delay": 0}  # any that draw a slow environment alone
+    loop = loop_of(loop_drawing(values) if drawing is None else drawing, values, frames)
     return March(loop, effects, entry=entry, drawn=drawing is not None).under(np.asarray(force, dtype=float), x, units)
 
 
@@ -144,8 +149,8 @@ class March:
         self.loop = loop = loop.behind(effects.wall) if effects.wall is not None else loop
         self.entry, self.drawn = entry or loop.hand, drawn
         self.effects, self.watched, self.results = effects, tuple(watched), results_of(loop)
-        late = effects.late or effects.dropped
-        delayed = [signal for each in self.results for signal in each.signals] if late else ()
+        self.late = bool(effects.late or effects.dropped or loop.waits)
+        delayed = [signal for each in self.results for signal in each.signals] if self.late else ()
         self.ticks = Ticks(loop, {loop.device} - {""}, delayed)
 
     def under(self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")) -> Simulation:
@@ -171,24 +176,28 @@ class March:
         for column in (*signals.values(), late):
             column.flags.writeable = False
         shown = (*dict(loop.entries), *(column for column, name in loop.shown.items() if name.startswith(SEEN)))
-        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped, shown, self._lacking())
+        starts = loop.frames.starts if loop.frames else (0,)
+        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped, shown, self._lacking(), starts)
 
     def _lacking(self) -> frozenset[str] | None:
         """The columns that say nothing about a loop that a spec draws; None of a controller, whose table has all."""
-        late = self.effects.late or self.effects.dropped
-        return frozenset(["touching"] * (not self.loop.walled) + ["late"] * (not late)) if self.drawn else None
+        return frozenset(["touching"] * (not self.loop.walled) + ["late"] * (not self.late)) if self.drawn else None
 
     def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
 
-        -1 is for a result that is lost. The last entry of all, 0, is for a result after the last tick.
+        Delays of frames come on top of these. -1 is for a result that is lost. The last entry of all is for a result after the
+        last tick.
         """
         drawn: dict[Rhythm, list[int | None]] = {}
         for each in self.results:
             origin, others = each.origin, (len(drawn),) * bool(drawn)
             if origin not in drawn:
-                drawn[origin] = [*lateness(self.effects, origin.count(count - 1) if count else 0, *others), 0]
-            each.late = drawn[origin]
+                found = lateness(self.effects, origin.count(count - 1) if count else 0, *others)
+                pairs = zip([*found, 0], cycle(self.loop.delays), strict=False)
+                drawn[origin] = [None if delay is None else late for late, delay in pairs]
+            pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
+            each.late = [None if late is None else late + delay for late, delay in pairs]
         origin = next(iter(drawn), Rhythm(self.loop.frame))
         frames, ticks = np.divmod(np.arange(count), origin.every)
         numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
@@ -204,7 +213,7 @@ class March:
         by_hand = self.entry == loop.hand
         share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand and by_hand)
         measure, exert, move = encoder(self.effects.resolution), motor(self.effects.max_force), self._mover(lengths)
-        running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects), [], [], 0.0
+        running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects.wall, self.late), [], [], 0.0
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
             z[running.place(f"{name}.before")] = measure(x)
@@ -247,10 +256,13 @@ class March:
 
 
 class Running:
-    """The numbers of a loop as its ticks change them, slow results under way, and whether the wall in use is touched."""
+    """The numbers of a loop as its ticks change them, slow results under way, and whether the wall in use is touched.
 
-    def __init__(self, loop: Loop, ticks: Ticks, results: Sequence[Results], effects: Effects) -> None:
-        self.ticks, one_sided, self.late = ticks, effects.wall is not None, bool(effects.late or effects.dropped)
+    wall: where it begins if it is one-sided. late: whether results may be late.
+    """
+
+    def __init__(self, loop: Loop, ticks: Ticks, results: Sequence[Results], wall: float | None, late: bool) -> None:
+        self.ticks, one_sided, self.late = ticks, wall is not None, late
         self.z = [0.0] * len(ticks.places)
         self.results = results if one_sided or self.late else ()
         self.shown = [[each for each in self.results if each.shown(k)] for k in range(loop.frame)]
@@ -258,7 +270,7 @@ class Running:
         self.places = (
             {s: (self.place(s), self.place(arrived(s))) for each in results for s in each.signals} if self.late else {}
         )
-        self.touching, self.gated = loop.walled and not (one_sided and effects.wall >= 0.0), one_sided and loop.gated
+        self.touching, self.gated = loop.walled and not (one_sided and wall >= 0.0), one_sided and loop.gated
         self.contacts: list[bool] = []  # of each force of the wall that was computed
         self.at_once = not any(each.touches for each in self.results)
 
@@ -317,7 +329,7 @@ def _too_large(position: float, length: str, force: str) -> str:
 def refuse(loop: Loop, effects: Effects) -> None:
     """Raise UsageError for an effect that the loop cannot have, with what it lacks."""
     asked = [name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)]
-    late = [name for name in ("late", "dropped") if getattr(effects, name)]
+    late = [name for name in ("late", "dropped") if getattr(effects, name)] + ["frames"] * loop.waits
     plants = [part.name for part in loop.parts if part.plant and part.name != loop.device]
     for names, met, expected, found in (
         (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", "none"),

@@ -6,10 +6,11 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import accumulate, product
 from math import lcm
 from typing import Any
 
+from wavesweep.errors import UsageError
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 from wavesweep.spec.block_types import BODIES, RUN_COLUMNS, TYPES
 from wavesweep.spec.drawing import AT, Drawing, scalars
@@ -25,12 +26,45 @@ SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
 @dataclass(frozen=True, slots=True)
+class Frames:
+    """Frames of slow blocks, repeated for ever.
+
+    ticks: of each. delays: ticks from a frame's beginning until its results are in place, None if they never are. nominal: the
+    period of slow blocks in ticks if it is always the same, None if it is the time since they ran last.
+    """
+
+    ticks: tuple[int, ...]
+    delays: tuple[int | None, ...]
+    nominal: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a result that comes after the end of its frame. Errors: UsageError."""
+        for ticks, delay in zip(self.ticks, self.delays, strict=True):
+            if (delay or 0) > ticks:
+                raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """The ticks in which they begin."""
+        return tuple(accumulate(self.ticks[:-1], initial=0))
+
+    def rhythm(self, phase: int) -> Rhythm:
+        """When a block runs that has this phase in every frame."""
+        periods = (self.ticks[-1], *self.ticks[:-1]) if self.nominal is None else (self.nominal,)
+        return Rhythm(sum(self.ticks), tuple(start + phase for start in self.starts), slow=True, periods=periods)
+
+
+@dataclass(frozen=True, slots=True)
 class Rhythm:
-    """The ticks in which a block runs: some phases of each `every` ticks. slow: whether its results may be late."""
+    """The ticks in which a block runs: some phases of each `every` ticks. slow: whether its results may be late.
+
+    periods: of its runs in turn, in ticks; if there are none, all have their mean.
+    """
 
     every: int = 1
     phases: tuple[int, ...] = (0,)
     slow: bool = False
+    periods: tuple[float, ...] = ()
 
     def runs(self, k: int) -> bool:
         """Whether it runs in tick k."""
@@ -45,11 +79,15 @@ class Rhythm:
         frames, index = divmod(self.count(k) - 1 - back, len(self.phases))
         return frames * self.every + self.phases[index]
 
+    def lasting(self, tick: float) -> list[float]:
+        """The periods of its runs in turn, in s; a single one if all are the same."""
+        return [ticks * tick for ticks in self.periods] or [self.every * tick / len(self.phases)]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
     """A block: its ports, when it runs, its law, and its law while the wall is not touched. plant: whether its inputs are held
-    over each tick."""
+    over each tick. runs: the block with the law of each of its runs in turn, if these are not the same."""
 
     name: str
     type: str
@@ -59,6 +97,11 @@ class Part:
     law: Law
     away: Law
     plant: bool = False
+    runs: tuple[Part, ...] = ()
+
+    def at(self, k: int) -> Part:
+        """The block as it runs in tick k."""
+        return self.runs[(self.rhythm.count(k) - 1) % len(self.runs)] if self.runs else self
 
     @property
     def runs_late(self) -> int | None:
@@ -88,7 +131,8 @@ class Loop:
     tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while the wall is not touched. hand:
     the signal of its force. device: the block that it moves, empty if it moves several, or another thing than a mass. body: of
     the device, mass (kg), damping (N s/m) and stiffness (N/m). wall: None if none is named, or if its numbers do more than
-    multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand.
+    multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand. frames:
+    of its slow blocks, None if all are alike.
     """
 
     tick: float
@@ -103,10 +147,21 @@ class Loop:
     wall: Wall | None = None
     walled: bool = False
     entries: tuple[tuple[str, str], ...] = ()
+    frames: Frames | None = None
     frame: int = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "frame", lcm(*(part.rhythm.every for part in self.parts)))
+
+    @property
+    def delays(self) -> tuple[int | None, ...]:
+        """The ticks until the results of each frame are in place, besides those of blocks; None if they never are."""
+        return self.frames.delays if self.frames else (0,)
+
+    @property
+    def waits(self) -> bool:
+        """Whether results of some frame are not in place at once."""
+        return any(delay != 0 for delay in self.delays)
 
     @property
     def ports(self) -> dict[str, Part]:
@@ -170,12 +225,17 @@ class Loop:
         return rhythms[0] if set(self.readers(FORCE)) == {rhythms[0]} else Rhythm()
 
 
-def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
-    """Return the loop that a drawing with these numbers (flat keys) is."""
+def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None = None) -> Loop:
+    """Return the loop that a drawing with these numbers (flat keys) is.
+
+    frames: of all blocks that do not run in every tick. Errors: UsageError for frames that they cannot have.
+    """
     known = scalars(values)
+    if frames:
+        _refuse(frames, [(block, *_schedule(block, known)) for block in drawing.alone])
     rate = float(value_of(drawing.tick_hz, known))
     waits = {name: divided(value_of(tree, known) * rate) for name, tree in drawing.dead_times.items()}
-    parts = tuple(_part(block, known, 1.0 / rate) for block in drawing.alone if block.name not in waits)
+    parts = tuple(_part(block, known, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
     parts += tuple(_plant(plant, drawing, known, 1.0 / rate, waits) for plant in drawing.plants)
     parts += tuple(_dead_time(name, ticks) for name, (ticks, _) in waits.items())
     terms, hand = dict(drawing.wires), ""
@@ -214,7 +274,26 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
     entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
     own = replace(own, inputs=(hand,) * bool(hand), hand=hand, entries=entries)
-    return replace(own, device=device, body=body, wall=wall, walled=bool(drawing.wall))
+    return replace(own, device=device, body=body, wall=wall, walled=bool(drawing.wall), frames=frames)
+
+
+def _refuse(frames, schedules):
+    """Refuse blocks that cannot have frames of varying length."""
+    slow = [each for each in schedules if each[1] > 1]
+    if not slow:
+        raise UsageError("simulate.frames: expected a slow environment, or blocks with `every` above 1, found none")
+    everys, latest = sorted({every for _, every, _ in slow}), max(phases[-1] for *_, phases in slow)
+    if len(everys) > 1:
+        raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
+    if latest >= min(frames.ticks):
+        raise UsageError(f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}")
+    filters = [block.name for block, *_ in slow if block.type == "butterworth"]
+    if filters and len({*frames.rhythm(0).periods}) > 1:  # each realisation would be another filter
+        raise UsageError(f"simulate.frames: expected no Butterworth filter whose period varies, found {', '.join(filters)}")
+
+
+def _schedule(block, known):
+    return int(value_of(block.every, known)), block.phases or (int(value_of(block.phase, known)),)
 
 
 def _numbers(block, known):
@@ -232,14 +311,18 @@ def _numbers(block, known):
     }
 
 
-def _part(block, known, tick):
-    every, keys, kind = int(value_of(block.every, known)), _numbers(block, known), block.type
-    phases = block.phases or (int(value_of(block.phase, known)),)
+def _part(block, known, tick, frames):
+    (every, phases), keys, kind = _schedule(block, known), _numbers(block, known), block.type
     rhythm = Rhythm(every, phases, slow=every > 1 or any(names_in(block.every)))
-    period = every * tick / len(phases)
-    law = LAWS[kind](period, **keys)
-    away = local_model_away(period, **keys) if kind == "local_model" else law
-    return Part(block.name, kind, *block.ports, rhythm, law, away, block.plant)
+    if frames and every > 1:
+        rhythm = frames.rhythm(*phases)
+    runs, periods = {}, rhythm.lasting(tick)
+    for period in periods:
+        law = LAWS[kind](period, **keys)
+        away = local_model_away(period, **keys) if kind == "local_model" else law
+        runs.setdefault(period, Part(block.name, kind, *block.ports, rhythm, law, away, block.plant))
+    first = runs[periods[0]]
+    return replace(first, runs=tuple(runs[period] for period in periods)) if len(runs) > 1 else first
 
 
 def divided(ticks: float) -> tuple[int, float]:

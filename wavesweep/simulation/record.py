@@ -51,6 +51,7 @@ class Simulation:
     `energy`: see `Energy`. `frame`: ticks in a frame, 1 for `dc`.
     `late`: ticks by which each slow result was late, -1 for one that was lost; of the first of several slow loops.
     `stopped`: why the simulation ended before the last tick of the force; empty if it did not.
+    `starts`: ticks in a frame at which a slow one begins, if these vary in length and the frame is all of them.
     `shown`: the names of inputs, outputs and named signals of a drawn loop, which are columns too. `lacking`: those columns
     that are left out of its table besides the ones that it does not have; None of a controller, whose table has all.
     """
@@ -62,6 +63,7 @@ class Simulation:
     stopped: str
     shown: tuple[str, ...] = ()
     lacking: frozenset[str] | None = None
+    starts: tuple[int, ...] = (0,)
 
 
 def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -> Energy:
@@ -75,14 +77,15 @@ def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -
             return Energy(hand, device, None, None, None, None)
         user = np.cumsum(_wave(signals, "u_m", "v_m", loop.tick))
         rhythm = next(part.rhythm for part in loop.parts if part.name == loop.only("avatar"))
-        period = rhythm.every * loop.tick / len(rhythm.phases)
         updates = np.isin(np.arange(len(moved)) % rhythm.every, rhythm.phases)
-        slow = np.cumsum(np.where(updates, _wave(signals, "u_s", "v_s", period), 0.0))
+        periods = np.zeros(len(moved))
+        periods[updates] = np.resize(rhythm.lasting(loop.tick), np.count_nonzero(updates))
+        slow = np.cumsum(np.where(updates, _wave(signals, "u_s", "v_s", periods), 0.0))
         local = np.cumsum(_wave(signals, "u_h", "v_l", loop.tick)) if "u_h" in signals else np.zeros_like(user)
         return Energy(hand, device, user, slow, local, user - slow - local)
 
 
-def _wave(signals: dict[str, np.ndarray], going: str, coming: str, period: float) -> np.ndarray:
+def _wave(signals: dict[str, np.ndarray], going: str, coming: str, period: float | np.ndarray) -> np.ndarray:
     """Energy (J) that a pair of waves carries away in each period."""
     return period * (signals[going] ** 2 - signals[coming] ** 2) / 2
 
@@ -98,7 +101,10 @@ def table(simulation: Simulation) -> dict[str, np.ndarray]:
     ticks = np.arange(len(signals["time"]))
     missing = np.full(len(ticks), np.nan)
     energies = {f"energy_{name}": getattr(simulation.energy, name) for name in _ENERGIES}
-    columns = {"tick": ticks, "frame": ticks // frame, "phase": ticks % frame, "time_s": signals["time"]}
+    starts = np.array(simulation.starts)
+    begun = np.searchsorted(starts, ticks % frame, side="right")
+    number, phase = ticks // frame * len(starts) + begun - 1, ticks % frame - starts[begun - 1]
+    columns = {"tick": ticks, "frame": number, "phase": phase, "time_s": signals["time"]}
     columns |= {name: signals[name] for name in simulation.shown}
     columns |= {name: signals.get(name, missing) for name in _MOTION}
     columns["touching"] = signals["touching"]

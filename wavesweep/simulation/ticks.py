@@ -113,7 +113,7 @@ class Ticks:
                 for name in names:
                     self.at(f"{part.name}.{name}")
         sets: dict[tuple[Part, ...], int] = {}
-        running = (tuple(part for part in self.parts if part.rhythm.runs(k)) for k in range(loop.frame))
+        running = (tuple(part.at(k) for part in self.parts if part.rhythm.runs(k)) for k in range(loop.frame))
         self.kinds = [sets.setdefault(each, len(sets)) for each in running]
         self.sets, self._programs = list(sets), {}
 

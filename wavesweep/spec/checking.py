@@ -68,8 +68,8 @@ def expectation(key: Key, number: float | None = None) -> str:
     """Describe the values of `key`. If `number` exceeds its upper limit, that limit is named, otherwise the lower one."""
     if key.choices:
         return "one of " + ", ".join(map(show, key.choices))
-    if key.type in ("string", "boolean"):
-        return "a string" if key.type == "string" else "true or false"
+    if key.type in (words := {"string": "a string", "boolean": "true or false", "list": "a list"}):
+        return words[key.type]
     what = "a whole number" if key.type == "integer" else "a number"
     if key.high is not None and number is not None and number > key.high:
         return f"{what} <= {key.high:g}"

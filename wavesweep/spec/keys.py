@@ -59,7 +59,7 @@ SYMBOLS = MappingProxyType(
 class Key:
     """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
 
-    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names).
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); [simulate] frames is a "list".
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
@@ -225,6 +225,14 @@ _SIMULATE = [
     _share("simulate.jitter", "part of a tick by which it is at most shorter or longer", high=0.9),
     _whole("simulate.late", 0, "most ticks by which a slow result comes late", low=0, high=1_000_000, unit="tick"),
     _share("simulate.dropped", "probability that a slow result never comes", high=1.0),
+    Key(
+        "simulate.frames",
+        "list",
+        None,
+        "tick",
+        "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
+        "delay, or never comes (lost = true); absent: all of the same length",
+    ),
 ]
 
 SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})

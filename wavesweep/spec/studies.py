@@ -13,6 +13,7 @@ from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.for_all import ForAll, build_for_all, refuse_swept
+from wavesweep.spec.frames import FRAMES, build_frames
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.require import Require, build_require
@@ -53,7 +54,7 @@ READ_BY = {
 class Experiment:
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
-    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp.
+    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`.
     """
 
     values: dict[str, float | int | str | tuple | None]
@@ -64,7 +65,8 @@ class Experiment:
         """Return the table as a spec could give it."""
         present = {name: value for name, value in self.values.items() if value is not None}
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
-        return present | frequencies
+        frames = {"frames": [each.written() for each in present["frames"]]} if "frames" in present else {}
+        return present | frequencies | frames
 
     def on(self, device: HapticDevice) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
@@ -118,7 +120,10 @@ def build_experiment(leaves: Sorted, usual: str) -> tuple[Experiment, list[Mista
 
     usual: the input if none is given.
     """
-    found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
+    found, mistakes = check_each(SIMULATE_KEYS, {path: leaf for path, leaf in leaves.simulate.items() if path != FRAMES})
+    if FRAMES in leaves.simulate:
+        found[FRAMES], wrong = build_frames(leaves.simulate[FRAMES])
+        mistakes += wrong
     checked = {path.split(".")[1]: value for path, value in found.items()}
     defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()} | {"input": usual}
     values = defaults | checked

@@ -101,10 +101,11 @@ def simulate(spec: Spec) -> list[Table]:
     late = simulation.late
     facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
-    facts["settles_at"] = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
+    alike = spec.simulate["frames"] is None  # as those of the linear loop
+    facts["settles_at"] = settled_values(spec, linear) if alike and spec.simulate["input"] == "step" else {}
     tables = [Table.of("simulate", columns, facts)]
     of_hand = spec.drawing is None or spec.entry == (spec.drawing.hand or ("",))[0]
-    tones = [tone for tone in hand.tones if tone.last <= rows and of_hand]
+    tones = [tone for tone in hand.tones if tone.last <= rows and of_hand and alike]
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
@@ -172,6 +173,8 @@ def _notices(spec: Spec) -> Iterator[str]:
     if unread := spec.unread:
         keys = ", ".join(f"simulate.{name}" for name in unread)
         yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
+    if options["frames"]:
+        yield "simulate.frames: what is said of the linear loop is about frames of one length; no response is compared with it"
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
     if spec.preset:
         beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]

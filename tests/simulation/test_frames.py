@@ -1,0 +1,265 @@
+"""Frames of varying length in [simulate], against a march in plain numpy and against frames of one length."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import butter
+from support.specs import INTEGRATIONS
+
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.export import exported
+from wavesweep.robust.frames import LOST, Frames, frames_of_controller
+from wavesweep.robust.words import growth as growth_of
+from wavesweep.simulation import simulated, table
+from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals
+from wavesweep.tables.simulation import simulate
+
+FIG4 = {
+    "controller": {"kind": "pmw", "b": 10.0},
+    "environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0},
+    "device": {"velocity": "difference"},
+    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+}
+WORST = [16, 16, 20, 33, 33]  # of frames of 16, 20, 25 and 33 ticks
+LENGTHS = {"rates.ratio": {"values": [16, 20, 25, 33], "varying": True}}
+
+
+def fig4(frames, **tables):
+    return load({name: FIG4[name] | tables.get(name, {}) for name in FIG4} | {"simulate": {"frames": frames}})
+
+
+def marched(values, force, pattern, nominal=None):
+    """The device's position under the hand's force, by the loop's difference equations, tick by tick.
+
+    pattern: (ticks, delay) of each frame, None for a result that is lost. nominal: ticks of the wall's step; by default the
+    time since the last frame.
+    """
+    T, b, m, d = 1e-3, values["controller.b"], values["device.mass"], values["device.damping"]
+    K, B, root = values["environment.K_VE"], values["environment.B_VE"], np.sqrt(2 * b)
+    step = expm(T * np.array([[-d / m, 0, 1 / m], [1, 0, 0], [0, 0, 0]]))
+    (b0, b1), (_, a1) = butter(1, values["filters.lp1.cutoff_hz"], fs=1 / T)
+    v = x = before = u = y = x_s = out = shown = 0.0
+    elapsed, frame, k, rows = pattern[-1][0], 0, 0, []
+    for f in force:
+        ticks, delay = pattern[frame % len(pattern)]
+        ended = pattern[(frame - 1) % len(pattern)]
+        if (k == delay) or (k == 0 and ended[0] == ended[1]):
+            shown = out
+        wave = root * (x - before) / T - shown
+        u, y = wave, b0 * wave + b1 * u - a1 * y
+        pull = f - b * (x - before) / T + root * shown
+        if k == 0:
+            speed = (root * y - K * x_s) / (b + B)
+            out = y - np.sqrt(2 / b) * (K * x_s + B * speed)
+            x_s += (nominal or elapsed) * T * speed
+        rows.append(x)
+        before = x
+        v, x = step[:2, :2] @ (v, x) + step[:2, 2] * pull
+        k += 1
+        if k == ticks:
+            elapsed, frame, k = ticks, frame + 1, 0
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("step", ["elapsed", "nominal"])
+@pytest.mark.parametrize(
+    ("frames", "pattern"),
+    [
+        (WORST, [(ticks, 1) for ticks in WORST]),
+        ([5, {"ticks": 9, "delay": 9}, {"ticks": 7, "delay": 3}], [(5, 1), (9, 9), (7, 3)]),
+        ([{"ticks": 20, "lost": True}, 20, {"ticks": 4, "lost": True}], [(20, None), (20, 1), (4, None)]),
+        ([1, 3, {"ticks": 2, "delay": 2}, 1], [(1, 1), (3, 1), (2, 2), (1, 1)]),
+    ],
+)
+def test_a_march_in_plain_numpy_has_the_same_motion(step, frames, pattern):
+    spec = fig4(frames, environment={"K_VE": 200.0, "step": step})
+    force = np.random.default_rng(1).normal(size=600)
+    expected = marched(spec.values, force, pattern, 20 if step == "nominal" else None)
+    np.testing.assert_allclose(simulated(spec, force).signals["x"], expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+EFFECTS = {"wall": 0.002, "late": 9, "dropped": 0.3, "jitter": 0.2, "friction": 0.05, "max_force": 2.0}
+
+
+@pytest.mark.parametrize("effects", [{}, EFFECTS])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize(("ratio", "delay"), [(1, 0), (2, 1), (7, 0), (7, 2), (7, "frame")])
+def test_frames_of_one_length_are_those_of_the_ratio_to_the_last_bit(kind, ratio, delay, effects):
+    loop = {"controller": {"kind": kind, "Kp": 20.0}, "rates": {"ratio": ratio}, "filters": FIG4["filters"]}
+    loop |= {"environment": {"integration": "trapezoidal", "delay": delay, "K_VE": 80.0}}
+    force = 0.3 + np.random.default_rng(1).normal(size=80)
+    specs = [load(loop | {"simulate": effects | more}) for more in ({}, {"frames": [ratio] * 3})]
+    own, framed = (table(simulated(spec, force)) for spec in specs)
+    for name in own:
+        np.testing.assert_array_equal(framed[name], own[name], err_msg=name)
+
+
+def growth(spec, ticks):
+    """Per pattern of so many ticks, long after a push."""
+    speed = np.abs(np.diff(simulated(spec, [1.0] + [0.0] * (300 * ticks)).signals["x"]))
+    size = speed[150 * ticks :].reshape(-1, ticks).max(1)
+    return np.exp(np.polyfit(np.arange(len(size)), np.log(size), 1)[0])
+
+
+@pytest.mark.slow
+def test_the_counterexample_of_figure_4_grows_and_dies_out_at_the_walls_that_are_proved():
+    found = intervals(
+        load(FIG4 | {"sweep": {"K_VE": {"start": 0, "stop": 2000}}, "for_all": LENGTHS}), jobs=1, along="K_VE"
+    ).columns
+    word, pattern = found["counterexample"][1].split(maxsplit=1)
+    frames = [int(each) for each in pattern.split(",")]
+    walls = found["high"][1], 1.01 * found["fails_from"][1]
+    below, above = (growth(fig4(frames, environment={"K_VE": K}), sum(frames)) for K in walls)
+    assert (word, frames) == ("frames", WORST)
+    assert below < 1 < above
+
+
+def alike(symbol, ticks, delay, following):
+    return (symbol.ticks, symbol.delay, symbol.through) == (ticks, delay, following == 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("integration", INTEGRATIONS)
+@pytest.mark.parametrize("step", ["elapsed", "nominal"])
+def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, step):
+    """Two programs that share nothing but the page, and results at once, late, a frame late and lost."""
+    pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]
+    frames = [{"ticks": ticks} | ({"lost": True} if delay == LOST else {"delay": delay}) for ticks, delay in pattern]
+    environment = {"integration": integration, "step": step, "K_VE": 60.0}
+    spec = fig4(frames, controller={"kind": kind}, environment=environment)
+    family = frames_of_controller(dict(spec.values), Frames((5, 7, 9), (0, 2, 5), 1, step == "elapsed"))
+    word = tuple(
+        next(i for i, symbol in enumerate(family.symbols) if alike(symbol, *each, following))
+        for each, (_, following) in zip(pattern, pattern[1:] + pattern[:1], strict=True)
+    )
+    speed = np.diff(simulated(spec, [1.0] + [0.0] * 28 * 60).signals["x"]).reshape(-1, 28)[10:]
+    speed /= np.abs(speed).max()
+    U, S, V = np.linalg.svd(speed[:-1].T, full_matrices=False)
+    r = (1e-9 * S[0] < S).sum()
+    seen = np.linalg.eigvals(U[:, :r].T @ speed[1:].T @ V[:r].T / S[:r])
+    assert np.abs(seen).max() == pytest.approx(growth_of(family.at(60.0), word), rel=1e-5)
+
+
+DRAWN = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"n": 6},
+    "block": {
+        "m": {"type": "mass", "mass": 0.5, "damping": 2.0},
+        "slow": {"type": "integrator", "every": "n", "method": "implicit"},
+        "speed": {"type": "difference", "every": "n", "phase": 1},
+        "later": {"type": "hold", "every": "n", "phase": 2},
+    },
+    "wire": {"slow.u": "m.x", "speed.u": "m.x", "later.u": "100*slow.y + 3*speed.y", "m.f": "push - later.y"},
+    "ports": {"hand": {"force": "push", "displacement": "m.x"}},
+}
+
+
+def test_blocks_of_a_drawn_loop_follow_each_at_its_phase():
+    """A difference in the second tick of a frame is over the time since that tick of the frame before."""
+    pattern, force = [4, 7, 5], np.random.default_rng(1).normal(size=100)
+    step = expm(1e-3 * np.array([[-4, 0, 2], [1, 0, 0], [0, 0, 0]]))
+    v = x = total = before = speed = held = 0.0
+    gap, frame, k, rows = pattern[-1] * 1e-3, 0, 0, []
+    for f in force:
+        if k == 0:
+            total += gap * x
+        if k == 1:
+            speed, before = (x - before) / gap, x
+        if k == 2:
+            held = 100 * total + 3 * speed
+        rows.append(x)
+        v, x = step[:2, :2] @ (v, x) + step[:2, 2] * (f - held)
+        k += 1
+        if k == pattern[frame % 3]:
+            gap, frame, k = k * 1e-3, frame + 1, 0
+    seen = table(simulated(load(DRAWN | {"simulate": {"frames": pattern}}), force))
+    np.testing.assert_allclose(seen["x"], rows, rtol=0, atol=1e-12 * np.abs(rows).max())
+    np.testing.assert_array_equal(seen["phase"][:17], [*range(4), *range(7), *range(5), 0])
+    np.testing.assert_array_equal(seen["frame"][[0, 3, 4, 10, 11, 15, 16, 20]], [0, 0, 1, 1, 2, 2, 3, 4])
+
+
+def test_a_controller_of_proportion_and_integral_adds_up_each_frame_over_its_own_time():
+    """So it is the same as an integrator beside a hold, whatever the frames."""
+    pi = {"type": "pi", "kp": 100.0, "ki": 500.0, "method": "explicit", "every": "n"}
+    parts = {"up": {"type": "hold", "every": "n"}, "sum": {"type": "integrator", "method": "explicit", "every": "n"}}
+    apart = {"up.u": "m.x", "sum.u": "m.x", "m.f": "push - 100*up.y - 500*sum.y"}
+    drawn = ({"pi": pi}, {"pi.u": "m.x", "m.f": "push - pi.y"}), (parts, apart)
+    found = []
+    for blocks, wires in drawn:
+        spec = load({**DRAWN, "block": {"m": DRAWN["block"]["m"], **blocks}, "wire": wires, "simulate": {"frames": [3, 3, 20]}})
+        found.append(simulated(spec, np.ones(100)).signals["x"])
+    np.testing.assert_allclose(*found, rtol=1e-11)
+
+
+def test_energy_out_of_the_channel_is_counted_over_the_step_of_each_frame():
+    """What the avatar takes up is its force times its way, which the wall's spring and damper see."""
+    seen = simulated(fig4([5, 9, 7]), np.random.default_rng(1).normal(size=84))
+    first = np.isin(np.arange(84) % 21, [0, 5, 14])
+    force, speed = (seen.signals[name][first] for name in ("F_s", "x_dot_s"))
+    way = 1e-3 * np.resize([7, 5, 9], first.sum()) * speed
+    assert seen.energy.slow[-1] == pytest.approx((force * way).sum(), rel=1e-12)
+
+
+def test_there_is_no_response_beside_that_of_frames_of_one_length():
+    spec = fig4([20, 20]).as_simulated()
+    (found,) = simulate(spec)
+    assert any(notice.startswith("simulate.frames: ") for notice in found.facts["notices"])
+    assert load(spec.tables()).as_simulated().sha256 == spec.sha256
+
+
+@pytest.mark.parametrize("frames", [[16, {"ticks": 20, "delay": 0}], [{"ticks": 20, "lost": True}]])
+def test_frames_that_are_written_can_be_read_again(frames):
+    spec = fig4(frames).as_simulated()
+    assert spec.tables()["simulate"]["frames"] == frames
+    assert load(spec.tables()).as_simulated().sha256 == spec.sha256
+    assert load(FIG4, ["simulate.frames=[16, 16]"]).simulate["frames"] == fig4([16, 16]).simulate["frames"]
+
+
+@pytest.mark.parametrize(
+    ("frames", "mistakes"),
+    [
+        (20, ["simulate.frames: expected a list of frames, each a whole number of ticks, found 20"]),
+        ([], ["simulate.frames: expected a list of frames, each a whole number of ticks, found an empty list"]),
+        (
+            [0, 2.5, {"ticks": 20, "lots": True}, {"delay": 1}, {"ticks": 3, "delay": 4}],
+            [
+                "simulate.frames[0]: expected a whole number >= 1, found 0",
+                "simulate.frames[1]: expected a whole number >= 1, found 2.5",
+                "simulate.frames[2].lots: expected one of ticks, delay, lost, found an unknown key; did you mean `lost`?",
+                "simulate.frames[3]: expected the ticks of the frame, found none",
+                "simulate.frames[4].delay: expected a whole number <= 3, the ticks of the frame, found 4",
+            ],
+        ),
+        ([1000] * 101, ["simulate.frames: expected at most 100000 ticks in all, found 101000"]),
+    ],
+)
+def test_what_is_no_frame_is_a_mistake(frames, mistakes):
+    with pytest.raises(SpecError) as error:
+        fig4(frames)
+    assert str(error.value).splitlines() == mistakes
+
+
+TWO = {**DRAWN, "block": DRAWN["block"] | {"later": {"type": "hold", "every": 5}}}
+FILTER = {**DRAWN, "block": DRAWN["block"] | {"slow": {"type": "butterworth", "order": 1, "cutoff_hz": 9, "every": "n"}}}
+
+
+@pytest.mark.parametrize(
+    ("tables", "frames", "words"),
+    [
+        ({"controller": {"kind": "dc"}}, [20], "a slow environment, or blocks with `every` above 1, found none"),
+        (FIG4 | {"environment": {"delay": 17}}, [20, 16], "at least 17 ticks, environment.delay, found 16"),
+        (DRAWN, [20, 2], "more than 2 ticks, a block's phase, found 2"),
+        (TWO, [20, 5], "slow blocks with the same `every`, found 5, 6"),
+        (FILTER, [20, 5], "no Butterworth filter whose period varies, found slow"),
+    ],
+)
+def test_frames_that_a_loop_cannot_have_are_refused(tables, frames, words):
+    with pytest.raises(UsageError, match=f"simulate.frames: expected {words}"):
+        simulated(load(tables | {"simulate": {"frames": frames}}), [1.0])
+
+
+def test_c_has_frames_of_one_length():
+    with pytest.raises(UsageError, match="export: expected frames of one length"):
+        exported(fig4([16, 20]))
