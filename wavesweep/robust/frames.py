@@ -23,7 +23,7 @@ from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
 from wavesweep.passive.enclosure import Enclosure
 from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
-from wavesweep.spec.expressions import evaluate
+from wavesweep.spec.expressions import evaluate, names_in
 
 FRAME = "frame"  # a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # the same: the result never comes, and the last one is held
@@ -128,12 +128,7 @@ def frames_of_drawing(
             "a frame that varies: expected blocks that run once in it, at phases before its shortest length, found "
             f"every {sorted(every)}, phases {sorted(slow.values())}, lengths {sorted(lengths)}"
         )
-    odd = [block.name for block in drawing.blocks if block.name in slow and _realised(block)]
-    if odd and elapsed:
-        raise UsageError(
-            "a frame that varies: expected slow blocks whose states mean the same at every period (hold, difference, integrator, "
-            f"delay, gain, ss, tf, ...), found {', '.join(odd)}; draw a pi or a pid by integrator, difference and gain"
-        )
+    _refuse_unlike(drawing, [block for block in drawing.blocks if block.name in slow], elapsed)
     kinds = {phase: frozenset(name for name in slow if slow[name] == phase) for phase in sorted({*slow.values(), 0})}
     later = len(kinds) > 1
     steps = lengths if elapsed and later else (None,)
@@ -148,9 +143,31 @@ def frames_of_drawing(
     )
 
 
-def _realised(block: DrawnBlock) -> bool:
-    """Whether the states of a block are those of a realisation, which is another one at each period."""
-    return block.type in ("pi", "pid", "lead", "notch", "butterworth") or "cutoff_hz" in dict(block.keys)
+def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> None:
+    """Raise UsageError for slow blocks that do not follow one number, or that another period makes others.
+
+    The states of a word of firmware are those of a realisation, which is another one at each period, and a key or a wire that
+    reads the period (`dt`) would keep the nominal one.
+    """
+    names = {name for block in slow for name, _ in names_in(block.every)}
+    realised = [
+        block.name
+        for block in slow
+        if block.type in ("pi", "pid", "lead", "notch", "butterworth") or "cutoff_hz" in dict(block.keys)
+    ]
+    readers = sorted({path for path, tree in drawing.trees() if not path.endswith(".every") and _reads(tree, names)})
+    for wrong, expected in (
+        (len({block.every[:2] for block in slow}) > 1 and [block.name for block in slow], "slow blocks with the same `every`"),
+        (elapsed and realised, "slow blocks whose states mean the same at every period; draw a pi by integrator and gain"),
+        (readers, "keys and wires that do not read the frame's length"),
+    ):
+        if wrong:
+            raise UsageError(f"a frame that varies: expected {expected}, found {', '.join(wrong)}")
+
+
+def _reads(tree, names) -> bool:
+    """Whether a tree reads one of some names."""
+    return any(name in names for name, _ in names_in(tree))
 
 
 def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nominal):
