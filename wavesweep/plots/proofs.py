@@ -30,7 +30,7 @@ def draw_beside_bar(axes: Any, place: float, half: float, columns: Columns, span
 
 
 def draw_at_places(axes: Any, x: str, columns: Columns, logarithmic: bool, span: Span, shift: float) -> None:
-    """The same in a plane over the values of the axis x, at each of which there are for_all rows. shift: points, of the bars."""
+    """The same in a plane over the values of x, at each of which there are for_all rows. shift: that of the bars, points."""
     from matplotlib.transforms import ScaledTranslation
 
     place = axes.transData + ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)
