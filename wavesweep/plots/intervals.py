@@ -248,7 +248,7 @@ def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     Space that is not swept is not shown otherwise: it would pass for unstable.
     """
     swept = swept_range(facts, str(columns["along"][0]))
-    top = np.nanmax([columns["high"], columns.get("fails_from", columns["high"])], initial=0.0)
+    top = np.nanmax(np.concatenate([columns["high"], columns.get("fails_from", [])]), initial=0.0)
     bottom = np.nanmin(columns["low"], initial=swept[0] if 0 < swept[0] < top else 0.0)
     room = 0.06 * (top - bottom)
     lowest = range_end(columns, "low")
