@@ -22,6 +22,7 @@ from wavesweep.plots.planes import (
     range_handle,
     view_of,
 )
+from wavesweep.plots.proofs import draw_at_places, draw_beside_bar, for_all_handles
 from wavesweep.plots.refine import Curve, curves_of, spec_of
 from wavesweep.plots.style import (
     DOUBTFUL,
@@ -111,7 +112,9 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
     down = -(-len(panels) // across)
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    own = partial(_own_points, facts, str(columns["along"][0]), layout, _view(columns, facts))
+    view, swept = _view(columns, facts), swept_range(facts, str(columns["along"][0]))
+    span = max(view[0], swept[0]), min(view[1], swept[1])
+    own = partial(_own_points, facts, str(columns["along"][0]), layout, view)
     entries = _entries(columns, facts, layout, best, own(panels))
     in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
@@ -119,7 +122,8 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     with figure(width, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         for axes, value in zip(grid.flat, panels, strict=False):
-            _draw_panel(axes, _rows_where(columns, layout.panels, value), facts, layout, (width / across, height / down))
+            rows = _rows_where(columns, layout.panels, value)
+            _draw_panel(axes, rows, facts, layout, (width / across, height / down), span)
             if layout.panels is not None:
                 axes.set_title(valued(layout.panels, value, facts))
             _mark_best(axes, columns, layout, best, value)
@@ -127,7 +131,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
                 axes.plot(x, y, **_OWN)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
-        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(_view(columns, facts))
+        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(view)
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout, facts)
@@ -178,7 +182,14 @@ def _own_points(
     return ([x], [own[along]]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
 
 
-def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: Layout, inches: tuple[float, float]) -> None:
+def _draw_panel(
+    axes: Any,
+    columns: Columns,
+    facts: Mapping[str, Any],
+    layout: Layout,
+    inches: tuple[float, float],
+    span: tuple[float, float],
+) -> None:
     if layout.x is not None and not (columns["intervals"] > 0).any():
         nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
@@ -191,6 +202,9 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         looks, names = family_looks(len(members)), [_name_of(values, facts) for values in layout.bars]
     if layout.x is None:
         draw_bars(axes, members, names, [look.colour for look in looks] if whose_column(columns) else ())
+        if "for_all" in names:
+            place = names.index("for_all")
+            draw_beside_bar(axes, place, _HALF_BAR, members[place], span)
         return
     logarithmic = is_logarithmic(columns[layout.x])
     if logarithmic:
@@ -203,6 +217,8 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         draw_region(axes, curve, view, look, filled=len(members) == 1, shift=shift)
         if felt:
             draw_felt(axes, curve, look)
+    if "for_all" in names:
+        draw_at_places(axes, layout.x, members[names.index("for_all")], logarithmic, span, shift)  # that of the last member
     low, high = columns[layout.x].min(), columns[layout.x].max()
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
         more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
@@ -232,7 +248,7 @@ def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     Space that is not swept is not shown otherwise: it would pass for unstable.
     """
     swept = swept_range(facts, str(columns["along"][0]))
-    top = np.nanmax(columns["high"], initial=0.0)
+    top = np.nanmax(np.concatenate([columns["high"], columns.get("fails_from", [])]), initial=0.0)
     bottom = np.nanmin(columns["low"], initial=swept[0] if 0 < swept[0] < top else 0.0)
     room = 0.06 * (top - bottom)
     lowest = range_end(columns, "low")
@@ -295,6 +311,8 @@ def _entries(
 
     certain = bool((columns["certified"] | promised(columns)).all())
     handles = hand_handles(columns) if whose_column(columns) else []
+    if "guarantee" in columns:
+        handles += for_all_handles(_members(columns)["for_all"])
     if layout.x is not None and layout.family is not None:
         rows, bottom = (
             [_rows_where(columns, layout.family, value) for value in layout.members],
@@ -337,13 +355,13 @@ def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colou
     each member; by default all have the same.
     """
     alike = [family_looks(1)[0].colour] * len(members)
-    for place, (columns, colour) in enumerate(zip(members, colours or alike, strict=True)):
+    for place, (columns, name, colour) in enumerate(zip(members, names, colours or alike, strict=True)):
         stable = np.flatnonzero(columns["intervals"] > 0).tolist()
         unknown = bool(incomplete(columns).any())
         if unknown:
             axes.axhspan(place - _HALF_BAR, place + _HALF_BAR, **UNKNOWN)
         if not stable:
-            said = "nothing known to be stable" if unknown else "nowhere stable"
+            said = "nothing proved" if name == "for_all" else "nothing known to be stable" if unknown else "nowhere stable"
             axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
         for row in stable:
             _draw_bar(axes, place, {name: column[row] for name, column in columns.items()}, colour)
@@ -395,5 +413,10 @@ def _extent(rows: Columns, bottom: float) -> str:
 def _members(columns: Columns) -> dict[str, dict[str, np.ndarray]]:
     """The rows of each hand of the table."""
     shown = {**columns, "certified": columns["certified"] | promised(columns)}
+    if "guarantee" in columns:  # what is proved for all has an end, wherever a counterexample or nothing is known beyond
+        for_all = columns["guarantee"] == "for_all"
+        for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from")):
+            ends = for_all & (np.isfinite(columns[fails]) | ~columns["settled"])
+            shown[omega] = np.where(for_all, np.where(ends, 0.0, np.nan), columns[omega])
     rows = {hand: columns[whose_column(columns)] == hand for hand in HANDS}
     return {hand: {name: column[chosen] for name, column in shown.items()} for hand, chosen in rows.items() if chosen.any()}

@@ -292,6 +292,7 @@ def range_end(columns: Mapping[str, np.ndarray], end: str) -> float | None:
     from wavesweep.spec import find_key
 
     cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~incomplete(columns)
+    cut &= columns.get("guarantee", "spec") == "spec"  # an end of what is proved for all has no oscillation
     if not cut.any():
         return None
     extreme = columns[end][cut].min() if end == "low" else columns[end][cut].max()

@@ -74,7 +74,8 @@ def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """Rows of slices that are only partly known; figures hatch them outside the known stable intervals."""
     from wavesweep.stability.certificate import INCOMPLETE
 
-    searched = np.isin(columns["hand"].astype(str), ("passive", "box", "port")) if "hand" in columns else False
+    whose = columns.get("hand", columns.get("guarantee"))
+    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", "port", "for_all"))
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 

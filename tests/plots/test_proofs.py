@@ -1,0 +1,65 @@
+"""What [for_all] leaves open is hatched, and what it refutes has a caret, in the figures of intervals."""
+
+import numpy as np
+import pytest
+
+from wavesweep import plots
+
+from .conftest import table_of_intervals
+
+SPEC, PROVED, REFUTED = 1000.0, 400.0, 600.0
+
+
+def table(axis, values, *, settled=False, proved=True):
+    """A table of one axis along K_VE from 0 to 2000: proved up to 400 of 1000 N/m, refuted from 600 on, or nothing proved."""
+    own = [((value,), [(0.0, SPEC, np.nan, 40.0, True)]) for value in values]
+    every = [((value,), [(0.0, PROVED, np.nan, np.nan, True)] if proved else []) for value in values]
+    both = [table_of_intervals([axis], "K_VE", rows) for rows in (own, every)]
+    columns = {name: np.concatenate([part[name] for part in both]) for name in both[0]}
+    rows = len(columns["along"])
+    guarantee = np.repeat(np.array(["spec", "for_all"], object), rows // 2)
+    known = (guarantee == "for_all") & proved
+    more = {"fails_below": np.full(rows, np.nan), "fails_from": np.where(known, REFUTED, np.nan)}
+    more |= {"settled": (guarantee == "spec") | (proved and settled), "counterexample": np.full(rows, "", object)}
+    return columns | {"guarantee": guarantee} | more
+
+
+def hatched(axes):
+    """Extents (left, low, right, high) of the hatches of what is not known, in data."""
+    patches = [patch for patch in axes.patches if patch.get_hatch() == "/////"]
+    return [tuple(np.round([*p.get_xy(), p.get_x() + p.get_width(), p.get_y() + p.get_height()], 9)) for p in patches]
+
+
+def carets(axes):
+    return [point for line in axes.lines if line.get_marker() in (8, 9, 10, 11) for point in zip(*line.get_data(), strict=True)]
+
+
+def said(figure):
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize("settled", [True, False])
+def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(settled):
+    figure = plots.zwidth(table("B_VE", [0.0, 1.0, 2.0], settled=settled), {})
+    (axes,) = figure.axes
+    assert carets(axes) == [(0.0, REFUTED), (1.0, REFUTED), (2.0, REFUTED)]
+    assert [(low, high) for _, low, _, high in hatched(axes)] == 3 * [(PROVED, REFUTED)]
+    assert all(left < b < right for b, (left, _, right, _) in zip((0, 1, 2), hatched(axes), strict=True))
+    assert [text for text in said(figure) if text in ("proved for all", "not known", "refuted from here")] == [
+        "proved for all",
+        *([] if settled else ["not known"]),
+        "refuted from here",
+    ]
+    assert "beyond the swept range" not in said(figure)  # what is proved ends before that, though no oscillation is named
+
+
+def test_a_bar_shows_the_same_and_nothing_proved_is_said():
+    (axes,) = plots.zwidth(table("b", [10.0]), {}).axes
+    assert carets(axes) == [(REFUTED, 1.0)]
+    assert [(left, right) for left, _, right, _ in hatched(axes)] == [(PROVED, REFUTED)]
+    figure = plots.zwidth(table("b", [10.0], proved=False), {})
+    (axes,) = figure.axes
+    assert "nothing proved" in [text.get_text() for text in axes.texts]
+    (whole,) = hatched(axes)
+    assert (whole[0], whole[2]) == (0.0, axes.get_xlim()[1])
+    assert {"not known", "proved for all: none"} <= set(said(figure))
