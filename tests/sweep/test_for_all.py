@@ -185,6 +185,7 @@ def test_check_says_whether_the_design_holds_for_all():
         ({"kd": {"start": 1, "stop": 2, "vary": True}}, "one of start, stop, values, varying"),
         ({"kd": {"start": 1, "stop": 2, "varying": 1}}, "expected true or false"),
         ({"kdd": {"start": 1, "stop": 2}}, "an unknown axis"),
+        ({"n": {"start": 1, "stop": 99, "varying": True}}, "expected at most 64 values of a number that varies, found 99"),
         ({"lost": -1}, "expected a whole number >= 0"),
     ],
 )

@@ -97,6 +97,9 @@ def _range(name: str, parts: dict[str, Leaf], names: Names) -> tuple[Axis | None
             return None, varies, [leaf.mistake(label, "either start and stop or values", "both", of_key=True)]
         parts = {"": parts["values"]}
     axis, mistakes = build_axis("for_all", name, parts, names)
+    if axis and varies and (count := len(values_of_range(axis))) > MOST_VARYING:
+        expected = f"at most {MOST_VARYING} values of a number that varies"
+        return None, varies, [Leaf(None, axis.place).mistake(label, expected, f"{count}", of_key=True)]
     return axis, varies, mistakes
 
 
