@@ -86,8 +86,8 @@ def keys() -> str:
 
 
 def _drawing():
-    """The tables of a drawn loop and of [design] that hold names of the user's own."""
-    for table in ("numbers", "wire", "ports", "design.vary", "design.for_all", "design.wish"):
+    """The tables of a drawn loop, [for_all] and those of [design], which hold names of the user's own."""
+    for table in ("numbers", "wire", "ports", "for_all", "design.vary", "design.for_all", "design.wish"):
         yield f"## [{table}]"
         found = _printed("keys", table)[table]
         yield _plain(found["description"])

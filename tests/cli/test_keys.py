@@ -123,7 +123,7 @@ def test_the_tables_of_design_are_explained(wavesweep):
     code, out, _ = wavesweep("keys", "design")
     for name in ("seed", "population", "generations"):
         assert f"design.{name}" in out
-    for name in ("design.vary.b", "numbers.kp", "ports.hand", "design.for_all"):
+    for name in ("design.vary.b", "numbers.kp", "ports.hand", "design.for_all", "for_all.lost"):
         assert wavesweep("keys", name)[0] == 0
 
 

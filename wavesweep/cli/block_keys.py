@@ -38,6 +38,11 @@ TABLES = {
         "what each design has to hold for, of which the worst counts: NAME = [values] of device, hand, delay or a ratio "
         '("one key/another"); hand = { mass = [...], damping = [...], stiffness = [...] }'
     ),
+    "for_all": (
+        "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that is not known, with "
+        "varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or the number in every of "
+        "blocks); lost = slow results in a row that may fail to come, of which the last one is held"
+    ),
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
 

@@ -113,6 +113,7 @@ def _table(keys: Mapping[str, Key]) -> Iterator[str]:
         yield from (" " * indent + line for line in words[1:])
     yield ""
     yield "[design] has the tables vary, wish and for_all besides: `wavesweep keys design.vary` and so on."
+    yield "What every answer has to hold for is in [for_all]: `wavesweep keys for_all`."
     yield "A spec can draw its loop without [controller]: `wavesweep keys block`, numbers, signals, wire, ports, rates.tick_hz."
     yield "Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."
 
