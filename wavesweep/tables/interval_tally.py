@@ -35,6 +35,7 @@ STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
 # Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
 SEARCHED = ("passive", "box", "port")
+NEXT = 2e-3  # of the largest value, up to where what is proved begins next to 0
 ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}
 
 
@@ -266,7 +267,9 @@ class IntervalTally:
         return "" if found["certified"] or self._hand in SEARCHED else ", not certified"
 
     def _gap(self, low: float) -> str:
-        """Text: where an interval begins, if that is not at the start of the range."""
+        """Text: where an interval begins, if that is not at the start of the range, or next to it if it is what is proved."""
+        if self._hand == "for_all" and low <= NEXT * self._largest.value:
+            return ""
         return f" ({'so' if self._required else HANDS[self._hand][1]} from {low:.6g} on)" if low > self._range[0] else ""
 
     @property
