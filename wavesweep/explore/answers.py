@@ -12,7 +12,8 @@ import numpy as np
 from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
 from wavesweep.monodromy.cut import Cut
-from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
+from wavesweep.plots.planes import region_of
+from wavesweep.plots.refine import Curve, Interval, View, curves_of, known_gaps
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
 from wavesweep.rows import complex_columns
@@ -34,7 +35,8 @@ ROUNDS = 6  # of false position for the intervals through the design
 EDGE = 0.05  # of a plane that is left beyond the design
 JUMP = 0.5  # of the plane, between two points of a curve that no line joins
 OUTSIDE = 4.0  # sizes of the plane, beyond which a point of a curve does not count
-PIXELS = (600, 400)  # of the plane
+PIXELS = (800, 400)  # of the plane
+ROUGH = 2  # pixels to which a preview is right
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +97,16 @@ def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
         pairs = quick_columns(cut, theta, walls, at, other, span, ROUNDS)[0]
         ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
     shown = _pieces(walls[[1 - solved, solved]], plane, theta / float(cut.period))
-    found = {"how": "curve", "angles": theta.size, "x": fixed.tolist(), "columns": columns, "curve": shown}
-    return {"plane": found, "ranges": ranges}
+    found = {"how": "curve", "angles": theta.size, "curve": shown}
+    return {"plane": _preview(plane, dict(zip(fixed.tolist(), columns, strict=True))) | found, "ranges": ranges}
+
+
+def _preview(plane, columns) -> dict:
+    """The plane by columns without a proof; between them as far as they lie on lines."""
+    low, high = plane.y_span
+    found = {x: (tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), False) for x, column in columns.items()}
+    view = View(plane.x, False, *PIXELS)
+    return plane_of(Curve(found, known_gaps(found, ROUGH * (high - low) / view.high)), view)
 
 
 def _pieces(points, plane, omega) -> list[dict]:
@@ -140,26 +150,38 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
     sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
     facts = {"spec": {**spec.tables(), "sweep": sweep}}
     rows = in_memory(job_over(make_grid(spec, (across,), plane.y), along))
-    return plane_of(curves_of([rows], View(across.name, False, *PIXELS), facts)[0])
+    view = View(across.name, False, *PIXELS)
+    return plane_of(curves_of([rows], view, facts)[0], view)
 
 
 def certified_columns(spec: Spec, plane: Plane, x) -> dict:
     """The stable intervals along y at some values of x; nothing is said of the values between them."""
     axes = _axis(spec, plane.x, x), _axis(spec, plane.y, (), plane.y_span)
     rows = in_memory(job_over(make_grid(spec, axes[:1], plane.y), axes[1]))
-    return plane_of(curves_of([rows], View(axes[0].name, False, *PIXELS), {})[0])
+    view = View(axes[0].name, False, *PIXELS)
+    return plane_of(curves_of([rows], view, {})[0], view)
 
 
-def plane_of(curve: Curve) -> dict:
-    """The columns of a curve, each with its intervals as (low, high, certified), and which gaps between them are known.
+def plane_of(curve: Curve, view: View) -> dict:
+    """The columns of a curve, each with its intervals as (low, high, certified), and what a picture shows of it, see `Region`.
 
-    partly: whether other intervals of the column may be missing.
+    known: which gaps between the columns are known. partly: whether other intervals of the column may be missing. lines: the
+    certified parts of the boundary. bars: (x, low, high, certified).
     """
-    slices = curve.slices()
+    slices, region = curve.slices(), region_of(curve, view)
     places = [x for x, _, _ in slices]
-    gaps = [curve.gaps.get(pair) == KNOWN for pair in pairwise(places)]
-    columns = [[(each.low, each.high, each.certified) for each in intervals] for _, intervals, _ in slices]
-    return {"how": "certified", "x": places, "columns": columns, "known": gaps, "partly": [partly for *_, partly in slices]}
+    return {
+        "how": "certified",
+        "x": places,
+        "columns": [[(each.low, each.high, each.certified) for each in intervals] for _, intervals, _ in slices],
+        "known": [gap in curve.gaps for gap in pairwise(places)],
+        "partly": [partly for *_, partly in slices],
+        "areas": region.areas,
+        "lines": region.certain,
+        "doubtful": region.doubtful,
+        "bars": [(x, each.low, each.high, each.certified) for x, each in region.bars],
+        "unknown": region.unknown,
+    }
 
 
 INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", "felt_low", "felt_high")

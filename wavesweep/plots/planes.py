@@ -101,25 +101,48 @@ def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool, s
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
 
-    chains, jumps, seams, bars = _followed(curve)
-    outlines = [_outline(chain) for chain in chains if len(chain) > 1] + seams
-    cells = list(_unknown_cells(curve, view))
-    for left, right in cells:
+    region = region_of(curve, view)
+    for left, right in region.unknown:
         axes.axvspan(left, right, **UNKNOWN)
-    if cells:  # no hatching under what is known
-        axes.add_collection(PolyCollection(outlines, facecolor="white", linewidth=0, zorder=0.5))
+    if region.unknown:  # no hatching under what is known
+        axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
     if filled:  # opaque, with a hairline, so that no seam shows between two outlines
         shade = {"facecolor": _mixed(look.colour), "edgecolor": _mixed(look.colour), "linewidth": 0.4, "zorder": 0.6}
     else:
         shade = {"facecolor": look.colour, "alpha": _FAINT, "linewidth": 0}
-    axes.add_collection(PolyCollection(outlines, **shade))
+    axes.add_collection(PolyCollection(region.areas, **shade))
     strokes = [] if filled else [withTickedStroke(angle=75, spacing=9, length=0.45, linewidth=0.7)]
-    certain = [line for chain in chains for line in _boundary(chain, certified=True)] + jumps
-    doubtful = [line for chain in chains for line in _boundary(chain, certified=False)]
     line = {"linewidths": 1.2, "path_effects": strokes}
-    axes.add_collection(LineCollection(certain, colors=[look.colour], linestyles=[look.line], **line))
-    axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
-    _draw_bars_at(axes, bars, look, shift)
+    axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
+    axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
+    _draw_bars_at(axes, region.bars, look, shift)
+
+
+@dataclass(frozen=True)
+class Region:
+    """What a picture shows of a curve.
+
+    areas: outlines of what is stable. certain, doubtful: lines along its boundary, the unstable side at their left. bars: (x,
+    interval) at values of x beside which nothing is known. unknown: (from, to) of x that are known in part, outside the areas.
+    """
+
+    areas: list[Line]
+    certain: list[Line]
+    doubtful: list[Line]
+    bars: Chain
+    unknown: list[tuple[float, float]]
+
+
+def region_of(curve: Curve, view: View) -> Region:
+    """The areas, lines, and bars of a curve, for figures and for the page of `explore`."""
+    chains, jumps, seams, bars = _followed(curve)
+    return Region(
+        areas=[_outline(chain) for chain in chains if len(chain) > 1] + seams,
+        certain=[line for chain in chains for line in _boundary(chain, certified=True)] + jumps,
+        doubtful=[line for chain in chains for line in _boundary(chain, certified=False)],
+        bars=bars,
+        unknown=list(_unknown_cells(curve, view)),
+    )
 
 
 def _mixed(colour: Any) -> tuple[float, ...]:

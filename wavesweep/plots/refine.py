@@ -21,6 +21,7 @@ from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns of a figure may take; by an estimate, so that equal tables give equal figures
 FEWEST = 64  # cells along a figure that are examined, however few values the table has; fewer if columns are dear
+MOST_TURNS = 100  # of a boundary, at which a curve is asked
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
 KNOWN, NARROW, OPEN = "known", "narrow", "open"
 
@@ -94,7 +95,8 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     height = float(np.ptp(ends[~np.isnan(ends)])) if not np.isnan(ends).all() else 0.0
     # Designs that differ only in what their controller does not read are one.
     different = [curves[question.keys.index(key)] for key in question.designs]
-    _refine(different, view, height / view.high / 2, question)
+    left = BUDGET - _look_at_turns(different, question)
+    _refine(different, view, height / view.high / 2, question, left)
     return [different[question.designs.index(key)] for key in question.keys]
 
 
@@ -113,8 +115,16 @@ def _columns_of(rows: Columns, places: np.ndarray) -> dict[float, tuple[tuple[In
     return found
 
 
-def _refine(curves: list[Curve], view: View, tolerance: float, question: _Question) -> None:
-    """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
+def _look_at_turns(curves: list[Curve], question: _Question) -> float:
+    """Add a column to each cell with a turn of the boundary, which may be a hole or a tip; return the seconds for that."""
+    wanted = [(number, x) for number, curve in enumerate(curves) for x in question.turns(number, curve)]
+    for (number, x), column in zip(wanted, question.ask(wanted) if wanted else [], strict=True):
+        curves[number].columns[x] = column
+    return question.seconds(len(wanted), len(curves)) if wanted else 0.0
+
+
+def _refine(curves: list[Curve], view: View, tolerance: float, question: _Question, budget: float) -> None:
+    """Add columns to the curves until all cells are known or narrow, or the budget (s) is spent."""
     ends = [view.position(x) for curve in curves for x in curve.columns]
     whole = float(max(ends) - min(ends))
     narrow = whole / view.wide
@@ -127,11 +137,11 @@ def _refine(curves: list[Curve], view: View, tolerance: float, question: _Questi
 
     cells.sort(key=width, reverse=True)
     smallest = whole / min(FEWEST, max(1, int(BUDGET / question.cost / len(curves) / 4)))
-    left = BUDGET
+    left = budget
     while cells:
         taken, wanted, designs = [], [], set()
         for cell in cells:
-            inside = view.between(*cell[1:], max(parts if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
+            inside = view.between(*cell[1:], max(parts if left < budget else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
             if question.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
                 break
             designs.add(cell[0])
@@ -149,15 +159,20 @@ def _refine(curves: list[Curve], view: View, tolerance: float, question: _Questi
 
 
 def _undecided(curve, number, points, tolerance):
-    """Mark the cells that are known, two by two, and return the others."""
-    others = []
-    for a, middle, b in zip(points[:-2:2], points[1::2], points[2::2], strict=True):
-        halves = ((a, middle), (middle, b))
-        if _is_straight(curve.columns[a], curve.columns[middle], curve.columns[b], tolerance):
-            curve.gaps |= dict.fromkeys(halves, KNOWN)
-        else:
-            others += [(number, *half) for half in halves]
-    return others
+    """Mark the cells that are known, and return the others."""
+    found = known_gaps({x: curve.columns[x] for x in points}, tolerance)
+    curve.gaps |= found
+    return [(number, *gap) for gap in pairwise(points) if gap not in found]
+
+
+def known_gaps(columns: Mapping[float, tuple[tuple[Interval, ...], bool]], tolerance: float) -> dict[tuple[float, float], str]:
+    """The gaps of columns, two by two, in which lines are right to the tolerance, by the column in the middle."""
+    places = sorted(columns)
+    found = {}
+    for a, middle, b in zip(places[:-2:2], places[1::2], places[2::2], strict=True):
+        if _is_straight(columns[a], columns[middle], columns[b], tolerance):
+            found |= dict.fromkeys(((a, middle), (middle, b)), KNOWN)
+    return found
 
 
 def _is_straight(before, middle, after, tolerance) -> bool:
@@ -211,6 +226,29 @@ class _Question:
     def seconds(self, columns: int, designs: int) -> float:
         """About how long `ask` takes for so many columns of so many designs."""
         return max(self.cost * columns, self.batch * designs)
+
+    def turns(self, number: int, curve: Curve) -> list[float]:
+        """Values of x, over the wall's plane, at which a hole or a region lies that is narrower than the cells of a curve.
+
+        Its upper or lower end is a turn of the explicit curve of the boundary, or its left and right ends are.
+        """
+        from wavesweep.controllers import WALL
+        from wavesweep.stability.plane import refined_curve
+        from wavesweep.sweep.open_loops import wall_cut
+
+        if self.spec.drawing or {self.x, self.axis.path} != set(WALL):
+            return []
+        cut = wall_cut(self.spec.with_values(dict(self.designs[number])).values)
+        if cut is None:
+            return []
+        spans = {self.x: (min(curve.columns), max(curve.columns)), self.axis.path: (self.axis.start, self.axis.stop)}
+        _, walls = refined_curve(cut, [spans[path] for path in WALL])
+        low, high = np.array([spans[path] for path in WALL]).T[:, :, None]
+        inside = ((walls > low) & (walls < high)).all(0)[1:-1]
+        x, y = walls[WALL.index(self.x)], walls[WALL.index(self.axis.path)]
+        sides, summits = (x[1:-1][inside & (np.diff(v[1:]) * np.diff(v[:-1]) < 0)] for v in (x, y))
+        turns = np.unique(np.concatenate([sides, summits]))
+        return np.setdiff1d(np.concatenate([summits, (turns[1:] + turns[:-1]) / 2]), [*curve.columns])[:MOST_TURNS].tolist()
 
     def ask(self, wanted: list[tuple[int, float]]) -> list[tuple[tuple[Interval, ...], bool]]:
         """The intervals at (number of a design, x)."""
