@@ -13,7 +13,7 @@ from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
 from wavesweep.monodromy.cut import Cut
 from wavesweep.plots.planes import region_of
-from wavesweep.plots.refine import Curve, Interval, View, curves_of, known_gaps
+from wavesweep.plots.refine import NARROW, Curve, Interval, View, curves_of, known_gaps
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
 from wavesweep.rows import complex_columns
@@ -36,7 +36,7 @@ EDGE = 0.05  # of a plane that is left beyond the design
 JUMP = 0.5  # of the plane, between two points of a curve that no line joins
 OUTSIDE = 4.0  # sizes of the plane, beyond which a point of a curve does not count
 PIXELS = (800, 400)  # of the plane
-ROUGH = 2  # pixels to which a preview is right
+ROUGH, FINER = 2, 8  # pixels to which a preview is right, and parts of its cells where lines are not
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,23 +90,33 @@ def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
     """The wall's plane and the intervals through the design by the boundary's explicit curve; K_VE may be either axis."""
     solved = WALL.index(plane.y)
     theta, walls = refined_curve(cut, (plane.x_span, plane.y_span) if solved else (plane.y_span, plane.x_span))
-    fixed, ranges = np.linspace(*plane.x_span, COLUMNS), []
-    columns = quick_columns(cut, theta, walls, solved, fixed, plane.y_span)
+    ranges = []
     for path, span in search.items():
         at, other = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
         pairs = quick_columns(cut, theta, walls, at, other, span, ROUNDS)[0]
         ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
     shown = _pieces(walls[[1 - solved, solved]], plane, theta / float(cut.period))
     found = {"how": "curve", "angles": theta.size, "curve": shown}
-    return {"plane": _preview(plane, dict(zip(fixed.tolist(), columns, strict=True))) | found, "ranges": ranges}
+    shape = _preview(plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span))
+    return {"plane": shape | found, "ranges": ranges}
 
 
-def _preview(plane, columns) -> dict:
-    """The plane by columns without a proof; between them as far as they lie on lines."""
-    low, high = plane.y_span
-    found = {x: (tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), False) for x, column in columns.items()}
-    view = View(plane.x, False, *PIXELS)
-    return plane_of(Curve(found, known_gaps(found, ROUGH * (high - low) / view.high)), view)
+def _preview(plane, columns_at) -> dict:
+    """The plane by columns without a proof, which lie closer together where lines between them are not right.
+
+    columns_at: gives a list of intervals for each of some values of x.
+    """
+    (low, high), view, found, gaps = plane.y_span, View(plane.x, False, *PIXELS), {}, {}
+    places, cells = np.linspace(*plane.x_span, COLUMNS).tolist(), []
+    for _ in range(2):
+        for x, column in zip(places, columns_at(places) if places else [], strict=True):
+            found[x] = tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), False
+        for points in cells or [places]:
+            gaps |= known_gaps({x: found[x] for x in points}, ROUGH * (high - low) / view.high)
+        cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(found)) if (a, b) not in gaps]
+        places = [x for points in cells for x in points[1:-1]]
+    gaps |= {gap: NARROW for gap in pairwise(sorted(found)) if gap not in gaps}
+    return plane_of(Curve(found, gaps), view)
 
 
 def _pieces(points, plane, omega) -> list[dict]:

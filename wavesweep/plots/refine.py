@@ -21,7 +21,6 @@ from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns of a figure may take; by an estimate, so that equal tables give equal figures
 FEWEST = 64  # cells along a figure that are examined, however few values the table has; fewer if columns are dear
-MOST_TURNS = 100  # of a boundary, at which a curve is asked
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
 KNOWN, NARROW, OPEN = "known", "narrow", "open"
 
@@ -95,8 +94,7 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     height = float(np.ptp(ends[~np.isnan(ends)])) if not np.isnan(ends).all() else 0.0
     # Designs that differ only in what their controller does not read are one.
     different = [curves[question.keys.index(key)] for key in question.designs]
-    left = BUDGET - _look_at_turns(different, question)
-    _refine(different, view, height / view.high / 2, question, left)
+    _refine(different, view, height / view.high / 2, question)
     return [different[question.designs.index(key)] for key in question.keys]
 
 
@@ -115,16 +113,8 @@ def _columns_of(rows: Columns, places: np.ndarray) -> dict[float, tuple[tuple[In
     return found
 
 
-def _look_at_turns(curves: list[Curve], question: _Question) -> float:
-    """Add a column to each cell with a turn of the boundary, which may be a hole or a tip; return the seconds for that."""
-    wanted = [(number, x) for number, curve in enumerate(curves) for x in question.turns(number, curve)]
-    for (number, x), column in zip(wanted, question.ask(wanted) if wanted else [], strict=True):
-        curves[number].columns[x] = column
-    return question.seconds(len(wanted), len(curves)) if wanted else 0.0
-
-
-def _refine(curves: list[Curve], view: View, tolerance: float, question: _Question, budget: float) -> None:
-    """Add columns to the curves until all cells are known or narrow, or the budget (s) is spent."""
+def _refine(curves: list[Curve], view: View, tolerance: float, question: _Question) -> None:
+    """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
     ends = [view.position(x) for curve in curves for x in curve.columns]
     whole = float(max(ends) - min(ends))
     narrow = whole / view.wide
@@ -137,11 +127,11 @@ def _refine(curves: list[Curve], view: View, tolerance: float, question: _Questi
 
     cells.sort(key=width, reverse=True)
     smallest = whole / min(FEWEST, max(1, int(BUDGET / question.cost / len(curves) / 4)))
-    left = budget
+    left = BUDGET
     while cells:
         taken, wanted, designs = [], [], set()
         for cell in cells:
-            inside = view.between(*cell[1:], max(parts if left < budget else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
+            inside = view.between(*cell[1:], max(parts if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
             if question.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
                 break
             designs.add(cell[0])
@@ -226,29 +216,6 @@ class _Question:
     def seconds(self, columns: int, designs: int) -> float:
         """About how long `ask` takes for so many columns of so many designs."""
         return max(self.cost * columns, self.batch * designs)
-
-    def turns(self, number: int, curve: Curve) -> list[float]:
-        """Values of x, over the wall's plane, at which a hole or a region lies that is narrower than the cells of a curve.
-
-        Its upper or lower end is a turn of the explicit curve of the boundary, or its left and right ends are.
-        """
-        from wavesweep.controllers import WALL
-        from wavesweep.stability.plane import refined_curve
-        from wavesweep.sweep.open_loops import wall_cut
-
-        if self.spec.drawing or {self.x, self.axis.path} != set(WALL):
-            return []
-        cut = wall_cut(self.spec.with_values(dict(self.designs[number])).values)
-        if cut is None:
-            return []
-        spans = {self.x: (min(curve.columns), max(curve.columns)), self.axis.path: (self.axis.start, self.axis.stop)}
-        _, walls = refined_curve(cut, [spans[path] for path in WALL])
-        low, high = np.array([spans[path] for path in WALL]).T[:, :, None]
-        inside = ((walls > low) & (walls < high)).all(0)[1:-1]
-        x, y = walls[WALL.index(self.x)], walls[WALL.index(self.axis.path)]
-        sides, summits = (x[1:-1][inside & (np.diff(v[1:]) * np.diff(v[:-1]) < 0)] for v in (x, y))
-        turns = np.unique(np.concatenate([sides, summits]))
-        return np.setdiff1d(np.concatenate([summits, (turns[1:] + turns[:-1]) / 2]), [*curve.columns])[:MOST_TURNS].tolist()
 
     def ask(self, wanted: list[tuple[int, float]]) -> list[tuple[tuple[Interval, ...], bool]]:
         """The intervals at (number of a design, x)."""
