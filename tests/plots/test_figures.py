@@ -1,6 +1,7 @@
 """Figures: each kind of table can be drawn, small and always the same; what they look like, a person has to judge."""
 
 import pathlib
+import re
 import struct
 import threading
 from dataclasses import replace
@@ -290,6 +291,38 @@ def test_the_legend_of_a_comparison_names_the_marks_that_are_there(plane):
     assert texts_of(plots.compare(first, {})) == ["one"]
     clipped = first | {"high_omega": np.full(first["low"].size, np.nan)}
     assert texts_of(plots.compare(clipped, {})) == ["one", "the swept range ends it"]
+
+
+def test_curves_of_a_comparison_differ_by_spec_and_by_value(family):
+    """Four values of b of each of two specs used to be one colour a spec."""
+    rows = family["low"].size
+    columns = {"spec": np.repeat(np.array(["one", "two"], object), rows)}
+    columns |= {name: np.tile(column, 2) for name, column in family.items()}
+    figure = plots.compare(columns, {})
+    lines = [line for line in figure.axes[0].lines if line.get_marker() != "." and len(line.get_xdata()) > 5]
+    looks = {(tuple(line.get_color()), line.get_linestyle()) for line in lines if line.get_linestyle() not in (":", "None")}
+    assert len(looks) == 8
+    assert len({colour for colour, _ in looks}) == 4
+    assert texts_of(figure)[:6] == ["one", "two", *(f"$b$ = {b} N·s/m" for b in (20, 40, 60, 80))]
+
+
+def test_numbers_of_margins_do_not_touch_and_nothing_is_cut_off_beside_long_names():
+    hands = {f"operator.{name}": [0.0, value] for name, value in (("mass", 0.2), ("damping", 1.0), ("stiffness", 100.0))}
+    figure = wavesweep.compile({"controller": {"kind": "pmw"}}).plot_passivity(**hands)
+    port = figure.axes[1]
+    boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in port.get_xticklabels()))
+    assert all(left[1] < right[0] for left, right in pairwise(boxes))
+    assert port.xaxis.label.get_window_extent().x1 < figure.bbox.x1
+    assert figure.axes[0].get_ylabel().replace("\n", " ") == "operator mass, operator damping, operator stiffness"
+
+
+def test_texts_of_a_figure_are_texts_in_a_file(plane, tmp_path):
+    """TrueType fonts in a PDF, which journals ask for, and text elements in an SVG."""
+    for suffix in ("pdf", "svg"):
+        save(plots.zwidth(plane, {}), tmp_path / f"a.{suffix}", about_figure("zwidth", {}))
+    fonts = re.findall(rb"/Subtype /(Type3|Type0|TrueType)", (tmp_path / "a.pdf").read_bytes())
+    assert set(fonts) == {b"Type0"}
+    assert re.search("<text [^>]*>largest", (tmp_path / "a.svg").read_text())
 
 
 def test_intervals_that_lie_apart_are_not_joined_in_a_comparison(plane):

@@ -11,6 +11,7 @@ from wavesweep.sweep.drawn_loops import radii_of
 from wavesweep.sweep.grid import drawing_for, read_by
 from wavesweep.tables.intervals import intervals
 
+pytestmark = pytest.mark.slow
 POINTS, AWAY = 200, 8  # of each boundary, and pixels up to which they lie away from it
 FIGURE = (560, 400)  # pixels of a figure of one column
 
@@ -73,7 +74,7 @@ def filled_and_unstable(spec, x, y, areas, lines, scale):
     ends = edges.reshape(-1, 2)
     tried.append(rng.uniform(ends.min(0), ends.max(0), (5 * POINTS, 2)))
     points = np.concatenate(tried)
-    inside = np.any([_within(each, points) for each in outlines], 0)
+    inside = np.any([within(each, points) for each in outlines], 0)
     points = points[inside]
     points = points[_distance(edges, points) > 1]
     given = {x: points[:, 0] * scale[0], y: points[:, 1] * scale[1]}
@@ -90,7 +91,7 @@ def _along(steps, rng):
     return steps[at, 0] * share + steps[at, 1] * (1 - share) + rng.uniform(-AWAY, AWAY, (POINTS, 2))
 
 
-def _within(outline, points):
+def within(outline, points):
     """Whether points lie within an outline, by the number of its edges to the right of each."""
     (ax, ay), (bx, by) = outline.T[:, :, None], np.roll(outline, -1, 0).T[:, :, None]
     x, y = points.T
@@ -132,3 +133,47 @@ def on_page(source, x, x_span, y="environment.K_VE", y_span=(0.0, 6000.0)):
     found = certified_plane(spec, Plane(x, y, x_span, y_span))
     scale = np.ptp(x_span) / PIXELS[0], np.ptp(y_span) / PIXELS[1]
     return filled_and_unstable(spec, x, y, found["areas"], found["lines"] + found["doubtful"], scale)
+
+
+def certainly_stable(found):
+    """Whether no point is unstable, of which there are many."""
+    points, unstable = found
+    assert points[unstable].tolist() == []
+    return len(points)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(150))
+def test_walls_that_a_figure_fills_are_stable(seed):
+    certainly_stable(in_figure(wall_spec(seed)))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(150))
+def test_what_another_figure_fills_is_stable(seed):
+    certainly_stable(in_figure(other_spec(seed)))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(150))
+def test_what_a_page_fills_is_stable(seed):
+    certainly_stable(on_page(wall_spec(seed), "environment.B_VE", (0.0, 9.0)))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(40))
+def test_what_a_page_fills_over_another_number_is_stable(seed):
+    certainly_stable(on_page(other_spec(seed), "device.damping", (0.05, 4.0)))
+
+
+def test_the_loops_have_regions_to_fill():
+    assert certainly_stable(in_figure(wall_spec(1))) > 5 * POINTS
+
+
+def test_an_unstable_point_within_an_outline_is_found():
+    """A whole plane, as if it were filled."""
+    spec = wavesweep.load({name: part for name, part in wall_spec(0).items() if name != "sweep"})
+    plane = [[(0.0, 0.0), (9.0, 0.0), (9.0, 6000.0), (0.0, 6000.0)]]
+    points, unstable = filled_and_unstable(spec, "environment.B_VE", "environment.K_VE", plane, plane, (0.01, 10.0))
+    assert unstable.any()
+    assert len(points) > POINTS
