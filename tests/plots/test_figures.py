@@ -190,7 +190,8 @@ def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():
 
 
 def texts_of(canvas):
-    return [text.get_text() for legend in canvas.legends for text in legend.get_texts()]
+    legends = [*(axes.get_legend() for axes in canvas.axes if axes.get_legend()), *canvas.legends]
+    return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
 def test_a_value_that_an_axis_has_twice_is_drawn_once(family, tmp_path):
@@ -224,6 +225,31 @@ def test_the_star_of_walls_whose_feel_is_not_known_is_at_the_stiffest(plane):
     one = {name: column[-1:] for name, column in plane.items()}
     known = best_row(one)
     assert best_of([best_row(unknown), known]) == known
+
+
+def test_the_legend_is_low_above_one_column_and_beside_the_panels_of_two(family, panels):
+    felt = family | {"felt_low": family["low"] / 2, "felt_high": family["high"] / 2}
+    figure = plots.zwidth(felt, {})
+    (axes,) = figure.axes
+    boxes = [legend.get_window_extent() for legend in (axes.get_legend(), *figure.legends)]
+    assert sum(box.height for box in boxes) < 0.25 * figure.bbox.height
+    assert min(box.x0 for box in boxes) > 0
+    assert max(box.x1 for box in boxes) < figure.bbox.x1
+    assert texts_of(figure)[:4] == ["$b$ = 20 N·s/m", "40", "60", "80"]
+    assert "stiffest felt, certified: 2600 N/m,\nof a wall of 5200 N/m" in texts_of(figure)
+    wide = plots.zwidth(panels, {})
+    (legend,) = wide.legends
+    assert legend.get_window_extent().x0 > max(each.get_window_extent().x1 for each in wide.axes)
+
+
+def test_a_star_at_the_last_value_lies_within_the_frame():
+    loop = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
+    figure = wavesweep.compile(loop).plot_zwidth(B_VE=[0.0, 5.0, 15.0])
+    (axes,) = figure.axes
+    (star,) = [line for line in axes.lines if line.get_marker() == "*"]
+    assert star.get_xdata() == 15.0
+    right = star.get_transform().transform((15.0, float(star.get_ydata()[0])))[0] + 3 * figure.dpi / 72
+    assert right == pytest.approx(axes.get_window_extent().x1, abs=1)
 
 
 def test_the_star_of_bars_of_hands_is_at_its_hand(bars):

@@ -57,8 +57,8 @@ def compare(
     Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the damping of
     the wall, or else the first axis that has several values; those of a spec without that axis are lines from side to side.
     Samples are joined by a line if they have equally many intervals. If the swept range and not the loop ends an interval, its
-    end is hollow. Responses of unstable loops are faint. If further axes vary, colours are their values, and specs differ by their
-    marks and dashes alone.
+    end is hollow. Responses of unstable loops are faint. If further axes vary, colours are their values, and specs differ by
+    their marks and dashes alone.
     """
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     if responses is not None:

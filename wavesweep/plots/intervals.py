@@ -33,7 +33,6 @@ from wavesweep.plots.style import (
     by_factors,
     family_looks,
     figure,
-    fitting,
     incomplete,
     label,
     unit,
@@ -112,10 +111,10 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     down = -(-len(panels) // across)
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
     own = partial(_own_points, facts, str(columns["along"][0]), layout, _view(columns, facts))
-    entries = _entries(columns, facts, layout, best, own(panels))
-    in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
+    members, marks = _entries(columns, facts, layout, best, own(panels))
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
-    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more + 0.17 * -(-len(entries) // in_a_row)
+    more += 0.17 * (_rows(members) + _rows(marks)) if across == 1 else 0.0  # otherwise it is beside the panels
+    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
     with figure(width, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         for axes, value in zip(grid.flat, panels, strict=False):
@@ -131,9 +130,32 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout, facts)
-        if entries:
-            canvas.legend(handles=entries, loc="outside upper center", ncols=in_a_row, columnspacing=1.0, handlelength=2.0)
+        if across > 1 and members + marks:
+            canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
+        elif members + marks:
+            above = {"columnspacing": 0.8, "handlelength": 1.9, "handletextpad": 0.5, "fontsize": _SMALL}
+            if members:
+                place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
+                axes = grid[0, 0]
+                axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)
+            if marks:
+                canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks), **above)
     return canvas
+
+
+_SMALL = 7  # points, of a legend above a figure of one column
+
+
+def _in_a_row(entries: Sequence[Any]) -> int:
+    """How many entries are side by side above a figure of one column, in rows of about the same number."""
+    texts = [str(entry.get_label()).replace("$", "").split("\n") for entry in entries]
+    *_, second, longest = sorted([0.0, 0.0, *(25 + 3.4 * max(map(len, lines)) for lines in texts)])  # points
+    most = 1 + int((72 * ONE_COLUMN - longest) / second) if second else 1
+    return -(-len(entries) // -(-len(entries) // most)) if entries else 1
+
+
+def _rows(entries: Sequence[Any]) -> int:
+    return -(-len(entries) // _in_a_row(entries)) + any("\n" in str(entry.get_label()) for entry in entries)
 
 
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
@@ -142,10 +164,16 @@ _OWN = _BEST | {"marker": "x", "markeredgewidth": 1.4}
 
 
 def _mark_best(axes: Any, columns: Columns, layout: Layout, best: Mapping[str, Any], panel: float) -> None:
+    """The star of the best design; that of one on the frame is drawn beside it."""
+    from matplotlib.transforms import ScaledTranslation
+
     if not best or (layout.panels is not None and best[layout.panels] != panel):
         return
     if layout.x is not None:
-        axes.plot(best[layout.x], best["high"], **_BEST)
+        left, right = axes.get_xlim()
+        inwards = (best[layout.x] == left) - float(best[layout.x] == right)
+        moved = ScaledTranslation(inwards * _BEST["markersize"] / 144, 0, axes.figure.dpi_scale_trans)
+        axes.plot(best[layout.x], best["high"], transform=axes.transData + moved, **_BEST)
     elif whose_column(columns):
         axes.plot(best["high"], list(_members(columns)).index(best[whose_column(best)]), **_BEST)
     elif (own := {name: best[name] for name in layout.bars[0]}) in layout.bars:
@@ -288,20 +316,22 @@ def _assumed(facts: Mapping[str, Any]) -> str:
 
 def _entries(
     columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any], own: tuple[list, list]
-) -> list[Any]:
-    """The entries of the legend."""
+) -> tuple[list[Any], list[Any]]:
+    """The entries of the legend: the members of a family or the hands, and the marks."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     certain = bool((columns["certified"] | promised(columns)).all())
-    handles = hand_handles(columns) if whose_column(columns) else []
+    members, handles = hand_handles(columns) if whose_column(columns) else [], []
     if layout.x is not None and layout.family is not None:
         rows, bottom = (
             [_rows_where(columns, layout.family, value) for value in layout.members],
             np.nanmin(columns["low"], initial=np.inf),
         )
         names = [valued(layout.family, value, facts) for value in layout.members]
-        handles = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
+        # The first has name and unit, the others the value.
+        names = [names[0], *(f"{value:.6g}" for value in layout.members[1:])]
+        members = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
     if layout.x is not None and _shows_felt(columns, facts, layout):
         alone = HANDS["free"][0].colour if layout.family is None else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
@@ -315,7 +345,7 @@ def _entries(
         handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
     if range_end(columns, "low") is not None or range_end(columns, "high") is not None:
         handles.append(range_handle())
-    return handles
+    return members, handles
 
 
 def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> str:
@@ -327,7 +357,7 @@ def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> s
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
         return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip() + start
-    return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
+    return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m,\nof a wall of {over}{best['high']:.5g} N/m"
 
 
 def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colours: Sequence[Any] = ()) -> None:
