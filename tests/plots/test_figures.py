@@ -145,15 +145,26 @@ def test_the_bars_of_a_recipe_show_every_row():
     assert {text.get_text() for axes in shown for text in axes.get_yticklabels()} >= {"g = 3, n = 5 ms"}
 
 
-def test_a_single_wish_is_a_bar_for_each_design():
-    wish = {"z_width": {"B_VE": [1.0]}}
-    facts = {"spec": {"design": {"wish": wish, "vary": {"b": {}, "filters.lp1.order": {}}}}, "own": {"z_width": 500.0}}
-    columns = {"b": np.array([20.0]), "filters.lp1.order": np.array([1.0]), "z_width": np.array([900.0])}
-    bars, impedance, order = plots.design(columns, facts).axes
-    assert [patch.get_width() for patch in bars.patches] == [500.0, 900.0]
-    assert "N/m" in bars.get_xlabel()
-    assert "N·s/m" in impedance.get_title()
-    assert order.get_ylim() == (0.5, 1.5)
+def test_a_single_design_is_a_list_beside_its_response():
+    """Nearly empty panels of a point each used to show it."""
+    spec = {
+        "controller": {"kind": "pmw"},
+        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+        "design": {"vary": {"b": {"start": 5, "stop": 100}}, "wish": {"z_width": {"at_least": 400.0}, "felt": {}}},
+    }
+    facts = {"spec": wavesweep.load(spec).as_designed().tables(), "own": {"z_width": 500.0, "felt": None}}
+    columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
+    listed, response = plots.design(columns, facts).axes
+    cells = {at: cell.get_text().get_text() for at, cell in listed.tables[0].get_celld().items()}
+    rows = [[cells[row, column] for column in range(3)] for row in range(4)]
+    assert [row[1:] for row in rows] == [["spec's own", "found"], ["500", "900"], ["not known", "700"], ["25", "40"]]
+    assert "at least 400" in rows[1][0]
+    for line, b in zip(response.lines, (25.0, 40.0), strict=True):
+        frequency, magnitude = line.get_data()
+        expected = wavesweep.compile({"controller": {"kind": "pmw", "b": b}}).response(frequency.tolist())
+        assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
+    without, _ = plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes
+    assert without.tables[0].get_celld()[3, 1].get_text().get_text() == "not known"
 
 
 @pytest.mark.parametrize(
