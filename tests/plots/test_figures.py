@@ -394,19 +394,32 @@ def test_one_thread_after_the_other_has_the_settings_of_figures():
     assert dict(matplotlib.rcParams) == before
 
 
-@pytest.mark.parametrize(("own", "marked"), [(2.0, [(40.0, 1)]), (2.5, []), (3.0, [(40.0, 2)])])
+@pytest.mark.parametrize(("own", "marked"), [(2.0, [(40.0, 0)]), (2.5, []), (3.0, [(40.0, 1)])])
 def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
     tables = {
         "rates": {"tick_hz": 1000},
         "numbers": {"k": 40.0, "d": own},
         "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "h": {"type": "hold", "every": 20}},
         "wire": {"h.u": "-k*m.x - d*m.v", "m.f": "h.y"},
-        "sweep": {"along": "k", "k": {"start": 0, "stop": 1500}, "d": [1.0, 2.0, 3.0]},
+        "sweep": {"along": "k", "k": {"start": 0, "stop": 1500}, "d": [2.0, 3.0]},
     }
     table = intervals(wavesweep.load(tables))
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     crosses = [line for line in axes.lines if line.get_marker() == "x"]
     assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked
+
+
+@pytest.mark.parametrize("number", [3, 9, 51])
+def test_a_number_that_varies_smoothly_is_along_the_figure_however_few_values_it_has(number):
+    """Three values were bars that lay, nine or more a region that stood."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 40.0, "kd": 2.0},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}},
+        "wire": {"m.f": "-kp*m.x - kd*m.v"},
+    }
+    figure = wavesweep.compile(tables).plot_zwidth("kp", (0, 5000), kd=np.linspace(1, 60, number))
+    assert (figure.get_supxlabel(), figure.get_supylabel()) == ("kd", "kp")
 
 
 def test_space_that_is_not_swept_does_not_pass_for_unstable():
@@ -431,7 +444,7 @@ def test_a_limit_below_all_others_has_room_for_what_is_unstable_below_it():
         table = intervals(wavesweep.load(spec))
         assert table.columns["low"].tolist() == [0.0, 0.0, 0.0]
         largest = table.columns["high"].max()
-        low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_xlim()
+        low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_ylim()
         assert low == pytest.approx(max(-0.06 * largest, start))
 
 

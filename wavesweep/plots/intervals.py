@@ -22,7 +22,7 @@ from wavesweep.plots.planes import (
     range_handle,
     view_of,
 )
-from wavesweep.plots.refine import Curve, curves_of, spec_of
+from wavesweep.plots.refine import Curve, curves_of, smooth_axes, spec_of
 from wavesweep.plots.style import (
     DOUBTFUL,
     ONE_COLUMN,
@@ -93,7 +93,7 @@ class Picture(Kept):
 
     def draw(self, facts: Mapping[str, Any]) -> Any:
         """Draw the figure."""
-        layout = lay_out(self._axes, self._best, self._hands)
+        layout = lay_out(self._axes, self._best, self._hands, smooth_axes(self._axes, facts))
         return _draw(_once(self.where(lambda columns, _: layout.shows(columns))), facts, layout, self._best)
 
 

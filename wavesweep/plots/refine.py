@@ -8,7 +8,7 @@ to half a pixel. An interval that begins or ends within a cell is located to a p
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -191,6 +191,16 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
         for name, given in facts["spec"].get("filters", {}).items()
     }
     return load({**facts["spec"], **({"filters": filters} if filters else {})})
+
+
+def smooth_axes(names: Iterable[str], facts: Mapping[str, Any]) -> list[str]:
+    """Those of some axes along which further columns can be computed; none without the spec."""
+    spec = spec_of(facts)
+    if spec is None:
+        return []
+    from wavesweep.sweep.grid import is_plain
+
+    return [name for name in names if is_plain(spec, spec.names.find(name).path)]
 
 
 Design = tuple[tuple[str, float], ...]  # path -> value on each axis that is read, without that along the figure

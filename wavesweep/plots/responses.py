@@ -57,7 +57,7 @@ class Curve:
 
 
 def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `bode` table: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
+    """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz, with decibels at the right.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
     numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
@@ -112,8 +112,8 @@ def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str,
             _mark_nyquist(axes, columns, x, name == panels[0][0])
         for axes in grid[1]:
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
-        if x == "frequency_hz":
-            _add_normalised_frequency(grid[0], columns)
+        for axes in grid[0]:
+            _add_decibels(axes)
         canvas.align_ylabels()
         place = [] if x == "frequency_hz" else [f"at {columns['frequency_hz'][0]:g} Hz"]
         note_assumptions(canvas, facts, "; ".join([*place, *filter(None, [left_out])]))
@@ -308,12 +308,16 @@ def _normalised(columns: Columns) -> float | None:
     return float(ratios[0]) if len(ratios) and np.ptp(ratios) <= 1e-9 * ratios[0] else None
 
 
-def _add_normalised_frequency(top: Any, columns: Columns) -> None:
-    """Add the axis of omega T_s above, unless the specs have different slow rates."""
-    scale = _normalised(columns)
-    for axes in top if scale is not None else ():
-        above = axes.secondary_xaxis("top", functions=(lambda hz: hz * scale, lambda omega: omega / scale))
-        above.set_xlabel(r"$\omega T_s$ (rad/sample)")
+def _add_decibels(axes: Any) -> None:
+    """An axis at the right in dB of the unit at the left, for magnitudes that have a scale of factors."""
+    if axes.get_yscale() != "log":
+        return
+    low, high = 20 * np.log10(axes.get_ylim())
+    step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
+    decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(10 ** (decibels / 20), [f"{each:g} dB".replace("-", "\N{MINUS SIGN}") for each in decibels])
+    right.set_yticks([], minor=True)
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
