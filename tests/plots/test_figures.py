@@ -409,6 +409,26 @@ def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
     assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked
 
 
+@pytest.mark.thorough
+def test_limits_that_an_even_scale_squeezes_have_one_of_factors_and_lines_that_are_right_on_it():
+    loop = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
+    loop |= {"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
+    compiled = wavesweep.compile(loop)
+    figure = compiled.plot_zwidth("b", (0.5, 1000), K_VE=np.linspace(0, 6000, 12))
+    (axes,) = figure.axes
+    assert (axes.get_yscale(), axes.get_ylim()[0]) == ("log", pytest.approx(0.5 / 1.15))
+    lines = [each for lines in axes.collections for each in (lines.get_segments() if hasattr(lines, "get_segments") else [])]
+    pixels, steps = axes.transData.transform, [pair for line in lines for pair in pairwise(line)]
+    steps = [(a, b) for a, b in steps if 700 < a[0] < b[0] < 6000 and b[0] - a[0] > 50]  # of the upper limit
+    assert len(steps) > 5
+    table = compiled.stable_intervals("b", (0.5, 1000), K_VE=sorted({(a[0] + b[0]) / 2 for a, b in steps[:12]}))
+    for a, b in steps[:12]:
+        middle, drawn = (a[0] + b[0]) / 2, (pixels(a)[1] + pixels(b)[1]) / 2
+        found = table[middle == table.K_VE].high
+        assert np.abs(pixels([(middle, high) for high in found])[:, 1] - drawn).min() < 0.75
+    assert compiled.plot_zwidth(B_VE=[0.0, 5.0, 10.0]).axes[0].get_yscale() == "linear"
+
+
 @pytest.mark.parametrize("number", [3, 9, 51])
 def test_a_number_that_varies_smoothly_is_along_the_figure_however_few_values_it_has(number):
     """Three values were bars that lay, nine or more a region that stood."""

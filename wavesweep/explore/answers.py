@@ -112,7 +112,7 @@ def _preview(plane, columns_at) -> dict:
         for x, column in zip(places, columns_at(places) if places else [], strict=True):
             found[x] = tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), False
         for points in cells or [places]:
-            gaps |= known_gaps({x: found[x] for x in points}, ROUGH * (high - low) / view.high)
+            gaps |= known_gaps({x: found[x] for x in points}, view, ROUGH * (high - low) / view.high)
         cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(found)) if (a, b) not in gaps]
         places = [x for points in cells for x in points[1:-1]]
     gaps |= {gap: NARROW for gap in pairwise(sorted(found)) if gap not in gaps}

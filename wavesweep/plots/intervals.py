@@ -46,6 +46,7 @@ from wavesweep.tables.interval_tally import whose_column
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
 _APART = 1.6  # points between thin bars of two members
+_SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
 _HALF_BAR = 0.32  # of the distance between two bars
 
 # From the one that promises least to the one that promises most; the looks stay the same whichever are there.
@@ -126,21 +127,28 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
                 axes.plot(x, y, **_OWN)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
+        if layout.x is not None and _by_factors_upwards(columns, facts):
+            for axes in grid.flat:
+                by_factors(axes.yaxis, *_view(columns, facts))
         (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(_view(columns, facts))
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout, facts)
-        if across > 1 and members + marks:
-            canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
-        elif members + marks:
-            above = {"columnspacing": 0.8, "handlelength": 1.9, "handletextpad": 0.5, "fontsize": _SMALL}
-            if members:
-                place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
-                axes = grid[0, 0]
-                axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)
-            if marks:
-                canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks), **above)
+        _draw_legends(canvas, grid[0, 0], members, marks, beside=across > 1)
     return canvas
+
+
+def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
+    """The members above the only panel, and the marks above these; or all beside the panels."""
+    if beside and members + marks:
+        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
+        return
+    above = {"columnspacing": 0.8, "handlelength": 1.9, "handletextpad": 0.5, "fontsize": _SMALL}
+    if members:
+        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
+        axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)
+    if marks:
+        canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks), **above)
 
 
 _SMALL = 7  # points, of a legend above a figure of one column
@@ -223,7 +231,7 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
     logarithmic = is_logarithmic(columns[layout.x])
     if logarithmic:
         by_factors(axes.xaxis, columns[layout.x].min(), columns[layout.x].max())
-    view = view_of(layout.x, logarithmic, *inches)
+    view = view_of(layout.x, logarithmic, *inches, _by_factors_upwards(columns, facts))
     felt = _shows_felt(columns, facts, layout)
     curves = _curves(members, view, facts, whose_column(columns))
     for number, (look, curve) in enumerate(zip(looks, curves, strict=True)):
@@ -253,6 +261,14 @@ def _shows_felt(columns: Columns, facts: Mapping[str, Any], layout: Layout) -> b
     return bool(((columns["felt_high"] >= low) & (columns["felt_high"] <= high)).any())
 
 
+def _by_factors_upwards(columns: Columns, facts: Mapping[str, Any]) -> bool:
+    """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part."""
+    ends = np.concatenate([columns["low"], columns["high"]])
+    real = ends[~np.isnan(np.concatenate([columns["low_omega"], columns["high_omega"]]))]
+    start = swept_range(facts, str(columns["along"][0]))[0]
+    return bool(np.isfinite(start) and start > 0 and real.size and np.median(real) < _SQUEEZED * real.max())
+
+
 def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     """The limits that show every interval of the table, or the swept range if there is none; all panels share them.
 
@@ -271,6 +287,8 @@ def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     elif swept[0] < bottom:  # stability ends there, and what is below is unstable
         bottom = max(swept[0], bottom - room)
     limits = (float(bottom), float(top + room))
+    if _by_factors_upwards(columns, facts):
+        limits = (max(swept[0], np.nanmin(columns["low"])) / _ROOM, float(top) * _ROOM)
     if top <= bottom:
         limits = swept if np.isfinite(swept).all() else (limits[0], 1.0)
     return limits

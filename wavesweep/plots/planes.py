@@ -59,9 +59,9 @@ def draw_planes(planes: Sequence[Plane]) -> Any:
     return canvas
 
 
-def view_of(x: str, logarithmic: bool, width: float, height: float) -> View:
-    """The view of a panel of `width` by `height` inches with its labels."""
-    return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height)
+def view_of(x: str, logarithmic: bool, width: float, height: float, factors: bool = False) -> View:
+    """The view of a panel of `width` by `height` inches with its labels. factors: whether its axis upwards goes by factors."""
+    return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height, factors)
 
 
 def _draw_plane(axes: Any, plane: Plane, view: View) -> None:
@@ -220,7 +220,7 @@ def _followed(curve: Curve) -> tuple[list[Chain], list[Line], list[Line], Chain]
         elif gap == NARROW:
             kept = _partners(before, after)
             if not any(less + more):  # an interval that is not known has not ended
-                jumps += _jumps(left, before, right, after)
+                jumps += [*_jumps(left, before, right, after), *_around(left, before, right, after)]
                 seams += _seams(left, before, right, after, kept)
         else:
             bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
@@ -259,6 +259,18 @@ def _jumps(left: float, before: Sequence[Interval], right: float, after: Sequenc
             for low, high in _less(each, those):
                 lines.append([(x, high), (x, low)] if down else [(x, low), (x, high)])
     return lines
+
+
+def _around(left: float, before: Sequence[Interval], right: float, after: Sequence[Interval]) -> Iterator[Line]:
+    """Lines along the outer ends of an interval that parts across a narrow gap, or of several that become one."""
+    for x, these, end, those in ((left, before, right, after), (right, after, left, before)):
+        for each in these:
+            parts = [o for o in those if o.low < each.high and each.low < o.high]
+            if len(parts) > 1 and all(o.certified for o in (each, *parts)):
+                if each.high_real and parts[-1].high_real:
+                    yield sorted([(x, each.high), (end, parts[-1].high)])
+                if each.low_real and parts[0].low_real:
+                    yield sorted([(x, each.low), (end, parts[0].low)], reverse=True)
 
 
 def _less(each: Interval, others: Sequence[Interval]) -> Iterator[tuple[float, float]]:
