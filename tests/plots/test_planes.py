@@ -1,7 +1,7 @@
 """Lines of a plane that follow intervals from column to column."""
 
-from wavesweep.plots.planes import _followed
-from wavesweep.plots.refine import NARROW, Curve, Interval, View, _is_straight
+from wavesweep.plots.planes import _followed, region_of
+from wavesweep.plots.refine import KNOWN, NARROW, Curve, Interval, View, _is_straight
 
 VIEW = View("B_VE", False, 500, 400)
 
@@ -30,6 +30,14 @@ def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
     corner = ending(2.3, True), ending(2.1, True), ending(2.0, False)
     assert _is_straight(*corner, VIEW, tolerance=0.1)
     assert not _is_straight(*corner, VIEW, tolerance=0.04)
+
+
+def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
+    curve = Curve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
+    region = region_of(curve, VIEW)
+    assert region.unknown == [(2.0, 3.0)]
+    assert [x for x, _ in region.bars] == [2.0, 3.0]
+    assert region_of(Curve(curve.columns), VIEW).unknown == []  # bars alone
 
 
 def test_what_is_straight_on_a_scale_of_factors_is_not_on_an_even_one():

@@ -140,6 +140,10 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
 
 def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
     """The members above the only panel, and the marks above these; or all beside the panels."""
+    from matplotlib.patches import Patch
+
+    if any(patch.get_hatch() == UNKNOWN["hatch"] for each in canvas.axes for patch in each.patches):
+        marks = [*marks, Patch(**UNKNOWN, label="not known outside the intervals")]
     if beside and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
         return
@@ -337,7 +341,6 @@ def _entries(
 ) -> tuple[list[Any], list[Any]]:
     """The entries of the legend: the members of a family or the hands, and the marks."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     certain = bool((columns["certified"] | promised(columns)).all())
     members, handles = hand_handles(columns) if whose_column(columns) else [], []
@@ -359,8 +362,6 @@ def _entries(
         handles.append(Line2D([], [], **_OWN, label="the spec's own"))
     if not certain:
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
-    if incomplete(columns).any():
-        handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
     if range_end(columns, "low") is not None or range_end(columns, "high") is not None:
         handles.append(range_handle())
     return members, handles

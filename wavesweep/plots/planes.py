@@ -123,7 +123,8 @@ class Region:
     """What a picture shows of a curve.
 
     areas: outlines of what is stable. certain, doubtful: lines along its boundary, the unstable side at their left. bars: (x,
-    interval) at values of x beside which nothing is known. unknown: (from, to) of x that are known in part, outside the areas.
+    interval) at values of x beside which nothing is known. unknown: (from, to) of x that are known in part, outside the areas,
+    and gaps that are not known beside others that are.
     """
 
     areas: list[Line]
@@ -141,7 +142,10 @@ def region_of(curve: Curve, view: View) -> Region:
         certain=[line for chain in chains for line in _boundary(chain, certified=True)] + jumps,
         doubtful=[line for chain in chains for line in _boundary(chain, certified=False)],
         bars=bars,
-        unknown=list(_unknown_cells(curve, view)),
+        unknown=[
+            *_unknown_cells(curve, view),
+            *(gap for gap in pairwise(sorted(curve.columns)) if curve.gaps and gap not in curve.gaps),
+        ],
     )
 
 
