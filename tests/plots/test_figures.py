@@ -1,6 +1,7 @@
 """Figures: each kind of table can be drawn, small and always the same; what they look like, a person has to judge."""
 
 import pathlib
+import re
 import struct
 import threading
 from dataclasses import replace
@@ -144,15 +145,26 @@ def test_the_bars_of_a_recipe_show_every_row():
     assert {text.get_text() for axes in shown for text in axes.get_yticklabels()} >= {"g = 3, n = 5 ms"}
 
 
-def test_a_single_wish_is_a_bar_for_each_design():
-    wish = {"z_width": {"B_VE": [1.0]}}
-    facts = {"spec": {"design": {"wish": wish, "vary": {"b": {}, "filters.lp1.order": {}}}}, "own": {"z_width": 500.0}}
-    columns = {"b": np.array([20.0]), "filters.lp1.order": np.array([1.0]), "z_width": np.array([900.0])}
-    bars, impedance, order = plots.design(columns, facts).axes
-    assert [patch.get_width() for patch in bars.patches] == [500.0, 900.0]
-    assert "N/m" in bars.get_xlabel()
-    assert "N·s/m" in impedance.get_title()
-    assert order.get_ylim() == (0.5, 1.5)
+def test_a_single_design_is_a_list_beside_its_response():
+    """Nearly empty panels of a point each used to show it."""
+    spec = {
+        "controller": {"kind": "pmw"},
+        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+        "design": {"vary": {"b": {"start": 5, "stop": 100}}, "wish": {"z_width": {"at_least": 400.0}, "felt": {}}},
+    }
+    facts = {"spec": wavesweep.load(spec).as_designed().tables(), "own": {"z_width": 500.0, "felt": None}}
+    columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
+    listed, response = plots.design(columns, facts).axes
+    cells = {at: cell.get_text().get_text() for at, cell in listed.tables[0].get_celld().items()}
+    rows = [[cells[row, column] for column in range(3)] for row in range(4)]
+    assert [row[1:] for row in rows] == [["spec's own", "found"], ["500", "900"], ["not known", "700"], ["25", "40"]]
+    assert "at least 400" in rows[1][0]
+    for line, b in zip(response.lines, (25.0, 40.0), strict=True):
+        frequency, magnitude = line.get_data()
+        expected = wavesweep.compile({"controller": {"kind": "pmw", "b": b}}).response(frequency.tolist())
+        assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
+    without, _ = plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes
+    assert without.tables[0].get_celld()[3, 1].get_text().get_text() == "not known"
 
 
 @pytest.mark.parametrize(
@@ -189,7 +201,8 @@ def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():
 
 
 def texts_of(canvas):
-    return [text.get_text() for legend in canvas.legends for text in legend.get_texts()]
+    legends = [*(axes.get_legend() for axes in canvas.axes if axes.get_legend()), *canvas.legends]
+    return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
 def test_a_value_that_an_axis_has_twice_is_drawn_once(family, tmp_path):
@@ -223,6 +236,31 @@ def test_the_star_of_walls_whose_feel_is_not_known_is_at_the_stiffest(plane):
     one = {name: column[-1:] for name, column in plane.items()}
     known = best_row(one)
     assert best_of([best_row(unknown), known]) == known
+
+
+def test_the_legend_is_low_above_one_column_and_beside_the_panels_of_two(family, panels):
+    felt = family | {"felt_low": family["low"] / 2, "felt_high": family["high"] / 2}
+    figure = plots.zwidth(felt, {})
+    (axes,) = figure.axes
+    boxes = [legend.get_window_extent() for legend in (axes.get_legend(), *figure.legends)]
+    assert sum(box.height for box in boxes) < 0.25 * figure.bbox.height
+    assert min(box.x0 for box in boxes) > 0
+    assert max(box.x1 for box in boxes) < figure.bbox.x1
+    assert texts_of(figure)[:4] == ["$b$ = 20 N·s/m", "40", "60", "80"]
+    assert "stiffest felt, certified: 2600 N/m,\nof a wall of 5200 N/m" in texts_of(figure)
+    wide = plots.zwidth(panels, {})
+    (legend,) = wide.legends
+    assert legend.get_window_extent().x0 > max(each.get_window_extent().x1 for each in wide.axes)
+
+
+def test_a_star_at_the_last_value_lies_within_the_frame():
+    loop = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
+    figure = wavesweep.compile(loop).plot_zwidth(B_VE=[0.0, 5.0, 15.0])
+    (axes,) = figure.axes
+    (star,) = [line for line in axes.lines if line.get_marker() == "*"]
+    assert star.get_xdata() == 15.0
+    right = star.get_transform().transform((15.0, float(star.get_ydata()[0])))[0] + 3 * figure.dpi / 72
+    assert right == pytest.approx(axes.get_window_extent().x1, abs=1)
 
 
 def test_the_star_of_bars_of_hands_is_at_its_hand(bars):
@@ -292,6 +330,38 @@ def test_the_legend_of_a_comparison_names_the_marks_that_are_there(plane):
     assert texts_of(plots.compare(clipped, {})) == ["one", "the swept range ends it"]
 
 
+def test_curves_of_a_comparison_differ_by_spec_and_by_value(family):
+    """Four values of b of each of two specs used to be one colour a spec."""
+    rows = family["low"].size
+    columns = {"spec": np.repeat(np.array(["one", "two"], object), rows)}
+    columns |= {name: np.tile(column, 2) for name, column in family.items()}
+    figure = plots.compare(columns, {})
+    lines = [line for line in figure.axes[0].lines if line.get_marker() != "." and len(line.get_xdata()) > 5]
+    looks = {(tuple(line.get_color()), line.get_linestyle()) for line in lines if line.get_linestyle() not in (":", "None")}
+    assert len(looks) == 8
+    assert len({colour for colour, _ in looks}) == 4
+    assert texts_of(figure)[:6] == ["one", "two", *(f"$b$ = {b} N·s/m" for b in (20, 40, 60, 80))]
+
+
+def test_numbers_of_margins_do_not_touch_and_nothing_is_cut_off_beside_long_names():
+    hands = {f"operator.{name}": [0.0, value] for name, value in (("mass", 0.2), ("damping", 1.0), ("stiffness", 100.0))}
+    figure = wavesweep.compile({"controller": {"kind": "pmw"}}).plot_passivity(**hands)
+    port = figure.axes[1]
+    boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in port.get_xticklabels()))
+    assert all(left[1] < right[0] for left, right in pairwise(boxes))
+    assert port.xaxis.label.get_window_extent().x1 < figure.bbox.x1
+    assert figure.axes[0].get_ylabel().replace("\n", " ") == "operator mass, operator damping, operator stiffness"
+
+
+def test_texts_of_a_figure_are_texts_in_a_file(plane, tmp_path):
+    """TrueType fonts in a PDF, which journals ask for, and text elements in an SVG."""
+    for suffix in ("pdf", "svg"):
+        save(plots.zwidth(plane, {}), tmp_path / f"a.{suffix}", about_figure("zwidth", {}))
+    fonts = re.findall(rb"/Subtype /(Type3|Type0|TrueType)", (tmp_path / "a.pdf").read_bytes())
+    assert set(fonts) == {b"Type0"}
+    assert re.search("<text [^>]*>largest", (tmp_path / "a.svg").read_text())
+
+
 def test_intervals_that_lie_apart_are_not_joined_in_a_comparison(plane):
     """One ends where another begins, both alone at their damping."""
     some = {name: column[plane["B_VE"] > 6] for name, column in plane.items()}  # a single interval everywhere
@@ -324,19 +394,52 @@ def test_one_thread_after_the_other_has_the_settings_of_figures():
     assert dict(matplotlib.rcParams) == before
 
 
-@pytest.mark.parametrize(("own", "marked"), [(2.0, [(40.0, 1)]), (2.5, []), (3.0, [(40.0, 2)])])
+@pytest.mark.parametrize(("own", "marked"), [(2.0, [(40.0, 0)]), (2.5, []), (3.0, [(40.0, 1)])])
 def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
     tables = {
         "rates": {"tick_hz": 1000},
         "numbers": {"k": 40.0, "d": own},
         "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "h": {"type": "hold", "every": 20}},
         "wire": {"h.u": "-k*m.x - d*m.v", "m.f": "h.y"},
-        "sweep": {"along": "k", "k": {"start": 0, "stop": 1500}, "d": [1.0, 2.0, 3.0]},
+        "sweep": {"along": "k", "k": {"start": 0, "stop": 1500}, "d": [2.0, 3.0]},
     }
     table = intervals(wavesweep.load(tables))
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     crosses = [line for line in axes.lines if line.get_marker() == "x"]
     assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked
+
+
+@pytest.mark.thorough
+def test_limits_that_an_even_scale_squeezes_have_one_of_factors_and_lines_that_are_right_on_it():
+    loop = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
+    loop |= {"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
+    compiled = wavesweep.compile(loop)
+    figure = compiled.plot_zwidth("b", (0.5, 1000), K_VE=np.linspace(0, 6000, 12))
+    (axes,) = figure.axes
+    assert (axes.get_yscale(), axes.get_ylim()[0]) == ("log", pytest.approx(0.5 / 1.15))
+    lines = [each for lines in axes.collections for each in (lines.get_segments() if hasattr(lines, "get_segments") else [])]
+    pixels, steps = axes.transData.transform, [pair for line in lines for pair in pairwise(line)]
+    steps = [(a, b) for a, b in steps if 700 < a[0] < b[0] < 6000 and b[0] - a[0] > 50]  # of the upper limit
+    assert len(steps) > 5
+    table = compiled.stable_intervals("b", (0.5, 1000), K_VE=sorted({(a[0] + b[0]) / 2 for a, b in steps[:12]}))
+    for a, b in steps[:12]:
+        middle, drawn = (a[0] + b[0]) / 2, (pixels(a)[1] + pixels(b)[1]) / 2
+        found = table[middle == table.K_VE].high
+        assert np.abs(pixels([(middle, high) for high in found])[:, 1] - drawn).min() < 0.75
+    assert compiled.plot_zwidth(B_VE=[0.0, 5.0, 10.0]).axes[0].get_yscale() == "linear"
+
+
+@pytest.mark.parametrize("number", [3, 9, 51])
+def test_a_number_that_varies_smoothly_is_along_the_figure_however_few_values_it_has(number):
+    """Three values were bars that lay, nine or more a region that stood."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 40.0, "kd": 2.0},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}},
+        "wire": {"m.f": "-kp*m.x - kd*m.v"},
+    }
+    figure = wavesweep.compile(tables).plot_zwidth("kp", (0, 5000), kd=np.linspace(1, 60, number))
+    assert (figure.get_supxlabel(), figure.get_supylabel()) == ("kd", "kp")
 
 
 def test_space_that_is_not_swept_does_not_pass_for_unstable():
@@ -361,7 +464,7 @@ def test_a_limit_below_all_others_has_room_for_what_is_unstable_below_it():
         table = intervals(wavesweep.load(spec))
         assert table.columns["low"].tolist() == [0.0, 0.0, 0.0]
         largest = table.columns["high"].max()
-        low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_xlim()
+        low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_ylim()
         assert low == pytest.approx(max(-0.06 * largest, start))
 
 

@@ -1,7 +1,9 @@
 """Lines of a plane that follow intervals from column to column."""
 
-from wavesweep.plots.planes import _followed
-from wavesweep.plots.refine import NARROW, Curve, Interval, _is_straight
+from wavesweep.plots.planes import _followed, region_of
+from wavesweep.plots.refine import KNOWN, NARROW, Curve, Interval, View, _is_straight
+
+VIEW = View("B_VE", False, 500, 400)
 
 
 def column(*intervals, incomplete=False):
@@ -26,8 +28,22 @@ def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
         return (Interval(low, 200.0, real, True, True),), False
 
     corner = ending(2.3, True), ending(2.1, True), ending(2.0, False)
-    assert _is_straight(*corner, tolerance=0.1)
-    assert not _is_straight(*corner, tolerance=0.04)
+    assert _is_straight(*corner, VIEW, tolerance=0.1)
+    assert not _is_straight(*corner, VIEW, tolerance=0.04)
+
+
+def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
+    curve = Curve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
+    region = region_of(curve, VIEW)
+    assert region.unknown == [(2.0, 3.0)]
+    assert [x for x, _ in region.bars] == [2.0, 3.0]
+    assert region_of(Curve(curve.columns), VIEW).unknown == []  # bars alone
+
+
+def test_what_is_straight_on_a_scale_of_factors_is_not_on_an_even_one():
+    one, middle, other = column((1, 10)), column((1, 100)), column((1, 1000))
+    assert _is_straight(one, middle, other, View("K_VE", False, 500, 400, by_factors=True), tolerance=1e-3)
+    assert not _is_straight(one, middle, other, VIEW, tolerance=1.0)
 
 
 def test_bars_at_the_first_or_the_last_value_are_known_as_such():
@@ -40,3 +56,14 @@ def test_bars_at_the_first_or_the_last_value_are_known_as_such():
     ):
         assert Curve(columns, gaps).open_at_ends == found
     assert not Curve({0.0: column((0, 1))}).open_at_ends
+
+
+def test_the_outer_boundary_goes_on_where_a_hole_begins():
+    """It had a gap of a pixel there."""
+    one, two = column((100, 1200)), column((101, 600), (700, 1201))
+    for columns, lines in (
+        ({1.0: one, 2.0: two}, [[(1.0, 1200), (2.0, 1201)], [(2.0, 101), (1.0, 100)]]),
+        ({1.0: two, 2.0: one}, [[(1.0, 1201), (2.0, 1200)], [(2.0, 100), (1.0, 101)]]),
+    ):
+        _, jumps, *_ = _followed(Curve(columns, {(1.0, 2.0): NARROW}))
+        assert [line for line in jumps if line[0][0] != line[1][0]] == lines

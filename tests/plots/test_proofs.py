@@ -35,7 +35,8 @@ def carets(axes):
 
 
 def said(figure):
-    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    legends = [*figure.legends, *(legend for axes in figure.axes if (legend := axes.get_legend()))]
+    return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
 @pytest.mark.parametrize("settled", [True, False])

@@ -31,6 +31,16 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
     assert set(np.diff(phase.get_yticks())) <= {45.0, 90.0}
 
 
+def test_magnitudes_have_decibels_at_the_right(responses):
+    for axes, one in zip(plots.bode(responses, {}).axes[:2], ("mm/N", "N/m"), strict=True):
+        (right,) = axes.child_axes
+        assert one in axes.get_ylabel()
+        assert right.get_ylim() == axes.get_ylim()
+        for place, label in zip(right.get_yticks(), right.get_yticklabels(), strict=True):
+            number = float(label.get_text().removesuffix(" dB").replace("\N{MINUS SIGN}", "-"))
+            assert place == pytest.approx(10 ** (number / 20))
+
+
 def test_the_static_limit_is_a_mark_at_the_left_edge():
     columns, figure = figure_of(bode={"frequency_hz": [0.0, 0.1, 1.0, 10.0, 25.0]})
     axes = figure.axes[0]

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from matplotlib.ticker import FixedLocator
 
+import wavesweep
 from wavesweep import plots
 from wavesweep.plots.simulation import _extremes, _spans
 from wavesweep.plots.style import _cut_off, figure
 from wavesweep.results import fields
 from wavesweep.simulation import simulated, table
 from wavesweep.spec import load
+from wavesweep.tables.simulation import simulate as simulation_tables
 
 
 def simulation(kind="pmw-lm", **simulate):
@@ -66,6 +68,22 @@ def test_the_detail_is_where_contact_changes(force):
 def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kind, start):
     columns = {"tick": np.arange(2000), "time_s": 1e-3 * np.arange(2000), "touching": np.ones(2000, dtype=bool)}
     assert _spans(columns, _facts(kind))[1] == slice(start, start + 800)
+
+
+@pytest.mark.slow
+def test_the_linear_loop_is_drawn_between_the_tones_as_well():
+    """Straight lines between three tones hid a resonance between two of them."""
+    loop = {"controller": {"kind": "pmw"}, "operator": {"mass": 0.1, "damping": 1.0, "stiffness": 300.0}}
+    loop |= {"environment": {"integration": "explicit"}, "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
+    simulate = {"input": "stepped-sine", "frequency_hz": [1.0, 4.0, 10.0]}
+    *_, table = simulation_tables(load(loop | {"simulate": simulate}))
+    figure = plots.simulate_response(table.columns, table.facts)
+    line, dots = figure.axes[0].lines[:2]
+    frequency, magnitude = line.get_data()
+    expected = wavesweep.compile(loop).response(frequency.tolist())
+    assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
+    assert magnitude.max() > 3 * dots.get_ydata().max()
+    assert (frequency.min(), frequency.max()) == (0.5, 20.0)
 
 
 @pytest.mark.sample(1)

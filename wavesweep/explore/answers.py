@@ -12,7 +12,8 @@ import numpy as np
 from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
 from wavesweep.monodromy.cut import Cut
-from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
+from wavesweep.plots.planes import region_of
+from wavesweep.plots.refine import NARROW, Curve, Interval, View, curves_of, known_gaps
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
 from wavesweep.rows import complex_columns
@@ -34,7 +35,8 @@ ROUNDS = 6  # of false position for the intervals through the design
 EDGE = 0.05  # of a plane that is left beyond the design
 JUMP = 0.5  # of the plane, between two points of a curve that no line joins
 OUTSIDE = 4.0  # sizes of the plane, beyond which a point of a curve does not count
-PIXELS = (600, 400)  # of the plane
+PIXELS = (800, 400)  # of the plane
+ROUGH, FINER = 2, 8  # pixels to which a preview is right, and parts of its cells where lines are not
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +90,33 @@ def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
     """The wall's plane and the intervals through the design by the boundary's explicit curve; K_VE may be either axis."""
     solved = WALL.index(plane.y)
     theta, walls = refined_curve(cut, (plane.x_span, plane.y_span) if solved else (plane.y_span, plane.x_span))
-    fixed, ranges = np.linspace(*plane.x_span, COLUMNS), []
-    columns = quick_columns(cut, theta, walls, solved, fixed, plane.y_span)
+    ranges = []
     for path, span in search.items():
         at, other = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
         pairs = quick_columns(cut, theta, walls, at, other, span, ROUNDS)[0]
         ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
     shown = _pieces(walls[[1 - solved, solved]], plane, theta / float(cut.period))
-    found = {"how": "curve", "angles": theta.size, "x": fixed.tolist(), "columns": columns, "curve": shown}
-    return {"plane": found, "ranges": ranges}
+    found = {"how": "curve", "angles": theta.size, "curve": shown}
+    shape = _preview(plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span))
+    return {"plane": shape | found, "ranges": ranges}
+
+
+def _preview(plane, columns_at) -> dict:
+    """The plane by columns without a proof, which lie closer together where lines between them are not right.
+
+    columns_at: gives a list of intervals for each of some values of x.
+    """
+    (low, high), view, found, gaps = plane.y_span, View(plane.x, False, *PIXELS), {}, {}
+    places, cells = np.linspace(*plane.x_span, COLUMNS).tolist(), []
+    for _ in range(2):
+        for x, column in zip(places, columns_at(places) if places else [], strict=True):
+            found[x] = tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), False
+        for points in cells or [places]:
+            gaps |= known_gaps({x: found[x] for x in points}, view, ROUGH * (high - low) / view.high)
+        cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(found)) if (a, b) not in gaps]
+        places = [x for points in cells for x in points[1:-1]]
+    gaps |= {gap: NARROW for gap in pairwise(sorted(found)) if gap not in gaps}
+    return plane_of(Curve(found, gaps), view)
 
 
 def _pieces(points, plane, omega) -> list[dict]:
@@ -140,26 +160,38 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
     sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
     facts = {"spec": {**spec.tables(), "sweep": sweep}}
     rows = in_memory(job_over(make_grid(spec, (across,), plane.y), along))
-    return plane_of(curves_of([rows], View(across.name, False, *PIXELS), facts)[0])
+    view = View(across.name, False, *PIXELS)
+    return plane_of(curves_of([rows], view, facts)[0], view)
 
 
 def certified_columns(spec: Spec, plane: Plane, x) -> dict:
     """The stable intervals along y at some values of x; nothing is said of the values between them."""
     axes = _axis(spec, plane.x, x), _axis(spec, plane.y, (), plane.y_span)
     rows = in_memory(job_over(make_grid(spec, axes[:1], plane.y), axes[1]))
-    return plane_of(curves_of([rows], View(axes[0].name, False, *PIXELS), {})[0])
+    view = View(axes[0].name, False, *PIXELS)
+    return plane_of(curves_of([rows], view, {})[0], view)
 
 
-def plane_of(curve: Curve) -> dict:
-    """The columns of a curve, each with its intervals as (low, high, certified), and which gaps between them are known.
+def plane_of(curve: Curve, view: View) -> dict:
+    """The columns of a curve, each with its intervals as (low, high, certified), and what a picture shows of it, see `Region`.
 
-    partly: whether other intervals of the column may be missing.
+    known: which gaps between the columns are known. partly: whether other intervals of the column may be missing. lines: the
+    certified parts of the boundary. bars: (x, low, high, certified).
     """
-    slices = curve.slices()
+    slices, region = curve.slices(), region_of(curve, view)
     places = [x for x, _, _ in slices]
-    gaps = [curve.gaps.get(pair) == KNOWN for pair in pairwise(places)]
-    columns = [[(each.low, each.high, each.certified) for each in intervals] for _, intervals, _ in slices]
-    return {"how": "certified", "x": places, "columns": columns, "known": gaps, "partly": [partly for *_, partly in slices]}
+    return {
+        "how": "certified",
+        "x": places,
+        "columns": [[(each.low, each.high, each.certified) for each in intervals] for _, intervals, _ in slices],
+        "known": [gap in curve.gaps for gap in pairwise(places)],
+        "partly": [partly for *_, partly in slices],
+        "areas": region.areas,
+        "lines": region.certain,
+        "doubtful": region.doubtful,
+        "bars": [(x, each.low, each.high, each.certified) for x, each in region.bars],
+        "unknown": region.unknown,
+    }
 
 
 INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", "felt_low", "felt_high")

@@ -15,13 +15,16 @@ from wavesweep.plots.style import (
     at_hand,
     by_factors,
     distinct_colour,
+    family_colours,
     figure,
+    fitting,
     incomplete,
     label,
     note_assumptions,
     printed,
     shortened,
     symbol,
+    valued,
     with_unit,
 )
 from wavesweep.rows import Columns
@@ -37,6 +40,10 @@ _LOWER = {"linestyle": ":", "linewidth": 0.8}
 _DOUBTED = {"marker": "x", "markersize": 3, "color": DOUBTFUL, "linestyle": ""}
 _FAINT = 0.35  # opacity
 _FEW = 25  # samples of a curve up to which each is marked
+_MOST_NAMED = 8  # values of the other axes in the legend
+_ALONE = "black"  # the colour of a spec without values of its own where others have them
+
+Key = tuple[tuple[str, float], ...]  # the values of the axes that vary besides the one that is drawn over
 
 
 def compare(
@@ -50,7 +57,8 @@ def compare(
     Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the damping of
     the wall, or else the first axis that has several values; those of a spec without that axis are lines from side to side.
     Samples are joined by a line if they have equally many intervals. If the swept range and not the loop ends an interval, its
-    end is hollow. Responses of unstable loops are faint.
+    end is hollow. Responses of unstable loops are faint. If further axes vary, colours are their values, and specs differ by
+    their marks and dashes alone.
     """
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     if responses is not None:
@@ -59,19 +67,20 @@ def compare(
     with figure(TWO_COLUMNS, height) as canvas:
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
         title_of_x, places = _abscissa(columns, facts, specs)
+        looks = _Looks(specs, _keys(columns, responses, places, specs))
         unit = printed(unlike_units(facts).get("felt_high", (felt_unit(facts),)))
         for axes, names, title in zip(grid[0], _WALLS, (f"ends of stable {_stiffness(columns)}", "felt there"), strict=True):
-            _walls(axes, columns, places, names)
+            _walls(axes, columns, places, names, looks)
             axes.set_xlabel(title_of_x)
             axes.set_ylabel(with_unit(title, unit))
         for axes, (name, title, of_port) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
-            _curves(axes, responses, specs, name)
+            _curves(axes, responses, looks, name)
             axes.set_ylabel(at_hand(title, name, of_port, of_responses or facts))
         for axes in grid.flat:
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()
-        handles, labels = _handles(specs, columns, responses)
-        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, len(specs) + 2))
+        handles, labels = _handles(looks, columns, responses, facts)
+        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, fitting(labels, TWO_COLUMNS)))
         note_assumptions(canvas, facts)
     return canvas
 
@@ -87,8 +96,10 @@ def compare_bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return bode(columns, facts)
 
 
-def _handles(specs: list[str], columns: Columns, responses: Columns | None) -> tuple[list[Any], list[str]]:
-    """The entries of the legend: the specs, and those of the other marks that the figure has."""
+def _handles(
+    looks: _Looks, columns: Columns, responses: Columns | None, facts: Mapping[str, Any]
+) -> tuple[list[Any], list[str]]:
+    """The entries of the legend: the specs, the values of further axes, and the other marks that the figure has."""
     from matplotlib.lines import Line2D
 
     stable, grey = columns["intervals"] > 0, {"color": "0.4"}
@@ -101,17 +112,54 @@ def _handles(specs: list[str], columns: Columns, responses: Columns | None) -> t
     ]
     if responses is not None:
         marks.append((~responses["stable"], grey | {"alpha": _FAINT}, "faint: unstable"))
-    entries = [(_look(number), shortened(spec)) for number, spec in enumerate(specs)]
+    entries = [(looks.of(spec, ()), shortened(spec)) for spec in looks.specs]
+    chosen = np.unique(np.linspace(0, len(looks.colours) - 1, _MOST_NAMED).round().astype(int)) if looks.colours else ()
+    for key, colour in [list(looks.colours.items())[at] for at in chosen]:
+        entries.append(({"color": colour, "linewidth": 2}, ", ".join(valued(*each, facts) for each in key)))
     entries += [(look, said) for rows, look, said in marks if rows.any()]
     return [Line2D([], [], **look) for look, _ in entries], [said for _, said in entries]
 
 
-def _look(number: int) -> dict[str, Any]:
-    """Colour, marker and dashes of a spec."""
-    return {
-        "color": distinct_colour(number), "marker": _MARKERS[number % len(_MARKERS)], "markersize": 3,
-        "linestyle": _DASHES[number % len(_DASHES)],
-    }  # fmt: skip
+class _Looks:
+    """Colour, marker and dashes of each spec or, if further axes vary, its marker and dashes, and a colour of each value."""
+
+    def __init__(self, specs: list[str], keys: list[Key]) -> None:
+        self.specs, self.colours = specs, dict(zip(keys, family_colours(len(keys)), strict=True))
+
+    def of(self, spec: str, key: Key) -> dict[str, Any]:
+        """The look of the curve of a spec at some values."""
+        number = self.specs.index(spec)
+        colour = distinct_colour(number)
+        if self.colours:
+            colour = self.colours[key] if key else _ALONE
+        return {
+            "color": colour, "marker": _MARKERS[number % len(_MARKERS)], "markersize": 3,
+            "linestyle": _DASHES[number % len(_DASHES)],
+        }  # fmt: skip
+
+
+def _keys(columns: Columns, responses: Columns | None, places: Mapping[str, np.ndarray], specs: list[str]) -> list[Key]:
+    """The different values of further axes, of all curves."""
+    found: dict[Key, None] = {}
+    for spec in specs:
+        rows = _rows_of(columns, spec)
+        found |= dict.fromkeys(key for key, _ in _split(rows, _others(rows, places[spec])))
+        if responses is not None:
+            found |= dict.fromkeys(key for key, _ in _split(_rows_of(responses, spec), _beside(responses)))
+    return sorted(key for key in found if key)
+
+
+def _rows_of(columns: Columns, spec: str) -> Columns:
+    return {key: column[columns["spec"] == spec] for key, column in columns.items()}
+
+
+def _others(rows: Columns, place: np.ndarray) -> list[str]:
+    """The axes of a spec that the figure is not drawn over."""
+    return [name for name in _axes_of(rows) if not np.array_equal(rows[name], place, equal_nan=True)]
+
+
+def _beside(responses: Columns) -> list[str]:
+    return list(responses)[: list(responses).index("spec")]
 
 
 def _axes_of(columns: Columns) -> list[str]:
@@ -150,21 +198,21 @@ def _damping(spec: Mapping[str, Any]) -> tuple[str, float, str]:
     return name, spec["numbers"][name]["value"], spec["numbers"][name]["unit"]
 
 
-def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names: tuple[str, str]) -> None:
+def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names: tuple[str, str], looks: _Looks) -> None:
     """places: of the rows of each spec, see `_abscissa`."""
     everywhere = np.concatenate(list(places.values()))
     known = everywhere[~np.isnan(everywhere)]
     for number, (spec, place) in enumerate(places.items()):
-        rows = {key: column[columns["spec"] == spec] for key, column in columns.items()} | {"": place}
-        others = [name for name in _axes_of(columns) if not np.array_equal(rows[name], place, equal_nan=True)]
-        for curve in _split(rows, others):
+        rows = _rows_of(columns, spec)
+        for key, curve in _split({**rows, "": place}, _others(rows, place)):
             across, count = curve.pop(""), len(curve["high"])
             if not known.size:
                 across = np.full(count, float(number))
             both = known.size and np.isnan(across).any()  # a line from side to side
             if both:
                 across = np.repeat([known.min(), known.max()], count)
-            _ends(axes, across, {key: np.tile(each, 2) if both else each for key, each in curve.items()}, names, _look(number))
+            tiled = {name: np.tile(each, 2) if both else each for name, each in curve.items()}
+            _ends(axes, across, tiled, names, looks.of(spec, key))
     if is_logarithmic(known):
         by_factors(axes.xaxis, known.min(), known.max())
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
@@ -172,16 +220,17 @@ def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names:
         axes.set_xticks(range(len(places)), list(places))
 
 
-def _split(rows: Columns, others: list[str]) -> Iterator[Columns]:
-    """Yield the rows of each combination of the other axes."""
+def _split(rows: Columns, others: list[str]) -> Iterator[tuple[Key, dict[str, np.ndarray]]]:
+    """Yield the rows of each combination of the other axes, and its values of those that vary."""
     if not others:
-        yield rows
+        yield (), dict(rows)
         return
     keys = np.nan_to_num(np.stack([rows[name] for name in others], axis=1).astype(float), nan=-1.0)
-    _, which = np.unique(keys, axis=0, return_inverse=True)
-    which = which.reshape(-1)
-    for number in range(which.max() + 1):
-        yield {key: column[which == number] for key, column in rows.items()}
+    different, which = np.unique(keys, axis=0, return_inverse=True)
+    varied = np.flatnonzero(np.ptp(different, axis=0) > 0).tolist()
+    for number, values in enumerate(different):
+        chosen = which.reshape(-1) == number
+        yield tuple((others[at], float(values[at])) for at in varied), {key: column[chosen] for key, column in rows.items()}
 
 
 def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str], style: Mapping[str, Any]) -> None:
@@ -209,18 +258,15 @@ def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str],
         axes.plot(at[shown], curve[names[0]][here][shown], **{**style, "linestyle": "", "markerfacecolor": "white"})
 
 
-def _curves(axes: Any, columns: Columns, specs: list[str], name: str) -> None:
-    names = list(columns)
-    others = names[: names.index("spec")]
+def _curves(axes: Any, columns: Columns, looks: _Looks, name: str) -> None:
     least = columns["frequency_hz"][columns["frequency_hz"] > 0].min(initial=np.inf)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for number, spec in enumerate(specs):
-        rows = {key: column[columns["spec"] == spec] for key, column in columns.items()}
-        for curve in _split(rows, others):
+    for spec in looks.specs:
+        for key, curve in _split(_rows_of(columns, spec), _beside(columns)):
             shown = (curve["frequency_hz"] > 0) & (curve[name] > 0)
             alpha = 1.0 if curve["stable"].all() else _FAINT
-            line = {**_look(number), "alpha": alpha} | ({"marker": ""} if shown.sum() > 1 else {})
+            line = {**looks.of(spec, key), "alpha": alpha} | ({"marker": ""} if shown.sum() > 1 else {})
             axes.plot(curve["frequency_hz"][shown], curve[name][shown], **line)
             static = (curve["frequency_hz"] == 0) & (curve[name] > 0)
             if static.any() and least < np.inf:  # the static limit, at the left edge

@@ -7,7 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, by_factors, figure, label, note_assumptions, printed, with_unit
+from wavesweep.plots.refine import spec_of
+from wavesweep.plots.style import (
+    ONE_COLUMN,
+    TWO_COLUMNS,
+    at_hand,
+    by_factors,
+    family_colours,
+    figure,
+    label,
+    note_assumptions,
+    printed,
+    with_unit,
+)
 from wavesweep.spec.design import WISHES
 from wavesweep.tables.columns import fields
 
@@ -21,6 +33,7 @@ NAMES = {
     "settling": "time constant of the slowest mode",
     "delay_margin": "delay margin",
 }
+_LIST = 2  # designs that are listed
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
 _OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
 
@@ -28,8 +41,8 @@ _OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "
 def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
 
-    All values are the worst over what the designs have to hold for. The labels of the axes say which side is better. A single
-    wish is a bar for the design that was found, and one for the spec's own.
+    All values are the worst over what the designs have to hold for. The labels of the axes say which side is better. Up to two
+    designs are no front: their numbers are a list, with those of the spec's own design, beside the admittances of all.
     """
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
@@ -37,6 +50,8 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
     x, y = free if len(free) == 2 else [wishes[0], wishes[1] if len(wishes) > 1 else wishes[0]]
     varied = list(facts["spec"]["design"]["vary"])
+    if len(columns[x]) <= _LIST:
+        return _draw_list(columns, facts, wishes, varied)
     kinds = {field.name: field.kind for field in fields("zwidth", varied, facts=facts)}
     down = -(-len(varied) // 3)
     width = TWO_COLUMNS if len(varied) > 1 else ONE_COLUMN
@@ -46,10 +61,7 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
         front = canvas.add_subplot(grid[0, :])
         order = np.argsort(columns[x], kind="stable")
         own = facts.get("own", {})
-        if x == y:
-            _draw_single(front, columns[x], own.get(x), _label(x, facts))
-        else:
-            _draw_front(front, columns, order, own, {name: _label(name, facts) for name in (x, y)})
+        _draw_front(front, columns, order, own, {name: _label(name, facts) for name in (x, y)})
         for place, name in enumerate(varied):
             panel = canvas.add_subplot(grid[1 + place // across, place % across])
             panel.plot(columns[x][order], columns[name][order], **_FRONT | {"markersize": 2.5})
@@ -85,16 +97,62 @@ def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray,
     axes.legend(loc="best")
 
 
-def _draw_single(axes: Any, values: np.ndarray, own: float | None, label: str) -> None:
-    """A bar for each design that was found, and one for the spec's own."""
-    known = [] if own is None else [own]
-    names = [*(["the spec's own design"] if known else []), *(["design that was found"] * len(values))]
-    places, colours = np.arange(len(names)), [_OWN["color"]] * len(known) + [_FRONT["color"]] * len(values)
-    axes.barh(places, [*known, *values], height=0.6, color=colours)
-    axes.set_yticks(places, names)
-    axes.set_xlabel(label)
-    axes.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
-    axes.set_axisbelow(True)
+def _draw_list(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], wishes: list[str], varied: list[str]) -> Any:
+    """A list of the wishes and the varied numbers of a few designs and of the spec's own, beside their admittances."""
+    own, spec, count = facts.get("own", {}), spec_of(facts), len(columns[wishes[0]])
+    designs = ["found", *(f"found ({number})" for number in range(2, count + 1))]
+    spec_values = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
+    bounds = {name: _bounds(facts["spec"]["design"]["wish"][name]) for name in wishes}
+    given = [*((name, _label(name, facts) + bounds[name], own.get(name)) for name in wishes)]
+    given += [(name, label(name, facts), spec_values.get(name)) for name in varied]
+    with figure(TWO_COLUMNS, max(2.4, 0.9 + 0.2 * len(given))) as canvas:
+        left, right = canvas.subplots(1, 2, width_ratios=[1.5, 1])
+        cells = [[name, _number(value), *map(_number, columns[column])] for column, name, value in given]
+        widths = [0.58, *[0.42 / (1 + count)] * (1 + count)]
+        table = left.table(
+            cells, colLabels=["", "spec's own", *designs], colWidths=widths, cellLoc="left", loc="center", edges="horizontal"
+        )
+        table.auto_set_font_size(value=False)
+        table.set_fontsize(6.5)
+        left.set_axis_off()
+        shown = _draw_admittances(
+            right, spec, [{}, *({name: columns[name][at] for name in varied} for at in range(count))], designs
+        )
+        right.set_visible(shown)
+        note_assumptions(canvas, facts)
+    return canvas
+
+
+def _bounds(wish: Mapping[str, Any]) -> str:
+    return "".join(f", {name.replace('_', ' ')} {wish[name]:g}" for name in ("at_least", "at_most") if name in wish)
+
+
+def _number(value: float | None) -> str:
+    return "not known" if value is None or np.isnan(value) else f"{value:.5g}"
+
+
+def _draw_admittances(axes: Any, spec: Any, designs: list[dict[str, float]], names: list[str]) -> bool:
+    """The admittances of the spec with the numbers of some designs, its own first; whether there is one."""
+    if spec is None or spec.without_hand():
+        return False
+    from wavesweep.response.steady import respond
+    from wavesweep.sweep.drawn_loops import loop_at_hand
+    from wavesweep.sweep.experiment import radius_of
+
+    frequency = np.array([each for each in spec.frequency_hz if each > 0])
+    looks = (_OWN["color"], *family_colours(len(names)))
+    for numbers, name, look in zip(designs, ["the spec's own", *names], looks, strict=True):
+        paths = {spec.names.find(each).path: value for each, value in numbers.items()}
+        whole = {path for path in paths if isinstance(spec.values.get(path), int)}
+        one = spec.with_values({path: int(value) if path in whole else float(value) for path, value in paths.items()})
+        found, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), radius_of(one) < 1
+        state = {"label": name} if stable else {"label": f"{name}, unstable", "alpha": 0.35}
+        axes.loglog(frequency, 1e3 * np.abs(found), color=look, **state)
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel(at_hand("admittance", "admittance_abs", "mm/N", {"spec": spec.tables()}))
+    axes.grid(visible=True, color="0.9", linewidth=0.5)
+    axes.legend(loc="best", fontsize=7)
+    return True
 
 
 def _label(name: str, facts: Mapping[str, Any]) -> str:

@@ -22,8 +22,8 @@ from wavesweep.plots.planes import (
     range_handle,
     view_of,
 )
-from wavesweep.plots.proofs import draw_at_places, draw_beside_bar, for_all_handles
-from wavesweep.plots.refine import Curve, curves_of, spec_of
+from wavesweep.plots.proofs import NOT_KNOWN, REFUTED, draw_at_places, draw_beside_bar, for_all_handles
+from wavesweep.plots.refine import Curve, curves_of, smooth_axes, spec_of
 from wavesweep.plots.style import (
     DOUBTFUL,
     ONE_COLUMN,
@@ -34,7 +34,6 @@ from wavesweep.plots.style import (
     by_factors,
     family_looks,
     figure,
-    fitting,
     incomplete,
     label,
     unit,
@@ -48,6 +47,7 @@ from wavesweep.tables.interval_tally import whose_column
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
 _APART = 1.6  # points between thin bars of two members
+_SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
 _HALF_BAR = 0.32  # of the distance between two bars
 
 # From the one that promises least to the one that promises most; the looks stay the same whichever are there.
@@ -95,7 +95,7 @@ class Picture(Kept):
 
     def draw(self, facts: Mapping[str, Any]) -> Any:
         """Draw the figure."""
-        layout = lay_out(self._axes, self._best, self._hands)
+        layout = lay_out(self._axes, self._best, self._hands, smooth_axes(self._axes, facts))
         return _draw(_once(self.where(lambda columns, _: layout.shows(columns))), facts, layout, self._best)
 
 
@@ -115,10 +115,10 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     view, swept = _view(columns, facts), swept_range(facts, str(columns["along"][0]))
     span = max(view[0], swept[0]), min(view[1], swept[1])
     own = partial(_own_points, facts, str(columns["along"][0]), layout, view)
-    entries = _entries(columns, facts, layout, best, own(panels))
-    in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
+    members, marks = _entries(columns, facts, layout, best, own(panels))
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
-    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more + 0.17 * -(-len(entries) // in_a_row)
+    more += 0.17 * (_rows(members) + _rows(marks)) if across == 1 else 0.0  # otherwise it is beside the panels
+    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
     with figure(width, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         for axes, value in zip(grid.flat, panels, strict=False):
@@ -131,13 +131,48 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
                 axes.plot(x, y, **_OWN)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
+        if layout.x is not None and _by_factors_upwards(columns, facts):
+            for axes in grid.flat:
+                by_factors(axes.yaxis, *view)
         (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(view)
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout, facts)
-        if entries:
-            canvas.legend(handles=entries, loc="outside upper center", ncols=in_a_row, columnspacing=1.0, handlelength=2.0)
+        _draw_legends(canvas, grid[0, 0], members, marks, beside=across > 1)
     return canvas
+
+
+def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
+    """The members above the only panel, and the marks above these; or all beside the panels."""
+    from matplotlib.patches import Patch
+
+    named = any(each.get_label() in (NOT_KNOWN, REFUTED) for each in members)  # what is narrow needs no entry
+    if not named and any(patch.get_hatch() == UNKNOWN["hatch"] for each in canvas.axes for patch in each.patches):
+        marks = [*marks, Patch(**UNKNOWN, label="not known outside the intervals")]
+    if beside and members + marks:
+        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
+        return
+    above = {"columnspacing": 0.8, "handlelength": 1.9, "handletextpad": 0.5, "fontsize": _SMALL}
+    if members:
+        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
+        axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)
+    if marks:
+        canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks), **above)
+
+
+_SMALL = 7  # points, of a legend above a figure of one column
+
+
+def _in_a_row(entries: Sequence[Any]) -> int:
+    """How many entries are side by side above a figure of one column, in rows of about the same number."""
+    texts = [str(entry.get_label()).replace("$", "").split("\n") for entry in entries]
+    *_, second, longest = sorted([0.0, 0.0, *(25 + 3.4 * max(map(len, lines)) for lines in texts)])  # points
+    most = 1 + int((72 * ONE_COLUMN - longest) / second) if second else 1
+    return -(-len(entries) // -(-len(entries) // most)) if entries else 1
+
+
+def _rows(entries: Sequence[Any]) -> int:
+    return -(-len(entries) // _in_a_row(entries)) + any("\n" in str(entry.get_label()) for entry in entries)
 
 
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
@@ -146,10 +181,16 @@ _OWN = _BEST | {"marker": "x", "markeredgewidth": 1.4}
 
 
 def _mark_best(axes: Any, columns: Columns, layout: Layout, best: Mapping[str, Any], panel: float) -> None:
+    """The star of the best design; that of one on the frame is drawn beside it."""
+    from matplotlib.transforms import ScaledTranslation
+
     if not best or (layout.panels is not None and best[layout.panels] != panel):
         return
     if layout.x is not None:
-        axes.plot(best[layout.x], best["high"], **_BEST)
+        left, right = axes.get_xlim()
+        inwards = (best[layout.x] == left) - float(best[layout.x] == right)
+        moved = ScaledTranslation(inwards * _BEST["markersize"] / 144, 0, axes.figure.dpi_scale_trans)
+        axes.plot(best[layout.x], best["high"], transform=axes.transData + moved, **_BEST)
     elif whose_column(columns):
         axes.plot(best["high"], list(_members(columns)).index(best[whose_column(best)]), **_BEST)
     elif (own := {name: best[name] for name in layout.bars[0]}) in layout.bars:
@@ -209,7 +250,7 @@ def _draw_panel(
     logarithmic = is_logarithmic(columns[layout.x])
     if logarithmic:
         by_factors(axes.xaxis, columns[layout.x].min(), columns[layout.x].max())
-    view = view_of(layout.x, logarithmic, *inches)
+    view = view_of(layout.x, logarithmic, *inches, _by_factors_upwards(columns, facts))
     felt = _shows_felt(columns, facts, layout)
     curves = _curves(members, view, facts, whose_column(columns))
     for number, (look, curve) in enumerate(zip(looks, curves, strict=True)):
@@ -241,6 +282,14 @@ def _shows_felt(columns: Columns, facts: Mapping[str, Any], layout: Layout) -> b
     return bool(((columns["felt_high"] >= low) & (columns["felt_high"] <= high)).any())
 
 
+def _by_factors_upwards(columns: Columns, facts: Mapping[str, Any]) -> bool:
+    """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part."""
+    ends = np.concatenate([columns["low"], columns["high"]])
+    real = ends[~np.isnan(np.concatenate([columns["low_omega"], columns["high_omega"]]))]
+    start = swept_range(facts, str(columns["along"][0]))[0]
+    return bool(np.isfinite(start) and start > 0 and real.size and np.median(real) < _SQUEEZED * real.max())
+
+
 def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     """The limits that show every interval of the table, or the swept range if there is none; all panels share them.
 
@@ -259,6 +308,8 @@ def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     elif swept[0] < bottom:  # stability ends there, and what is below is unstable
         bottom = max(swept[0], bottom - room)
     limits = (float(bottom), float(top + room))
+    if _by_factors_upwards(columns, facts):
+        limits = (max(swept[0], np.nanmin(columns["low"])) / _ROOM, float(top) * _ROOM)
     if top <= bottom:
         limits = swept if np.isfinite(swept).all() else (limits[0], 1.0)
     return limits
@@ -304,22 +355,23 @@ def _assumed(facts: Mapping[str, Any]) -> str:
 
 def _entries(
     columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any], own: tuple[list, list]
-) -> list[Any]:
-    """The entries of the legend."""
+) -> tuple[list[Any], list[Any]]:
+    """The entries of the legend: the members of a family or the hands, and the marks."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     certain = bool((columns["certified"] | promised(columns)).all())
-    handles = hand_handles(columns) if whose_column(columns) else []
+    members, handles = hand_handles(columns) if whose_column(columns) else [], []
     if "guarantee" in columns:
-        handles += for_all_handles(_members(columns)["for_all"])
+        members += for_all_handles(_members(columns)["for_all"])
     if layout.x is not None and layout.family is not None:
         rows, bottom = (
             [_rows_where(columns, layout.family, value) for value in layout.members],
             np.nanmin(columns["low"], initial=np.inf),
         )
         names = [valued(layout.family, value, facts) for value in layout.members]
-        handles = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
+        # The first has name and unit, the others the value.
+        names = [names[0], *(f"{value:.6g}" for value in layout.members[1:])]
+        members = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
     if layout.x is not None and _shows_felt(columns, facts, layout):
         alone = HANDS["free"][0].colour if layout.family is None else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
@@ -329,11 +381,9 @@ def _entries(
         handles.append(Line2D([], [], **_OWN, label="the spec's own"))
     if not certain:
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
-    if incomplete(columns).any():
-        handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
     if range_end(columns, "low") is not None or range_end(columns, "high") is not None:
         handles.append(range_handle())
-    return handles
+    return members, handles
 
 
 def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> str:
@@ -345,7 +395,7 @@ def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> s
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
         return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip() + start
-    return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
+    return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m,\nof a wall of {over}{best['high']:.5g} N/m"
 
 
 def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colours: Sequence[Any] = ()) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -17,6 +17,7 @@ MOST_MEMBERS = 8
 MOST_PANELS = 6
 MOST_BARS = 8
 MOST_COMBINATIONS = 16  # of several axes, as bars of one panel
+_PAIR = 2  # values, which are compared and not joined
 MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 
 
@@ -65,14 +66,19 @@ def axes_of(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[float, ...]]:
     return {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("along")]}
 
 
-def lay_out(axes: Mapping[str, Sequence[float]], best: Mapping[str, float], hands: bool = False) -> Layout:
+def lay_out(
+    axes: Mapping[str, Sequence[float]], best: Mapping[str, float], hands: bool = False, smooth: Collection[str] = ()
+) -> Layout:
     """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a family of lines, panels.
 
     The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which the
-    figure goes through: values that are left out are chosen about it. hands: the family is that of the hands.
+    figure goes through: values that are left out are chosen about it. hands: the family is that of the hands. smooth: axes
+    between whose values the figure computes others; a single one of these is along the figure however few values it has.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
     x = along_the_figure(several)
+    if x is None and len(several) == 1 and not hands:
+        x = next((name for name in several if name in smooth and len(several[name]) > _PAIR), None)
     rest = [name for name in several if name != x]
     fitting = [name for name in rest if len(several[name]) <= MOST_MEMBERS]
     family = None if hands else next(iter([*fitting, *rest]), None)

@@ -21,6 +21,7 @@ from wavesweep.plots.style import (
     figure,
     fitting,
     label,
+    symbol,
     valued,
 )
 from wavesweep.rows import Columns
@@ -29,7 +30,7 @@ _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _PASSIVE, _COLOUR = "#009E73", distinct_colour(0)  # the shade of what is passive, and the dots
 _UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
-_NOTE = 100  # letters of a line
+_NOTE, _NAME = 100, 40  # letters of a line, and of the name of a dot with those of its axes
 _FLOOR = 1e-10
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
@@ -81,6 +82,10 @@ def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
     count = len(columns["channel_norm"])
     places = np.arange(count)
     names = [", ".join(valued(name, columns[name][row], facts) for name in loops.several) for row in range(count)]
+    axes = ""
+    if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
+        axes = "\n".join(wrap(", ".join(symbol(name) for name in loops.several), 12 * (2 + count // 3)))
+        names = [", ".join(_value(name, columns[name][row], facts) for name in loops.several) for row in range(count)]
     note = f"Shown: {count} of {loops.rows} combinations." if count < loops.rows else ""
     with figure(TWO_COLUMNS, 1.5 + 0.2 * count) as canvas:
         channel, port = canvas.subplots(1, 2, sharey=True)
@@ -95,11 +100,16 @@ def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
             panel.grid(visible=True, axis="y", color="0.9", linewidth=0.5)
         _mark_unstable(port, columns["port_margin"], places, columns["stable"])
         channel.set_yticks(places, names)
+        channel.set_ylabel(axes)
         channel.set_ylim(count - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns, facts)
         _legend(canvas, port, "range of what is passive")
         _note(canvas, "", note, _said(facts))
     return canvas
+
+
+def _value(name: str, value: float, facts: Mapping[str, Any]) -> str:
+    return valued(name, value, facts).removeprefix(f"{symbol(name)} = ")
 
 
 def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> None:
@@ -138,8 +148,8 @@ def _scale_margin(port: Any, margin: np.ndarray, upright: bool) -> None:
     (port.set_yscale if upright else port.set_xscale)("symlog", linthresh=linear)
     bottom, top = min(float(known.min(initial=0.0)) * 2, -linear), max(float(known.max(initial=0.0)) * 2, linear)
     (port.set_ylim if upright else port.set_xlim)(bottom, top)
-    # Decades next to the linear part would stand on the 0.
-    decades = 10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, np.ceil(np.log10(largest)) + 1)
+    # Decades next to the linear part would stand on the 0. Side by side there is room for every other one.
+    decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, np.ceil(np.log10(largest)) + 1))[:: -1 if upright else -2][::-1]
     ticks = [tick for tick in (*-decades[::-1], 0.0, *decades) if bottom <= tick <= top]
     (port.yaxis if upright else port.xaxis).set_ticks(ticks)
     (port.axhspan if upright else port.axvspan)(0, top, color=_PASSIVE, alpha=0.2, linewidth=0)

@@ -59,9 +59,9 @@ def draw_planes(planes: Sequence[Plane]) -> Any:
     return canvas
 
 
-def view_of(x: str, logarithmic: bool, width: float, height: float) -> View:
-    """The view of a panel of `width` by `height` inches with its labels."""
-    return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height)
+def view_of(x: str, logarithmic: bool, width: float, height: float, factors: bool = False) -> View:
+    """The view of a panel of `width` by `height` inches with its labels. factors: whether its axis upwards goes by factors."""
+    return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height, factors)
 
 
 def _draw_plane(axes: Any, plane: Plane, view: View) -> None:
@@ -101,25 +101,52 @@ def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool, s
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
 
-    chains, jumps, seams, bars = _followed(curve)
-    outlines = [_outline(chain) for chain in chains if len(chain) > 1] + seams
-    cells = list(_unknown_cells(curve, view))
-    for left, right in cells:
+    region = region_of(curve, view)
+    for left, right in region.unknown:
         axes.axvspan(left, right, **UNKNOWN)
-    if cells:  # no hatching under what is known
-        axes.add_collection(PolyCollection(outlines, facecolor="white", linewidth=0, zorder=0.5))
+    if region.unknown:  # no hatching under what is known
+        axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
     if filled:  # opaque, with a hairline, so that no seam shows between two outlines
         shade = {"facecolor": _mixed(look.colour), "edgecolor": _mixed(look.colour), "linewidth": 0.4, "zorder": 0.6}
     else:
         shade = {"facecolor": look.colour, "alpha": _FAINT, "linewidth": 0}
-    axes.add_collection(PolyCollection(outlines, **shade))
+    axes.add_collection(PolyCollection(region.areas, **shade))
     strokes = [] if filled else [withTickedStroke(angle=75, spacing=9, length=0.45, linewidth=0.7)]
-    certain = [line for chain in chains for line in _boundary(chain, certified=True)] + jumps
-    doubtful = [line for chain in chains for line in _boundary(chain, certified=False)]
     line = {"linewidths": 1.2, "path_effects": strokes}
-    axes.add_collection(LineCollection(certain, colors=[look.colour], linestyles=[look.line], **line))
-    axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
-    _draw_bars_at(axes, bars, look, shift)
+    axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
+    axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
+    _draw_bars_at(axes, region.bars, look, shift)
+
+
+@dataclass(frozen=True)
+class Region:
+    """What a picture shows of a curve.
+
+    areas: outlines of what is stable. certain, doubtful: lines along its boundary, the unstable side at their left. bars: (x,
+    interval) at values of x beside which nothing is known. unknown: (from, to) of x that are known in part, outside the areas,
+    and gaps that are not known beside others that are.
+    """
+
+    areas: list[Line]
+    certain: list[Line]
+    doubtful: list[Line]
+    bars: Chain
+    unknown: list[tuple[float, float]]
+
+
+def region_of(curve: Curve, view: View) -> Region:
+    """The areas, lines, and bars of a curve, for figures and for the page of `explore`."""
+    chains, jumps, seams, bars = _followed(curve)
+    return Region(
+        areas=[_outline(chain) for chain in chains if len(chain) > 1] + seams,
+        certain=[line for chain in chains for line in _boundary(chain, certified=True)] + jumps,
+        doubtful=[line for chain in chains for line in _boundary(chain, certified=False)],
+        bars=bars,
+        unknown=[
+            *_unknown_cells(curve, view),
+            *(gap for gap in pairwise(sorted(curve.columns)) if curve.gaps and gap not in curve.gaps),
+        ],
+    )
 
 
 def _mixed(colour: Any) -> tuple[float, ...]:
@@ -197,7 +224,7 @@ def _followed(curve: Curve) -> tuple[list[Chain], list[Line], list[Line], Chain]
         elif gap == NARROW:
             kept = _partners(before, after)
             if not any(less + more):  # an interval that is not known has not ended
-                jumps += _jumps(left, before, right, after)
+                jumps += [*_jumps(left, before, right, after), *_around(left, before, right, after)]
                 seams += _seams(left, before, right, after, kept)
         else:
             bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
@@ -236,6 +263,18 @@ def _jumps(left: float, before: Sequence[Interval], right: float, after: Sequenc
             for low, high in _less(each, those):
                 lines.append([(x, high), (x, low)] if down else [(x, low), (x, high)])
     return lines
+
+
+def _around(left: float, before: Sequence[Interval], right: float, after: Sequence[Interval]) -> Iterator[Line]:
+    """Lines along the outer ends of an interval that parts across a narrow gap, or of several that become one."""
+    for x, these, end, those in ((left, before, right, after), (right, after, left, before)):
+        for each in these:
+            parts = [o for o in those if o.low < each.high and each.low < o.high]
+            if len(parts) > 1 and all(o.certified for o in (each, *parts)):
+                if each.high_real and parts[-1].high_real:
+                    yield sorted([(x, each.high), (end, parts[-1].high)])
+                if each.low_real and parts[0].low_real:
+                    yield sorted([(x, each.low), (end, parts[0].low)], reverse=True)
 
 
 def _less(each: Interval, others: Sequence[Interval]) -> Iterator[tuple[float, float]]:

@@ -12,6 +12,7 @@ from wavesweep.rows import Columns
 
 _CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 4}
 _LEFT, _RIGHT, _UP, _DOWN = 8, 9, 10, 11  # carets whose base is at the point
+NOT_KNOWN, REFUTED = "not known", "refuted from here"
 _WIDTH = 0.35  # of the distance between two values of x: a hatch about one of them
 
 Span = tuple[float, float]
@@ -47,9 +48,9 @@ def for_all_handles(columns: Columns) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles = [] if columns["settled"].all() else [Patch(**UNKNOWN, label="not known")]
+    handles = [] if columns["settled"].all() else [Patch(**UNKNOWN, label=NOT_KNOWN)]
     if _known(columns["fails_below"]).size + _known(columns["fails_from"]).size:
-        handles.append(Line2D([], [], marker=_RIGHT, **_CARET, label="refuted from here"))
+        handles.append(Line2D([], [], marker=_RIGHT, **_CARET, label=REFUTED))
     return handles
 
 

@@ -8,7 +8,7 @@ to half a pixel. An interval that begins or ends within a cell is located to a p
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -62,12 +62,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class View:
-    """The plane that is drawn: the axis x and whether it is logarithmic, and its size in pixels."""
+    """The plane that is drawn: the axis x and whether it is logarithmic, its size in pixels, and the same of the other axis."""
 
     x: str
     logarithmic: bool
     wide: float
     high: float
+    by_factors: bool = False
+
+    def height(self, value: Any) -> Any:
+        """The coordinate along the other axis in which the figure is straight; values on a scale of factors are positive."""
+        return np.log(value) if self.by_factors else value
 
     def position(self, x: Any) -> Any:
         """The coordinate in which the figure is straight."""
@@ -90,7 +95,7 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     question = _question(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
     if question is None:
         return curves
-    ends = np.concatenate([[*rows["low"], *rows["high"]] for rows in members])
+    ends = view.height(np.concatenate([[*rows["low"], *rows["high"]] for rows in members]))
     height = float(np.ptp(ends[~np.isnan(ends)])) if not np.isnan(ends).all() else 0.0
     # Designs that differ only in what their controller does not read are one.
     different = [curves[question.keys.index(key)] for key in question.designs]
@@ -142,25 +147,32 @@ def _refine(curves: list[Curve], view: View, tolerance: float, question: _Questi
         for (number, x), column in zip(wanted, question.ask(wanted), strict=True):
             curves[number].columns[x] = column
         left -= question.seconds(len(wanted), len(designs))
-        cells = [each for number, points in taken for each in _undecided(curves[number], number, points, tolerance)]
+        cells = [each for number, points in taken for each in _undecided(curves[number], number, points, view, tolerance)]
         for number, a, b in [cell for cell in cells if width(cell) <= narrow]:
             curves[number].gaps[a, b] = NARROW
         cells = [cell for cell in cells if width(cell) > narrow]
 
 
-def _undecided(curve, number, points, tolerance):
-    """Mark the cells that are known, two by two, and return the others."""
-    others = []
-    for a, middle, b in zip(points[:-2:2], points[1::2], points[2::2], strict=True):
-        halves = ((a, middle), (middle, b))
-        if _is_straight(curve.columns[a], curve.columns[middle], curve.columns[b], tolerance):
-            curve.gaps |= dict.fromkeys(halves, KNOWN)
-        else:
-            others += [(number, *half) for half in halves]
-    return others
+def _undecided(curve, number, points, view, tolerance):
+    """Mark the cells that are known, and return the others."""
+    found = known_gaps({x: curve.columns[x] for x in points}, view, tolerance)
+    curve.gaps |= found
+    return [(number, *gap) for gap in pairwise(points) if gap not in found]
 
 
-def _is_straight(before, middle, after, tolerance) -> bool:
+def known_gaps(
+    columns: Mapping[float, tuple[tuple[Interval, ...], bool]], view: View, tolerance: float
+) -> dict[tuple[float, float], str]:
+    """The gaps of columns, two by two, in which lines are right to the tolerance (see `View.height`), by the middle column."""
+    places = sorted(columns)
+    found = {}
+    for a, middle, b in zip(places[:-2:2], places[1::2], places[2::2], strict=True):
+        if _is_straight(columns[a], columns[middle], columns[b], view, tolerance):
+            found |= dict.fromkeys(((a, middle), (middle, b)), KNOWN)
+    return found
+
+
+def _is_straight(before, middle, after, view, tolerance) -> bool:
     """Whether all three columns have the same intervals, and those in the middle lie on lines between the others.
 
     An end may be that of the swept range on one side: a line to it is as right as any other.
@@ -168,10 +180,10 @@ def _is_straight(before, middle, after, tolerance) -> bool:
     intervals = (before[0], middle[0], after[0])
     if len({len(each) for each in intervals}) > 1 or len({before[1], middle[1], after[1]}) > 1:
         return False
-    return all(
-        abs(m.low - (a.low + b.low) / 2) <= tolerance and abs(m.high - (a.high + b.high) / 2) <= tolerance
-        for a, m, b in zip(*intervals, strict=True)
+    low, high = (
+        view.height(np.array([[getattr(each, end) for each in found] for found in intervals])) for end in ("low", "high")
     )
+    return all((np.abs(ends[1] - (ends[0] + ends[2]) / 2) <= tolerance).all() for ends in (low, high))
 
 
 def spec_of(facts: Mapping[str, Any]) -> Any:
@@ -186,6 +198,16 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
         for name, given in facts["spec"].get("filters", {}).items()
     }
     return load({**facts["spec"], **({"filters": filters} if filters else {})})
+
+
+def smooth_axes(names: Iterable[str], facts: Mapping[str, Any]) -> list[str]:
+    """Those of some axes along which further columns can be computed; none without the spec."""
+    spec = spec_of(facts)
+    if spec is None:
+        return []
+    from wavesweep.sweep.grid import is_plain
+
+    return [name for name in names if is_plain(spec, spec.names.find(name).path)]
 
 
 Design = tuple[tuple[str, float], ...]  # path -> value on each axis that is read, without that along the figure

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.chosen import Curves
+from wavesweep.plots.refine import spec_of
 from wavesweep.plots.style import (
     IDEAL,
     LINES,
@@ -28,7 +29,7 @@ from wavesweep.plots.style import (
     valued,
     with_unit,
 )
-from wavesweep.rows import Columns
+from wavesweep.rows import Columns, complex_columns
 from wavesweep.stability.certificate import SPARED
 
 _PANELS = (
@@ -41,6 +42,7 @@ ALIKE = 2.6  # times the least value, below which an axis by factors could be wi
 LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
 _NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
+_LINEAR_POINTS = 800  # of the linear loop beside a simulation
 _MARKS = "osv^D<>p"
 _GRID = {"visible": True, "color": "0.88", "linewidth": 0.5}
 
@@ -55,7 +57,7 @@ class Curve:
 
 
 def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `bode` table: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
+    """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz, with decibels at the right.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
     numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
@@ -110,8 +112,8 @@ def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str,
             _mark_nyquist(axes, columns, x, name == panels[0][0])
         for axes in grid[1]:
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
-        if x == "frequency_hz":
-            _add_normalised_frequency(grid[0], columns)
+        for axes in grid[0]:
+            _add_decibels(axes)
         canvas.align_ylabels()
         place = [] if x == "frequency_hz" else [f"at {columns['frequency_hz'][0]:g} Hz"]
         note_assumptions(canvas, facts, "; ".join([*place, *filter(None, [left_out])]))
@@ -306,23 +308,33 @@ def _normalised(columns: Columns) -> float | None:
     return float(ratios[0]) if len(ratios) and np.ptp(ratios) <= 1e-9 * ratios[0] else None
 
 
-def _add_normalised_frequency(top: Any, columns: Columns) -> None:
-    """Add the axis of omega T_s above, unless the specs have different slow rates."""
-    scale = _normalised(columns)
-    for axes in top if scale is not None else ():
-        above = axes.secondary_xaxis("top", functions=(lambda hz: hz * scale, lambda omega: omega / scale))
-        above.set_xlabel(r"$\omega T_s$ (rad/sample)")
+def _add_decibels(axes: Any) -> None:
+    """An axis at the right in dB of the unit at the left, for magnitudes that have a scale of factors."""
+    if axes.get_yscale() != "log":
+        return
+    low, high = 20 * np.log10(axes.get_ylim())
+    step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
+    decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(10 ** (decibels / 20), [f"{each:g} dB".replace("-", "\N{MINUS SIGN}") for each in decibels])
+    right.set_yticks([], minor=True)
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop."""
+    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop.
+
+    The line is computed for the figure between the frequencies of the table and an octave beyond them; without the spec, or of
+    an unstable loop, there are marks at these frequencies alone.
+    """
     order = np.argsort(columns["frequency_hz"])
     rows = {name: column[order] for name, column in columns.items()}
-    rows |= {name: 1e3 * rows[name] for name in ("admittance_abs", "linear_admittance_abs")}
+    linear = {name.removeprefix("linear_"): column for name, column in rows.items() if name.startswith("linear_")}
+    linear = _linear(rows, facts) or {**linear, "frequency_hz": rows["frequency_hz"]}
+    rows, linear = ({**each, "admittance_abs": 1e3 * each["admittance_abs"]} for each in (rows, linear))
     with figure(TWO_COLUMNS, 4.0) as canvas:
         grid = canvas.subplots(2, 2, sharex=True)
         for axes, (name, title, unit) in zip(grid.flat, _PANELS, strict=True):
-            _draw_seen(axes, rows, name)
+            _draw_seen(axes, rows, linear, name)
             _mark_nyquist(axes, rows, "frequency_hz", name == "admittance_abs")
             axes.set_ylabel(at_hand(title, name, unit, facts))
         for axes in grid[1]:
@@ -333,12 +345,31 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
-def _draw_seen(axes: Any, columns: Columns, name: str) -> None:
-    frequency, linear, seen = columns["frequency_hz"], columns[f"linear_{name}"], columns[name]
-    line = {"marker": "_", "markersize": 14} if len(frequency) == 1 else {}
-    drawn = _broken(frequency, linear) if name.endswith("_deg") else (frequency, linear)
-    axes.plot(*drawn, color=IDEAL, linewidth=0.9, label="linear loop", **line)
-    axes.plot(frequency, seen, "o", color=distinct_colour(0), markersize=3, label="simulated")
+def _linear(rows: Columns, facts: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
+    """The response of the linear loop at many frequencies; None if it has none, or is not known."""
+    spec = spec_of(facts)
+    if spec is None or np.isnan(rows["linear_admittance_abs"]).all():
+        return None
+    from wavesweep.response.steady import respond
+    from wavesweep.sweep.drawn_loops import loop_at_hand
+
+    seen = rows["frequency_hz"]
+    band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)
+    frequency = np.unique(np.concatenate([band, seen]))
+    found = respond(loop_at_hand(spec), frequency)
+    columns = complex_columns("admittance", found.admittance.ravel()) | complex_columns("impedance", found.impedance.ravel())
+    return columns | {"frequency_hz": frequency}
+
+
+def _draw_seen(axes: Any, columns: Columns, linear: Columns, name: str) -> None:
+    frequency, values = linear["frequency_hz"], linear[name]
+    alone = {"marker": "_", "markersize": 14, "linestyle": "none"} if len(frequency) == len(columns["frequency_hz"]) else {}
+    drawn = _broken(frequency, values) if name.endswith("_deg") else (frequency, values)
+    axes.plot(*drawn, color=IDEAL, linewidth=0.9, label="linear loop", **alone)
+    axes.plot(columns["frequency_hz"], columns[name], "o", color=distinct_colour(0), markersize=3, label="simulated")
+    if not alone:
+        by_factors(axes.xaxis, frequency.min(), frequency.max())
+        axes.set_xlim(frequency.min(), frequency.max())
     if name.endswith("_deg"):
         _in_degrees(axes)
     else:

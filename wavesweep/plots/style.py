@@ -65,6 +65,8 @@ _STYLE = {
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.03,
     "hatch.linewidth": 0.5,
+    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3
+    "svg.fonttype": "none",  # texts that can be searched, and changed by hand
     "svg.hashsalt": "wavesweep",
 }
 _COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
