@@ -1,0 +1,206 @@
+"""The fit of a model to a log, and how far the encoder lets its numbers be known.
+
+The likelihood is that of errors of the size of the encoder's rounding and of white noise. Rounding is no white noise: its error
+is a sawtooth of the position, the same as long as the device rests. Its effect on the numbers is therefore found by itself: the
+fitted motion is rounded again at many other places of the encoder's steps, with the noise that is left, and each of the errors is
+carried through the fit. A stretch in which the device stays within a step, at rest or where it turns, counts as one reading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from wavesweep.errors import UsageError
+from wavesweep.identify.model import Model, positions, sensitivities
+
+PLACES = 200  # of the encoder's steps, at which the motion is rounded again
+COVERED = 0.95
+DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
+COARSE = 4000  # samples, at most, of the first search
+RATES = np.geomspace(0.03, 300, 13)  # damping over mass that it tries (1/s)
+TONES = np.geomspace(0.2, 100, 16)  # natural frequencies that it tries (Hz)
+LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fit.
+
+    theta: the numbers of `model.names`. half: half the widths of their intervals. positions: fitted (m). weights: of the
+    samples, 1 or less. noise: standard deviation of the white noise beside rounding (m). resolution: step of the encoder (m),
+    0 for none. likely: errors (m) of samples as they would be, `(PLACES, ticks)`, with what the fit takes of them removed.
+    carried: Q of the weighted sensitivities, `(ticks, numbers)`.
+    """
+
+    model: Model
+    theta: np.ndarray
+    half: np.ndarray
+    positions: np.ndarray
+    weights: np.ndarray
+    noise: float
+    resolution: float
+    basis: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """All numbers by their names."""
+        return self.model.numbers(self.theta)
+
+
+def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float, start=None) -> Fit:
+    """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
+    theta = _first(model, force, position, period) if start is None else start
+    weights = np.ones(len(force))
+    theta = refined(model, theta, force, position, period, weights)
+    noise = 0.0
+    for _ in range(2):
+        found = positions(model, theta, force, period)
+        before = noise
+        noise = _noise(position - found, resolution, weights)
+        new = _weights(found, resolution) if noise < DITHERED * resolution else np.ones(len(force))
+        if np.array_equal(new, weights) and before == noise:
+            break
+        weights = new
+        theta = refined(model, theta, force, position, period, weights)
+    found = positions(model, theta, force, period)
+    J = sensitivities(model, theta, force, period, scales(model, theta, force, position, period))
+    root = np.sqrt(weights)[:, None]
+    size = np.linalg.norm(root * J, axis=0)
+    size[size == 0] = 1.0
+    basis, upper = np.linalg.qr(root * J / size)
+    residual = position - found
+    noise = _noise(residual, resolution, weights, len(theta))
+    inverse = np.linalg.pinv(upper) / size[:, None]
+    moved = [basis.T @ (root[:, 0] * e) for e in likely_errors(found, resolution, noise)]
+    half = _half(inverse @ np.array(moved).T)
+    return Fit(model, theta, half, found, weights, noise, resolution, basis, residual)
+
+
+def likely_errors(found: np.ndarray, resolution: float, noise: float, places: int = PLACES):
+    """Yield the errors of readings of this motion at so many places of the encoder's steps, with white noise."""
+    source = np.random.default_rng(0)
+    for place in range(places):
+        true = found + resolution * place / places
+        read = true + noise * source.standard_normal(len(found)) if noise else true
+        yield (resolution * np.floor(read / resolution + 0.5) if resolution else read) - true
+
+
+def _half(moved):
+    """Half the widths, in which the share COVERED of the errors lies, `(numbers,)`; moved: `(numbers, places)`."""
+    centred = np.abs(moved - moved.mean(axis=1, keepdims=True))
+    # Of a normal distribution the deviation is known better than an outer quantile; of a bounded one the quantile is smaller.
+    return np.minimum(1.96 * moved.std(axis=1), np.quantile(centred, 0.97, axis=1))
+
+
+def _noise(residual, resolution, weights, numbers=0):
+    """Standard deviation of white noise that explains what is left beside rounding."""
+    total = np.sum(weights * residual**2) / max(np.sum(weights) - numbers, 1.0)
+    rounding = resolution**2 / 12
+    # Rounding alone scatters a little around its mean.
+    return float(np.sqrt(total - rounding)) if total > 1.1 * rounding else 0.0
+
+
+def _weights(found, resolution):
+    """1, but of a stretch around a turn within half a step the share of each sample in one reading."""
+    if not resolution:
+        return np.ones(len(found))
+    moves = np.sign(np.diff(found))
+    turns = np.concatenate([[0], np.flatnonzero(moves[1:] != moves[:-1]) + 1, [len(found) - 1]])
+    at = np.arange(len(found))
+    after = np.minimum(np.searchsorted(turns, at), len(turns) - 1)
+    before = np.maximum(np.searchsorted(turns, at, side="right") - 1, 0)
+    near = [np.abs(found - found[turns[each]]) < resolution / 2 for each in (before, after)]
+    masked = near[0] | near[1]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], masked.astype(int), [0]])))
+    weights = np.ones(len(found))
+    for first, last in edges.reshape(-1, 2):
+        weights[first:last] = 1 / (last - first)
+    return weights
+
+
+def scales(model: Model, theta: np.ndarray, force: np.ndarray, position: np.ndarray, period: float) -> np.ndarray:
+    """Sizes of changes of the numbers that move the device about as far as it moves."""
+    found, reach, rms = model.numbers(theta), float(np.ptp(position)), float(np.std(force))
+    mass, seconds = found["mass"], period * len(force)
+    sizes = {
+        "log_mass": 1.0,
+        "damping": max(abs(found["damping"]), mass / min(seconds, 0.3)),
+        "stiffness": max(abs(found["stiffness"]), mass * 40.0),
+        "friction": max(abs(found["friction"]), 0.3 * rms),
+        "delay": 1.0,
+        "start": reach,
+        "velocity": reach / min(seconds, 0.3),
+        "offset": rms,
+    }
+    return np.array([sizes[name] for name in model.names])
+
+
+def refined(model: Model, theta: np.ndarray, force, position, period: float, weights: np.ndarray) -> np.ndarray:
+    """The numbers of the least weighted squares, from others near by."""
+    size = scales(model, theta, force, position, period)
+    root, reach = np.sqrt(weights), float(np.ptp(position))
+
+    def off(part):
+        with np.errstate(all="ignore"):
+            left = root * (positions(model, theta + part * size, force, period) - position) / reach
+        return np.nan_to_num(np.clip(left, -1e6, 1e6), nan=1e6)
+
+    def slopes(part):
+        with np.errstate(all="ignore"):
+            found = sensitivities(model, theta + part * size, force, period, size)
+        return np.nan_to_num(root[:, None] * found * size / reach, posinf=1e6, neginf=-1e6)
+
+    done = least_squares(off, np.zeros(len(theta)), slopes, method="trf", x_scale="jac", ftol=1e-12, xtol=1e-9, gtol=1e-15, max_nfev=60)
+    return theta + done.x * size
+
+
+def _first(model, force, position, period):
+    """Numbers to begin with: of each rate of decay and frequency tried the rest is linear; then delays with the best of them."""
+    every = -(-len(force) // COARSE)
+    whole = len(force) // every * every
+    push, place, tick = force[:whole].reshape(-1, every).mean(axis=1), position[:whole:every], period * every
+    tones = [(2 * np.pi * tone) ** 2 for tone in TONES if tone < 0.3 / tick] if model.spring else [0.0]
+    held = (model.delay or 0.0) / every
+    tried = [_beginning(push, place, tick, rate, square, held) for square in tones for rate in RATES]
+    best = min(filter(None, tried), default=None)
+    if best and model.delay is None:
+        tried = [_beginning(push, place, tick, *best[2:4], late / every) for late in LATE]
+        best = min(filter(None, tried), default=best)
+    if best is None:
+        raise UsageError("no mass, however large or small, moves as the log says; is the sign of the force that of the position?")
+    _, mass, rate, square, late, start, velocity, offset = best
+    known = {
+        "log_mass": np.log(mass),
+        "damping": rate * mass,
+        "stiffness": square * mass,
+        "friction": 0.05 * np.std(force),
+        "delay": late * every,
+        "start": start,
+        "velocity": velocity,
+        "offset": offset,
+    }
+    return np.array([known[name] for name in model.names])
+
+
+def _beginning(push, place, tick, rate, square, late):
+    """Squared error and numbers of the best mass, start, velocity and constant force; None if the mass would be negative."""
+    model = Model(spring=True, delay=late)
+
+    def moved(force, start, velocity, offset):
+        return positions(model, np.array([0.0, rate, square, start, velocity, offset]), force, tick)
+
+    none = np.zeros(len(push))
+    with np.errstate(all="ignore"):
+        columns = [moved(push, 0, 0, 0), moved(none, 1, 0, 0), moved(none, 0, 1, 0), moved(none, 0, 0, 1)]
+    A = np.stack(columns, axis=1)
+    size = np.linalg.norm(A, axis=0)
+    if not np.isfinite(size).all() or not size.all():
+        return None
+    x = np.linalg.lstsq(A / size, place, rcond=1e-10)[0] / size
+    if x[0] <= 0:
+        return None
+    return float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, x[1], x[2], x[3] / x[0]
