@@ -30,6 +30,7 @@ LAYERS = (
     "response",
     "passive",
     "robust",
+    "identify",
     "simulation",
     "prove",
     "store",

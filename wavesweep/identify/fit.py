@@ -8,7 +8,7 @@ carried through the fit. A stretch in which the device stays within a step, at r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -22,6 +22,7 @@ DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
 COARSE = 4000  # samples, at most, of the first search
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass that it tries (1/s)
 TONES = np.geomspace(0.2, 100, 16)  # natural frequencies that it tries (Hz)
+NEAR = np.geomspace(0.5, 2, 7)  # of the best of these
 LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
 
 
@@ -53,8 +54,15 @@ class Fit:
 
 def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float, start=None) -> Fit:
     """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
-    theta = _first(model, force, position, period) if start is None else start
     weights = np.ones(len(force))
+    if start is None:
+        theta = _first(model, force, position, period)
+        if model.delay is None:  # which moves far as long as the other numbers are rough
+            at = model.names.index("delay")
+            held = replace(model, delay=float(theta[at]))
+            theta = np.insert(refined(held, np.delete(theta, at), force, position, period, weights), at, held.delay)
+    else:
+        theta = start
     theta = refined(model, theta, force, position, period, weights)
     noise = 0.0
     for _ in range(2):
@@ -167,9 +175,12 @@ def _first(model, force, position, period):
     held = (model.delay or 0.0) / every
     tried = [_beginning(push, place, tick, rate, square, held) for square in tones for rate in RATES]
     best = min(filter(None, tried), default=None)
-    if best and model.delay is None:
-        tried = [_beginning(push, place, tick, *best[2:4], late / every) for late in LATE]
-        best = min(filter(None, tried), default=best)
+    for near in (NEAR, NEAR**0.25) if best else ():  # of rates and frequencies between those tried, and of delays
+        rates, squares = (near * best[2], near * best[3]) if model.spring else (near * best[2], [0.0])
+        tried = [_beginning(push, place, tick, rate, square, best[4]) for square in squares for rate in rates]
+        best = min([best, *filter(None, tried)])
+        lates = [late / every for late in LATE] if model.delay is None else []
+        best = min([best, *filter(None, [_beginning(push, place, tick, *best[2:4], late) for late in lates])])
     if best is None:
         raise UsageError("no mass, however large or small, moves as the log says; is the sign of the force that of the position?")
     _, mass, rate, square, late, start, velocity, offset = best

@@ -30,6 +30,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "why": "why",
         "margins": "margins",
         "design": "design",
+        "identify": "identify",
     }
 )
 

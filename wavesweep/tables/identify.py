@@ -1,0 +1,251 @@
+"""A device found from a log: the table `identify`, with the numbers in its facts and its summary."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from hashlib import sha256
+from math import exp, isnan
+from typing import Any
+
+import numpy as np
+
+from wavesweep.arithmetic import versions
+from wavesweep.errors import UsageError
+from wavesweep.rows import Columns
+from wavesweep.spec.keys import KEYS, TURNED
+from wavesweep.spec.writing import as_toml
+from wavesweep.sweep.assumptions import USUAL
+from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.table import Table
+
+METHOD = (
+    "least squares of position against the sampled model, force held over a tick; intervals from the fitted motion, rounded at "
+    "200 places of the encoder's steps with the white noise that is left, each error carried through the fit"
+)
+UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick"}
+TURNING = {"mass": "kg*m^2", "friction": "N*m"}
+PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
+MISSING = {
+    "friction": "Coulomb friction; --friction fits it",
+    "spring": "a spring; --spring fits it",
+    "delay": "a delay; without --delay it is fitted",
+    "resonance": "a resonance near {frequency_hz:.3g} Hz, which no option fits: draw the device as two masses and a spring",
+    "unknown": "an effect that is neither friction nor a spring, a delay or one resonance; most is left near {frequency_hz:.3g} Hz",
+}
+
+IDENTIFY = (
+    Field("time_s", "number", "s", "time of the sample, equally spaced"),
+    Field("force", "number", "N", "force of the log, held to the next sample"),
+    Field("position", "number", "m", "position of the log"),
+    Field("fitted", "number", "m", "position of the fitted model"),
+    Field("residual", "number", "m", "position minus fitted"),
+    Field("weight", "number", "1", "weight in the fit: below 1 where the device stays within a step of its encoder"),
+)
+
+
+def identify(
+    path: str,
+    *,
+    columns: Mapping[str, str] | None = None,
+    scales: Mapping[str, float] | None = None,
+    resolution: float | None = None,
+    spring: bool = False,
+    friction: bool = False,
+    delay: float | None = None,
+) -> Table:
+    """Fit mass, damping and more to a log.
+
+    path: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns: names in the file of
+    those that are called otherwise there. scales: factors that turn them into these units. resolution: step of the encoder in
+    m or rad; by default the one that the readings show. spring, friction: fit some as well. delay: in ticks of the log; None
+    fits it. Errors: UsageError for a log that cannot be used, or that does not tell the mass.
+    """
+    from wavesweep.identify.fit import fitted
+    from wavesweep.identify.log import read_log, step_of
+    from wavesweep.identify.model import Model
+    from wavesweep.identify.verdict import judged
+
+    started = time.perf_counter()
+    log = read_log(path, columns or {}, scales or {})
+    step = step_of(log.position) if resolution is None else resolution
+    if step and np.ptp(log.position) < 3 * step:
+        moved = np.ptp(log.position) / step
+        raise UsageError(f"{path}: expected a device that moves by 3 steps of its encoder at least, found {moved:.2g}")
+    model = Model(spring, friction, delay)
+    fit = fitted(model, log.force, log.position, log.period, step)
+    parameters = _parameters(fit, log.turns)
+    _refuse_unknown(path, parameters, log)
+    verdict = judged(fit, log.force, log.position, log.period)
+    asked = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution, "scales": dict(scales or {})}
+    asked |= {"columns": dict(columns or {})}
+    facts = {
+        "schema_version": 1,
+        **versions(),
+        "spec_name": _stem(path),
+        "spec_sha256": sha256(f"{log.sha256} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
+        "log_sha256": log.sha256,
+        "asked": asked,
+        "turns": log.turns,
+        "period_s": log.period,
+        "resolution": step,
+        "parameters": parameters,
+        "explained": verdict.explained,
+        "missing": verdict.missing,
+        "residual": _residual(fit, verdict),
+        "methods": {"identify": METHOD},
+        "notices": list(_notices(log, resolution, step)),
+        "timings": {"compute_s": round(time.perf_counter() - started, 6)},
+    }
+    found = {
+        "time_s": log.times,
+        "force": log.force,
+        "position": log.position,
+        "fitted": fit.positions,
+        "residual": fit.residual,
+        "weight": fit.weights,
+    }
+    return Table.of("identify", found, facts, fields=fields_of_log(log.turns))
+
+
+def fields_of_log(turns: bool) -> tuple[Field, ...]:
+    """The columns of a table, of a device that turns with its own units."""
+    other = {"N": "N*m", "m": "rad"} if turns else {}
+    return tuple(Field(each.name, each.kind, other.get(each.unit, each.unit), each.description) for each in IDENTIFY)
+
+
+def _stem(path: str) -> str:
+    from pathlib import Path
+
+    return Path(path).stem
+
+
+def _parameters(fit, turns: bool) -> dict[str, dict[str, Any]]:
+    """The numbers with their intervals of 95 % and units."""
+    half = dict(zip(fit.model.names, fit.half.tolist(), strict=True))
+    found = fit.numbers
+    names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in half), "delay"]
+    parameters = {}
+    for name in names:
+        value, around = found[name], half.get(name, 0.0)
+        low, high = value - around, value + around
+        if name == "mass":
+            low, high = (value * exp(sign * min(half["log_mass"], 700.0)) for sign in (-1, 1))
+        unit = (TURNING | {each: TURNED.get(unit, unit) for each, unit in UNITS.items() if each not in TURNING})[name]
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else UNITS[name]}
+    return parameters
+
+
+def _refuse_unknown(path: str, parameters: Mapping[str, Any], log) -> None:
+    mass = parameters["mass"]
+    if not mass["high"] < 3 * mass["low"]:
+        raise UsageError(
+            f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
+            f"{mass['unit']}; record a pulse, a chirp or noise that moves the device quickly"
+        )
+    low, high = (1e-9, 20.0) if log.turns else USUAL["device.mass"]
+    if not low <= mass["value"] <= high and not log.scaled:
+        names = ("torque", "angle", "N*m", "rad") if log.turns else ("force", "position", "N", "m")
+        raise UsageError(
+            f"{path}: found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g}); are {names[0]} and "
+            f"{names[1]} in {names[2]} and {names[3]}? --scale {names[1]}=1e-3 turns thousandths into these, =1 leaves them"
+        )
+
+
+def _residual(fit, verdict) -> dict[str, Any]:
+    return {
+        "rms": verdict.rms,
+        "rms_of_encoder": verdict.expected,
+        "steps": verdict.rms / fit.resolution if fit.resolution else None,
+        "white_noise": fit.noise,
+        "correlation": verdict.correlation,
+        "correlation_of_encoder": verdict.correlation_expected,
+        "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
+        "share_of_missing": verdict.share,
+    }
+
+
+def _notices(log, resolution, step) -> Iterator[str]:
+    from wavesweep.identify.log import JITTER
+
+    if log.jitter > JITTER:
+        yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; the fit takes equal steps of {1e3 * log.period:.6g} ms"
+    unit = "rad" if log.turns else "m"
+    if resolution is None:
+        found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
+        yield f"{found}; --resolution gives those of the encoder"
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    return {
+        "samples": len(columns["time_s"]),
+        "seconds": facts["period_s"] * len(columns["time_s"]),
+        "rate_hz": 1 / facts["period_s"],
+        "turns": facts["turns"],
+        "resolution": facts["resolution"],
+        "parameters": {name: dict(each) for name, each in facts["parameters"].items()},
+        "explained": facts["explained"],
+        "missing": facts["missing"],
+        "residual": dict(facts["residual"]),
+    }
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    yield f"{found['samples']} samples, {found['seconds']:.6g} s at {found['rate_hz']:.6g} Hz", False
+    for name, each in found["parameters"].items():
+        yield f"{name} {spoken(each)}", False
+    left, unit = found["residual"], "rad" if found["turns"] else "m"
+    against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
+    yield f"residual {left['rms']:.3g} {unit} rms{against if found['resolution'] else ''}", False
+    if left["white_noise"] and found["explained"]:
+        yield f"white noise of {left['white_noise']:.3g} {unit} beside the encoder's rounding", False
+    if found["explained"]:
+        yield "the model explains the log", False
+    else:
+        missing = MISSING[found["missing"]].format(frequency_hz=left["frequency_hz"] or 0.0)
+        yield f"the model does not explain the log, and the intervals do not hold: it lacks {missing}", True
+
+
+def spoken(each: Mapping[str, Any]) -> str:
+    """A number with its interval, to the digits that it has."""
+    value, low, high, unit = (each[part] for part in ("value", "low", "high", "unit"))
+    if low == high:
+        return f"{value:g} {unit}, given"
+    digits = min(max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12)
+    return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
+
+
+def spec_text(facts: Mapping[str, Any], table: str = "identify") -> str:
+    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
+    parameters = facts["parameters"]
+    known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
+    tables: dict[str, dict[str, Any]] = {"controller": {"kind": "dc"}}
+    for path, each in known.items():
+        room, name = path.split(".")
+        tables.setdefault(room, {})[name] = max(each["value"], 0.0)
+    effects = {"resolution": facts["resolution"]} if facts["resolution"] else {}
+    if "friction" in parameters:
+        effects["friction"] = max(parameters["friction"]["value"], 0.0)
+    tables["simulate"] = effects
+    tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
+    return "\n".join([*_comments(facts, table), as_toml(tables)])
+
+
+def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
+    delay, millis = facts["parameters"]["delay"], 1e3 * facts["period_s"]
+    lines = [
+        f"# The device of {facts['spec_name']}, as wavesweep {table} found it; the controller is a first one, put your own.",
+        "# Intervals of 95 %, in [for_all]:",
+        *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms; no key of the built-in loops holds it.",
+    ]
+    if "stiffness" in facts["parameters"]:
+        lines.append("# The spring stands as that of the hand, which acts as well on the device.")
+    if facts["turns"]:
+        lines.append("# The device turns: kg is kg*m^2, N is N*m, and m is rad.")
+    if not facts["explained"]:
+        lines.append("# The model does NOT explain the log, so the intervals do not hold.")
+    return lines
+
+
+KINDS = (Kind("identify", IDENTIFY, lambda _: Whole(_numbers, _lines), figure="identify.identify"),)
