@@ -8,6 +8,7 @@ carried through the fit. A stretch in which the device stays within a step, at r
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,9 +17,11 @@ from scipy.optimize import least_squares
 from wavesweep.errors import UsageError
 from wavesweep.identify.model import Model, positions, sensitivities
 
-PLACES = 200  # of the encoder's steps, at which the motion is rounded again
+PLACES = (64, 200)  # of the encoder's steps, at which the motion is rounded again; the fewest in long logs
+LONG = 6_000_000  # samples at all places together, for which there are fewer
 COVERED = 0.95
 DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
+PART = 5000  # samples of a long log that are first fitted with friction
 COARSE = 4000  # samples, at most, of the first search
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass that it tries (1/s)
 TONES = np.geomspace(0.2, 100, 16)  # natural frequencies that it tries (Hz)
@@ -30,16 +33,16 @@ LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`. half: half the widths of their intervals. positions: fitted (m). weights: of the
-    samples, 1 or less. noise: standard deviation of the white noise beside rounding (m). resolution: step of the encoder (m),
-    0 for none. likely: errors (m) of samples as they would be, `(PLACES, ticks)`, with what the fit takes of them removed.
-    carried: Q of the weighted sensitivities, `(ticks, numbers)`.
+    theta: the numbers of `model.names`; half: half the widths of their intervals. positions: fitted (m); residual: what is left.
+    motion: the same, at rest where the readings are, of which the errors are likely ones. weights: of the samples, 1 or less. basis: orthonormal, `(ticks, numbers)`: what the fit takes of weighted errors. noise:
+    standard deviation of the white noise beside rounding (m). resolution: step of the encoder (m), 0 for none.
     """
 
     model: Model
     theta: np.ndarray
     half: np.ndarray
     positions: np.ndarray
+    motion: np.ndarray
     weights: np.ndarray
     noise: float
     resolution: float
@@ -55,14 +58,7 @@ class Fit:
 def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float, start=None) -> Fit:
     """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
     weights = np.ones(len(force))
-    if start is None:
-        theta = _first(model, force, position, period)
-        if model.delay is None:  # which moves far as long as the other numbers are rough
-            at = model.names.index("delay")
-            held = replace(model, delay=float(theta[at]))
-            theta = np.insert(refined(held, np.delete(theta, at), force, position, period, weights), at, held.delay)
-    else:
-        theta = start
+    theta = _begun(model, force, position, period) if start is None else start
     theta = refined(model, theta, force, position, period, weights)
     noise = 0.0
     for _ in range(2):
@@ -83,12 +79,18 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
     residual = position - found
     noise = _noise(residual, resolution, weights, len(theta))
     inverse = np.linalg.pinv(upper) / size[:, None]
-    moved = [basis.T @ (root[:, 0] * e) for e in likely_errors(found, resolution, noise)]
+    motion = _rested(found, position, weights)
+    moved = [basis.T @ (root[:, 0] * e) for e in likely_errors(motion, resolution, noise, places_of(found, *PLACES))]
     half = _half(inverse @ np.array(moved).T)
-    return Fit(model, theta, half, found, weights, noise, resolution, basis, residual)
+    return Fit(model, theta, half, found, motion, weights, noise, resolution, basis, residual)
 
 
-def likely_errors(found: np.ndarray, resolution: float, noise: float, places: int = PLACES):
+def places_of(found: np.ndarray, fewest: int, most: int) -> int:
+    """How many places of the encoder's steps a log of this length is rounded at."""
+    return min(max(LONG // len(found), fewest), most)
+
+
+def likely_errors(found: np.ndarray, resolution: float, noise: float, places: int) -> Iterator[np.ndarray]:
     """Yield the errors of readings of this motion at so many places of the encoder's steps, with white noise."""
     source = np.random.default_rng(0)
     for place in range(places):
@@ -122,12 +124,24 @@ def _weights(found, resolution):
     after = np.minimum(np.searchsorted(turns, at), len(turns) - 1)
     before = np.maximum(np.searchsorted(turns, at, side="right") - 1, 0)
     near = [np.abs(found - found[turns[each]]) < resolution / 2 for each in (before, after)]
-    masked = near[0] | near[1]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], masked.astype(int), [0]])))
     weights = np.ones(len(found))
-    for first, last in edges.reshape(-1, 2):
+    for first, last in _stretches(near[0] | near[1]):
         weights[first:last] = 1 / (last - first)
     return weights
+
+
+def _rested(found, position, weights):
+    """The motion, at rest in stretches that count as one reading and show only one: the fit may drift there, within a step."""
+    motion = found.copy()
+    for first, last in _stretches(weights < 1):
+        if np.ptp(position[first:last]) == 0:
+            motion[first:last] = found[first:last].mean()
+    return motion
+
+
+def _stretches(masked):
+    """Pairs of the first and the last index, plus one, of the stretches in which a mask holds."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], masked.astype(int), [0]]))).reshape(-1, 2)
 
 
 def scales(model: Model, theta: np.ndarray, force: np.ndarray, position: np.ndarray, period: float) -> np.ndarray:
@@ -154,16 +168,39 @@ def refined(model: Model, theta: np.ndarray, force, position, period: float, wei
 
     def off(part):
         with np.errstate(all="ignore"):
-            left = root * (positions(model, theta + part * size, force, period) - position) / reach
+            left = root * (positions(model, theta + (part - 1) * size, force, period) - position) / reach
         return np.nan_to_num(np.clip(left, -1e6, 1e6), nan=1e6)
 
     def slopes(part):
         with np.errstate(all="ignore"):
-            found = sensitivities(model, theta + part * size, force, period, size)
+            found = sensitivities(model, theta + (part - 1) * size, force, period, size)
         return np.nan_to_num(root[:, None] * found * size / reach, posinf=1e6, neginf=-1e6)
 
-    done = least_squares(off, np.zeros(len(theta)), slopes, method="trf", x_scale="jac", ftol=1e-12, xtol=1e-9, gtol=1e-15, max_nfev=60)
-    return theta + done.x * size
+    # The march with friction has kinks, in which smaller steps are lost.
+    finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
+    done = least_squares(off, np.ones(len(theta)), slopes, x_scale="jac", gtol=None, max_nfev=40, **finest)
+    return theta + (done.x - 1) * size
+
+
+def _begun(model, force, position, period):
+    """Numbers near the best ones: those of the same model with the delay held, of a part of a long log with friction."""
+    theta, part = _first(model, force, position, period), slice(None)
+    if model.friction and len(force) > PART:
+        blocks = force[: len(force) // PART * PART].reshape(-1, PART)
+        first = PART * int(np.argmax(blocks.std(axis=1)))
+        part = slice(first, first + PART)
+    log, weights = (force[part], position[part], period), np.ones(len(force[part]))
+    if part.start is not None:
+        known = dict(zip(model.names, _first(model, *log), strict=True))
+    else:
+        known = dict(zip(model.names, theta, strict=True))
+    if model.delay is None:  # which moves far as long as the other numbers are rough
+        held = replace(model, delay=float(known["delay"]))
+        known |= zip(held.names, refined(held, np.array([known[name] for name in held.names]), *log, weights), strict=True)
+    if part.start is None:
+        return np.array([known[name] for name in model.names])
+    best = refined(model, np.array([known[name] for name in model.names]), *log, weights)
+    return np.where([name in ("start", "velocity") for name in model.names], theta, best)
 
 
 def _first(model, force, position, period):

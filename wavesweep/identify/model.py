@@ -155,11 +155,17 @@ def _root(v, a, jerk):
 
 
 def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, scale: np.ndarray) -> np.ndarray:
-    """Derivatives of the positions by the numbers, `(ticks, numbers)`, from central differences; scale: steps of 1/STEP."""
-    columns = []
+    """Derivatives of the positions by the numbers, `(ticks, numbers)`, from differences; scale: steps of 1/STEP.
+
+    They are central or, with friction, whose march takes longer, to one side.
+    """
+    columns, behind = [], positions(model, theta, force, period) if model.friction else None
     for at, size in enumerate(scale):
         step = np.zeros(len(theta))
         step[at] = STEP * size
-        ahead, behind = (positions(model, theta + sign * step, force, period) for sign in (1, -1))
-        columns.append((ahead - behind) / (2 * STEP * size))
+        ahead = positions(model, theta + step, force, period)
+        if model.friction:
+            columns.append((ahead - behind) / (STEP * size))
+        else:
+            columns.append((ahead - positions(model, theta - step, force, period)) / (2 * STEP * size))
     return np.stack(columns, axis=1)

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from wavesweep.identify.fit import Fit, likely_errors, refined
+from wavesweep.identify.fit import Fit, likely_errors, places_of, refined
 from wavesweep.identify.model import Model, late, positions
 
-PLACES = 60  # of the encoder's steps
+PLACES = (30, 60)  # of the encoder's steps, the fewest in long logs
+SHOWN = 12  # places, from which the usual size of rounding errors is told
 BANDS = 24  # of the spectrum, equally wide in octaves
-BEYOND = 2.0  # times the largest of the errors that rounding makes
+BEYOND = 3.0  # times the largest of the errors that rounding makes
 SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
 TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
@@ -41,9 +42,9 @@ class Verdict:
 
 def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Verdict:
     """Judge a fit. force: N of each tick. position: m, as read. period: s."""
-    root, found = np.sqrt(fit.weights), fit.positions
+    root, found = np.sqrt(fit.weights), fit.motion
     left = _projected(fit.basis, root * fit.residual)
-    likely = np.array([_projected(fit.basis, root * e) for e in likely_errors(found, fit.resolution, fit.noise, PLACES)])
+    likely = np.array([_projected(fit.basis, root * e) for e in likely_errors(found, fit.resolution, fit.noise, places_of(found, *PLACES))])
     edges = _edges(len(left))
     beyond = _powers(left, edges) / (BEYOND * np.max([_powers(each, edges) for each in likely], axis=0) + 1e-300)
     seen, tone, taken = False, float("nan"), 0.0
@@ -61,10 +62,9 @@ def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
         if named[2] < CLEAR:
             worst = int(np.argmax(beyond))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / period), named[2])
-    rounding = np.array(list(likely_errors(found, fit.resolution, 0.0, PLACES)))
-    rms, expected = (float(np.sqrt(np.mean(errors**2))) for errors in (fit.residual, rounding))
-    usual = float(np.mean([_neighbours(each) for each in rounding]))
-    return Verdict(explained, *named, rms, expected, _neighbours(fit.residual), usual)
+    rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(found, fit.resolution, 0.0, SHOWN)]
+    square, usual = np.mean(rounding, axis=0).tolist()
+    return Verdict(explained, *named, float(np.sqrt(np.mean(fit.residual**2))), square**0.5, _neighbours(fit.residual), usual)
 
 
 def _tried(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Iterator[tuple[str, float, float]]:
