@@ -13,9 +13,9 @@ import time
 import numpy as np
 
 import wavesweep
-from wavesweep.identify.fit import fitted
-from wavesweep.identify.model import Model
-from wavesweep.identify.verdict import judged
+from wavesweep.identification.fit import fitted
+from wavesweep.identification.model import Model
+from wavesweep.identification.verdict import judged
 
 RATE = 1000.0  # Hz
 FORCES, ENCODERS = ("pulse", "chirp", "noise"), (1e-6, 1e-5, 1e-4)

@@ -30,7 +30,7 @@ LAYERS = (
     "response",
     "passive",
     "robust",
-    "identify",
+    "identification",
     "simulation",
     "prove",
     "store",

@@ -67,7 +67,7 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
     from wavesweep import results
     from wavesweep.cli.messages import say, show_json, where
     from wavesweep.cli.output import refuse_no_folder, refuse_other_things, write_whole
-    from wavesweep.identify.log import pairs
+    from wavesweep.identification.log import pairs
     from wavesweep.tables import kind_named
     from wavesweep.tables.identify import identify, spec_text
 

@@ -61,10 +61,10 @@ def identify(
     m or rad; by default the one that the readings show. spring, friction: fit some as well. delay: in ticks of the log; None
     fits it. Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
-    from wavesweep.identify.fit import fitted
-    from wavesweep.identify.log import read_log, step_of
-    from wavesweep.identify.model import Model
-    from wavesweep.identify.verdict import judged
+    from wavesweep.identification.fit import fitted
+    from wavesweep.identification.log import read_log, step_of
+    from wavesweep.identification.model import Model
+    from wavesweep.identification.verdict import judged
 
     started = time.perf_counter()
     log = read_log(path, columns or {}, scales or {})
@@ -166,7 +166,7 @@ def _residual(fit, verdict) -> dict[str, Any]:
 
 
 def _notices(log, resolution, step) -> Iterator[str]:
-    from wavesweep.identify.log import JITTER
+    from wavesweep.identification.log import JITTER
 
     if log.jitter > JITTER:
         yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; the fit takes equal steps of {1e3 * log.period:.6g} ms"
@@ -248,4 +248,4 @@ def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
     return lines
 
 
-KINDS = (Kind("identify", IDENTIFY, lambda _: Whole(_numbers, _lines), figure="identify.identify"),)
+KINDS = (Kind("identify", IDENTIFY, lambda _: Whole(_numbers, _lines), figure="identified.identify"),)

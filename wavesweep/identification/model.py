@@ -127,7 +127,7 @@ def _sliding(found, push, now, full, period):
 
 
 def _through_rest(found, friction, v, x, pull, left):
-    """Velocity and position after `left` seconds in which the device stops, under a constant force; to the third order."""
+    """Velocity and position after `left` seconds in which the device stops, under a constant force, by Taylor's series."""
     mass, damping, stiffness = found["mass"], found["damping"], found["stiffness"]
     for _ in range(4):  # a tick with more than a few reversals is none that a log could show
         net = pull - stiffness * x
@@ -135,11 +135,15 @@ def _through_rest(found, friction, v, x, pull, left):
             return 0.0, x
         a = (net - copysign(friction, v or net) - damping * v) / mass
         jerk = -(damping * a + stiffness * v) / mass
+        snap = -(damping * jerk + stiffness * a) / mass
         stop = _root(v, a, jerk) if v else left
-        length = min(stop, left)
-        x += length * (v + length * (a / 2 + length * jerk / 6))
+        if v and stop < left:
+            slope = a + stop * (jerk + stop * snap / 2)
+            stop -= (v + stop * (a + stop * (jerk / 2 + stop * snap / 6))) / slope if slope else 0.0
+        t = min(stop, left)
+        x += t * (v + t * (a / 2 + t * (jerk / 6 + t * snap / 24)))
         if stop >= left:
-            return v + length * (a + length * jerk / 2), x
+            return v + t * (a + t * (jerk / 2 + t * snap / 6)), x
         v, left = 0.0, left - stop
     return v, x
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from wavesweep.identify.fit import Fit, likely_errors, places_of, refined
-from wavesweep.identify.model import Model, late, positions
+from wavesweep.identification.fit import Fit, likely_errors, places_of, refined
+from wavesweep.identification.model import Model, late, positions
 
 PLACES = (30, 60)  # of the encoder's steps, the fewest in long logs
 SHOWN = 12  # places, from which the usual size of rounding errors is told

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wavesweep.errors import UsageError
-from wavesweep.identify.model import Model, positions, sensitivities
+from wavesweep.identification.model import Model, positions, sensitivities
 
 PLACES = (64, 200)  # of the encoder's steps, at which the motion is rounded again; the fewest in long logs
 LONG = 6_000_000  # samples at all places together, for which there are fewer

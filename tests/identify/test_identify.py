@@ -1,0 +1,160 @@
+"""Devices found from logs of the simulation, and of marches in numpy, whose numbers are known."""
+
+import numpy as np
+import pytest
+from identify_coverage import ENCODERS, FORCES, MODELS, RATE, log_of, moved, read, study
+
+import wavesweep
+from wavesweep.errors import UsageError
+from wavesweep.identification.fit import fitted
+from wavesweep.identification.log import step_of
+from wavesweep.identification.model import Model, positions
+from wavesweep.identification.verdict import judged
+
+
+def written(path, force, position, names="time,force,position", period=1 / RATE):
+    times = period * np.arange(len(force))
+    np.savetxt(path, np.c_[times, force, position], delimiter=",", header=names, comments="", fmt="%.12g")
+    return path
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+@pytest.mark.parametrize("spring", [0.0, 40.0])
+def test_the_model_is_that_of_the_simulation(friction, spring):
+    """Which divides a tick in which the device stops by a closed form, and shares no code with the fit."""
+    force = 1.5 * np.sin(0.05 * np.arange(400)) + 0.3
+    expected = moved(0.08, 0.7, force, friction, spring)
+    model = Model(spring=True, friction=True, delay=0.0)
+    theta = np.array([np.log(0.08), 0.7, spring, friction, 0.0, 0.0, 0.0])
+    assert positions(model, theta, force, 1 / RATE) == pytest.approx(expected, abs=1e-8 * np.ptp(expected))
+    if not friction:
+        linear = positions(Model(True, False, 0.0), np.delete(theta, 3), force, 1 / RATE)
+        assert linear == pytest.approx(expected, abs=1e-11 * np.ptp(expected))
+
+
+def test_a_force_may_be_late_by_a_part_of_a_tick():
+    """The same as a force at ten times the rate that is seven of its ticks late."""
+    force = np.random.default_rng(0).standard_normal(60)
+    fine = Model(delay=7.0)
+    expected = positions(fine, np.array([0.0, 2.0, 0, 0, 0]), np.repeat(force, 10), 1e-3)[::10]
+    found = positions(Model(delay=0.7), np.array([0.0, 2.0, 0, 0, 0]), force, 1e-2)
+    assert found[1:] == pytest.approx(expected[1:], rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", FORCES)
+def test_intervals_contain_the_truth(kind):
+    """Of eight logs of mass, damping and delay nearly all; the script benchmarks/identify_coverage.py counts 200 of each."""
+    inside, missing, _ = study("none", kind, 1e-5, 8)
+    assert inside.min() >= 0.75
+    assert missing == [""] * 8
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("resolution", ENCODERS)
+@pytest.mark.parametrize("kind", FORCES)
+def test_intervals_of_95_per_cent_contain_the_truth_in_92_to_98(kind, resolution):
+    inside, missing, _ = study("none", kind, resolution, 200)
+    assert np.all((inside >= 0.92) & (inside <= 0.98))
+    assert missing.count("") >= 198
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", ["friction", "late", "resonance"])
+def test_a_model_that_lacks_an_effect_is_not_called_enough(effect):
+    _, missing, _ = study(effect, "chirp", 1e-5, 2)
+    assert missing == [{"late": "delay"}.get(effect, effect)] * 2
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("kind", FORCES)
+@pytest.mark.parametrize("effect", ["friction", "late", "resonance"])
+def test_a_model_that_lacks_an_effect_is_never_called_enough(effect, kind):
+    for resolution in ENCODERS:
+        _, missing, _ = study(effect, kind, resolution, 20)
+        assert "" not in missing
+
+
+@pytest.mark.slow
+def test_friction_and_a_spring_are_found_if_they_are_asked_for():
+    source = np.random.default_rng(2)
+    force = 1.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 1500)) / RATE)
+    position = read(moved(0.1, 0.8, force, friction=0.1, spring=60.0), 1e-5, source)
+    fit = fitted(Model(spring=True, friction=True), force, position, 1 / RATE, 1e-5)
+    errors = fit.theta - np.array([np.log(0.1), 0.8, 60.0, 0.1, 0.0, *fit.theta[-3:]])
+    assert np.all(np.abs(errors) <= 1.6 * fit.half)
+    assert judged(fit, force, position, 1 / RATE).explained
+
+
+@pytest.mark.slow
+def test_white_noise_beside_the_encoder_is_told_and_widens_the_intervals():
+    source = np.random.default_rng(4)
+    (mass, _, _), force, _ = log_of("chirp", 1e-5, source)
+    places = moved(mass, 1.0, force) + 1e-4 * source.standard_normal(len(force))
+    fit = fitted(MODELS["none"], force, read(places, 1e-5, source), 1 / RATE, 1e-5)
+    assert fit.noise == pytest.approx(1e-4, rel=0.1)
+    assert abs(fit.theta[0] - np.log(mass)) < 1.6 * fit.half[0]
+    assert judged(fit, force, fit.positions + fit.residual, 1 / RATE).explained
+
+
+def test_the_step_of_an_encoder_shows_in_its_readings():
+    source = np.random.default_rng(0)
+    places = np.cumsum(source.standard_normal(500)) * 1e-4
+    assert step_of(read(places, 2e-5, source)) == pytest.approx(2e-5)
+    assert step_of(places) == 0.0
+
+
+GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin(k / 9):.6f}" for k in range(60))]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda lines: [line.replace(",", ";") for line in lines], ":1: expected commas between columns .* found semicolons"),
+        (lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])], ":2: .*are these decimal commas"),
+        (lambda lines: lines[:20], "expected at least 50 rows of numbers below the header, found 19"),
+        (lambda lines: [*lines[:30], lines[10], *lines[31:]], ":31: time: expected times that increase, found 0.009 after 0.028"),
+        (lambda lines: [*lines[:30], *lines[33:]], ":31: time: expected equal steps, found 0.004 s between two rows"),
+        (lambda lines: [*lines[:30], "0.029,nan,0", *lines[31:]], ":31: force: expected a finite number, found nan"),
+        (lambda lines: [*lines[:30], "0.029,,0", *lines[31:]], ":31: force: expected a number, found nothing"),
+        (lambda lines: [lines[0], *(f"{k / 1000},1,{k}" for k in range(60))], "force: expected a column that changes, found 1"),
+        (lambda lines: [lines[0], *(f"{k / 1000},{k},0" for k in range(60))], "position: expected a column that changes"),
+        (lambda lines: [lines[0].replace("position", "positon"), *lines[1:]], "did you mean --column position=positon"),
+        (lambda lines: [*lines[:30], "0.029,1", *lines[31:]], ":31: expected 3 values as in the header, found 2"),
+    ],
+)
+def test_a_bad_log_is_one_message(change, said, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(change(GOOD)))
+    with pytest.raises(UsageError, match=said):
+        wavesweep.identify(path)
+
+
+def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
+    """A slow push of a device in syrup."""
+    force = np.sin(2 * np.pi * 0.2 * np.arange(3000) / RATE)
+    path = written(tmp_path / "slow.csv", force, read(moved(0.01, 40.0, force), 1e-4, np.random.default_rng(0)))
+    with pytest.raises(UsageError, match="the force does not excite the mass: it could be anything from"):
+        wavesweep.identify(path)
+
+
+@pytest.mark.slow
+def test_units_and_names_of_columns_can_be_told(tmp_path):
+    force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 800)) / RATE)
+    places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))
+    wrong = written(tmp_path / "millinewton.csv", 1000 * force, places)
+    with pytest.raises(UsageError, match=r"found a mass of 60 kg \(usual: 0.001 to 20\); are force and position in N and m"):
+        wavesweep.identify(wrong)
+    named = written(tmp_path / "counts.csv", force, np.round(places / 1e-5), "t,force_N,enc")
+    found = wavesweep.identify(named, columns={"position": "enc", "time": "t"}, scales={"position": 1e-5})
+    mass = found.attrs["summary"]["parameters"]["mass"]
+    assert mass["low"] < 0.06 < mass["high"]
+    assert (found.attrs["units"]["fitted"], found.attrs["summary"]["resolution"]) == ("m", pytest.approx(1e-5))
+    turned = written(tmp_path / "wheel.csv", force, places, "time,torque,angle")
+    found = wavesweep.identify(turned)
+    assert {name: each["unit"] for name, each in found.attrs["summary"]["parameters"].items()} == {
+        "mass": "kg*m^2",
+        "damping": "N*m*s/rad",
+        "delay": "tick",
+    }
+    assert found.attrs["units"]["fitted"] == "rad"
