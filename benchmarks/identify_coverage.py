@@ -3,8 +3,8 @@
     PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS]
 
 Logs come from the simulation, which shares no code with the fit, and those of a resonance from a march of two masses. Mass,
-damping, force and the place of the encoder's steps are random. A line for each kind of force and each encoder: the share of logs
-whose intervals of 95 % contain mass, damping and delay, and of logs that are explained.
+damping, force and the place of the encoder's steps are random. A line for each kind of force and each encoder: the share of
+logs whose intervals of 95 % contain mass, damping and delay, and of logs that are explained.
 """
 
 import sys
@@ -70,7 +70,7 @@ def read(places, resolution, source):
 
 
 def log_of(kind, resolution, source, effect="none"):
-    """Truth (mass in kg, damping in N*s/m, delay in ticks), force and reading of a log with an effect beyond the linear model."""
+    """Truth (mass in kg, damping in N*s/m, delay in ticks), force and reading of a log, with an effect or without."""
     mass, damping, force = source.uniform(0.03, 0.3), source.uniform(0.2, 3.0), force_of(kind, source)
     if effect == "resonance":
         places = two_masses(mass, damping, force)
@@ -117,7 +117,11 @@ def main():
             for resolution in ENCODERS:
                 inside, missing, seconds = study(effect, kind, resolution, logs)
                 words = ", ".join(f"{word or 'explained'} {missing.count(word)}" for word in sorted(set(missing)))
-                held = f"mass {inside[0]:.3f}, damping {inside[1]:.3f}, delay {inside[2]:.3f}; " if effect in ("none", "sliding") else ""
+                held = (
+                    f"mass {inside[0]:.3f}, damping {inside[1]:.3f}, delay {inside[2]:.3f}; "
+                    if effect in ("none", "sliding")
+                    else ""
+                )
                 print(f"{effect:9} {kind:5} {resolution:g} m: {held}{words}; {seconds:.2f} s", flush=True)
 
 

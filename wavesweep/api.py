@@ -23,8 +23,8 @@ from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_a
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.sweep.running import Options
-from wavesweep.tables import intervals, kind_named, responses, simulation
 from wavesweep.tables import identify as of_identify
+from wavesweep.tables import intervals, kind_named, responses, simulation
 from wavesweep.tables import margins as of_margins
 from wavesweep.tables import passivity as of_passivity
 from wavesweep.tables import why as of_why
@@ -467,8 +467,17 @@ def identify(
     The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
     is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
     """
-    asked = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
-    return framed(of_identify.identify(str(log), columns=columns, scales=scales, **asked))
+    return framed(
+        of_identify.identify(
+            str(log),
+            columns=columns,
+            scales=scales,
+            resolution=resolution,
+            spring=spring,
+            friction=friction,
+            delay=delay,
+        )
+    )
 
 
 def _spec(source: Source) -> Spec:

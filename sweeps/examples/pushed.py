@@ -1,6 +1,6 @@
 """Make `pushed.csv`: half a second of a device with dry friction, pushed by a chirp and read by an encoder of 0.02 mm.
 
-    python sweeps/examples/pushed.py > sweeps/examples/pushed.csv
+python sweeps/examples/pushed.py > sweeps/examples/pushed.csv
 """
 
 import math

@@ -56,7 +56,10 @@ def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pu
     assert (code, "mine.toml: found a spec that identify did not write; give --overwrite" in err) == (2, True)
     code, _, err = wavesweep("identify", pushed, "--no-plot")
     assert code == 0
-    assert "the model does not explain the log, and the intervals do not hold: it lacks Coulomb friction; --friction fits it" in err
+    assert (
+        "the model does not explain the log, and the intervals do not hold: it lacks Coulomb friction; --friction fits it"
+        in err
+    )
     assert "# The model does NOT explain the log" in Path("results/pushed/device.toml").read_text()
 
 

@@ -113,7 +113,10 @@ GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin
         (lambda lines: [line.replace(",", ";") for line in lines], ":1: expected commas between columns .* found semicolons"),
         (lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])], ":2: .*are these decimal commas"),
         (lambda lines: lines[:20], "expected at least 50 rows of numbers below the header, found 19"),
-        (lambda lines: [*lines[:30], lines[10], *lines[31:]], ":31: time: expected times that increase, found 0.009 after 0.028"),
+        (
+            lambda lines: [*lines[:30], lines[10], *lines[31:]],
+            ":31: time: expected times that increase, found 0.009 after 0.028",
+        ),
         (lambda lines: [*lines[:30], *lines[33:]], ":31: time: expected equal steps, found 0.004 s between two rows"),
         (lambda lines: [*lines[:30], "0.029,nan,0", *lines[31:]], ":31: force: expected a finite number, found nan"),
         (lambda lines: [*lines[:30], "0.029,,0", *lines[31:]], ":31: force: expected a number, found nothing"),

@@ -50,7 +50,7 @@ OWN = "# The device of "  # what a spec of this command begins with
 @quiet
 @debug
 def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[str, ...], **given: Any) -> None:
-    """Fit mass, damping, spring, friction and delay to a log of force and position, with intervals, and write a spec.
+    """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
 
     LOG is a CSV file with the columns time (s), force (N) and position (m), or torque (N*m) and angle (rad), a sample a row,
     equally spaced. A force is held to the next row. The numbers are those of the sampled model, with intervals of 95 % that

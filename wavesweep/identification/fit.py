@@ -1,9 +1,9 @@
 """The fit of a model to a log, and how far the encoder lets its numbers be known.
 
 The likelihood is that of errors of the size of the encoder's rounding and of white noise. Rounding is no white noise: its error
-is a sawtooth of the position, the same as long as the device rests. Its effect on the numbers is therefore found by itself: the
-fitted motion is rounded again at many other places of the encoder's steps, with the noise that is left, and each of the errors is
-carried through the fit. A stretch in which the device stays within a step, at rest or where it turns, counts as one reading.
+is a sawtooth of the position, the same as long as the device rests. Its effect on the numbers is therefore found by itself:
+the fitted motion is rounded again at many other places of the encoder's steps, with the noise that is left, and each of the errors
+is carried through the fit. A stretch in which the device stays within a step, at rest or at a turn, counts as one reading.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from wavesweep.identification.model import Model, positions, sensitivities
 PLACES = (64, 200)  # of the encoder's steps, at which the motion is rounded again; the fewest in long logs
 LONG = 6_000_000  # samples at all places together, for which there are fewer
 COVERED = 0.95
+DEVIATIONS = 1.96  # of a normal distribution, the same
 DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
 PART = 5000  # samples of a long log that are first fitted with friction
 COARSE = 4000  # samples, at most, of the first search
@@ -33,9 +34,10 @@ LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`; half: half the widths of their intervals. positions: fitted (m); residual: what is left.
-    motion: the same, at rest where the readings are, of which the errors are likely ones. weights: of the samples, 1 or less. basis: orthonormal, `(ticks, numbers)`: what the fit takes of weighted errors. noise:
-    standard deviation of the white noise beside rounding (m). resolution: step of the encoder (m), 0 for none.
+    theta: the numbers of `model.names`; half: half the widths of their intervals. positions: fitted (m). motion: the same, at
+    rest where the readings are. residual: what is left (m). weights: of the samples, 1 or less. basis: orthonormal,
+    `(ticks, numbers)`: what the fit takes of weighted errors. noise: standard deviation of the white noise beside rounding (m).
+    resolution: step of the encoder (m), 0 for none.
     """
 
     model: Model
@@ -102,8 +104,7 @@ def likely_errors(found: np.ndarray, resolution: float, noise: float, places: in
 def _half(moved):
     """Half the widths, in which the share COVERED of the errors lies, `(numbers,)`; moved: `(numbers, places)`."""
     centred = np.abs(moved - moved.mean(axis=1, keepdims=True))
-    # Of a normal distribution the deviation is known better than an outer quantile; of a bounded one the quantile is smaller.
-    return np.minimum(1.96 * moved.std(axis=1), np.quantile(centred, 0.97, axis=1))
+    return np.maximum(DEVIATIONS * moved.std(axis=1), np.quantile(centred, COVERED, axis=1))
 
 
 def _noise(residual, resolution, weights, numbers=0):
@@ -204,7 +205,7 @@ def _begun(model, force, position, period):
 
 
 def _first(model, force, position, period):
-    """Numbers to begin with: of each rate of decay and frequency tried the rest is linear; then delays with the best of them."""
+    """Numbers to begin with: of each rate of decay and frequency tried the rest is linear; then delays with the best."""
     every = -(-len(force) // COARSE)
     whole = len(force) // every * every
     push, place, tick = force[:whole].reshape(-1, every).mean(axis=1), position[:whole:every], period * every
@@ -219,7 +220,9 @@ def _first(model, force, position, period):
         lates = [late / every for late in LATE] if model.delay is None else []
         best = min([best, *filter(None, [_beginning(push, place, tick, *best[2:4], late) for late in lates])])
     if best is None:
-        raise UsageError("no mass, however large or small, moves as the log says; is the sign of the force that of the position?")
+        raise UsageError(
+            "no mass, however large or small, moves as the log says; is the sign of the force that of the position?"
+        )
     _, mass, rate, square, late, start, velocity, offset = best
     known = {
         "log_mass": np.log(mass),

@@ -95,10 +95,10 @@ def _numbers(path: str | Path, data: bytes) -> tuple[list[str], np.ndarray]:
     names = [name.strip() for name in next(csv.reader([header]), [])]
     try:
         rows = np.loadtxt(StringIO(body), delimiter=",", ndmin=2, comments=None)
-        if len(rows) and rows.shape[1] != len(names):
-            raise ValueError
     except ValueError:
         raise UsageError(_first_fault(path, names, body)) from None
+    if len(rows) and rows.shape[1] != len(names):
+        raise UsageError(_first_fault(path, names, body))
     if len(rows) < LEAST_ROWS:
         raise UsageError(f"{path}: expected at least {LEAST_ROWS} rows of numbers below the header, found {len(rows)}")
     return names, rows

@@ -151,7 +151,7 @@ def _through_rest(found, friction, v, x, pull, left):
 def _root(v, a, jerk):
     """The first time at which v + a t + jerk t^2/2 is 0; infinite if there is none."""
     square = a * a - 2 * jerk * v
-    if square < 0 or (v > 0) == (a > 0) and (v > 0) == (jerk > 0):
+    if square < 0 or ((v > 0) == (a > 0) and (v > 0) == (jerk > 0)):
         return float("inf")
     below = -a + copysign(sqrt(square), v)
     time = 2 * v / below if below else float("inf")

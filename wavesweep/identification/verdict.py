@@ -24,10 +24,12 @@ TRIED = 8000  # samples, at most, to which a model with one effect more is fitte
 
 @dataclass(frozen=True)
 class Verdict:
-    """explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
-    "unknown", or empty if it is explained. frequency_hz: of the resonance, or where most is left; NaN if it is explained.
-    share: of the residual's power that the effect would take away. rms: of the residual (m); expected: that of the encoder alone.
-    correlation: of neighbouring residuals; correlation_expected: the same of the encoder alone.
+    """The judgement of a fit.
+
+    explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
+    "unknown", or empty if it is explained. frequency_hz: of the resonance, or where most is left; otherwise NaN. share: of the
+    residual's power that the effect would take away. rms: of the residual (m); expected: that of the encoder alone. correlation:
+    of neighbouring residuals; correlation_expected: the same of the encoder alone.
     """
 
     explained: bool
@@ -44,7 +46,9 @@ def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
     """Judge a fit. force: N of each tick. position: m, as read. period: s."""
     root, found = np.sqrt(fit.weights), fit.motion
     left = _projected(fit.basis, root * fit.residual)
-    likely = np.array([_projected(fit.basis, root * e) for e in likely_errors(found, fit.resolution, fit.noise, places_of(found, *PLACES))])
+    likely = np.array(
+        [_projected(fit.basis, root * e) for e in likely_errors(found, fit.resolution, fit.noise, places_of(found, *PLACES))]
+    )
     edges = _edges(len(left))
     beyond = _powers(left, edges) / (BEYOND * np.max([_powers(each, edges) for each in likely], axis=0) + 1e-300)
     seen, tone, taken = False, float("nan"), 0.0
@@ -122,7 +126,7 @@ def _neighbours(errors):
 
 
 def _effects(fit: Fit, force: np.ndarray, period: float) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield what a little of each effect that the model does not have changes in the positions; of a resonance its frequency."""
+    """Yield what each effect that the model does not have changes in the positions; of a resonance with its frequency."""
     found = fit.numbers | {"friction": 0.0}
     for by in (
         *([] if fit.model.friction else [np.sign(np.gradient(fit.positions))]),

@@ -15,7 +15,7 @@ SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 
 
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw an `identify` table: force; measured and fitted position; the residual, with half a step of the encoder; its spectrum."""
+    """Draw an `identify` table: force, measured and fitted position, the residual with half a step either way, its spectrum."""
     from wavesweep.tables.identify import spoken
 
     force, place = ("torque (N·m)", "angle (rad)") if facts["turns"] else ("force (N)", "position (m)")

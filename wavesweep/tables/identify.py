@@ -13,7 +13,7 @@ import numpy as np
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError
 from wavesweep.rows import Columns
-from wavesweep.spec.keys import KEYS, TURNED
+from wavesweep.spec.keys import TURNED
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.assumptions import USUAL
 from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
@@ -31,7 +31,7 @@ MISSING = {
     "spring": "a spring; --spring fits it",
     "delay": "a delay; without --delay it is fitted",
     "resonance": "a resonance near {frequency_hz:.3g} Hz, which no option fits: draw the device as two masses and a spring",
-    "unknown": "an effect that is neither friction nor a spring, a delay or one resonance; most is left near {frequency_hz:.3g} Hz",
+    "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
 
 IDENTIFY = (
@@ -77,8 +77,8 @@ def identify(
     parameters = _parameters(fit, log.turns)
     _refuse_unknown(path, parameters, log)
     verdict = judged(fit, log.force, log.position, log.period)
-    asked = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution, "scales": dict(scales or {})}
-    asked |= {"columns": dict(columns or {})}
+    asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
+    asked |= {"scales": dict(scales or {}), "columns": dict(columns or {})}
     facts = {
         "schema_version": 1,
         **versions(),
@@ -169,7 +169,8 @@ def _notices(log, resolution, step) -> Iterator[str]:
     from wavesweep.identification.log import JITTER
 
     if log.jitter > JITTER:
-        yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; the fit takes equal steps of {1e3 * log.period:.6g} ms"
+        steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
+        yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
     unit = "rad" if log.turns else "m"
     if resolution is None:
         found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
