@@ -458,12 +458,14 @@ def identify(
     spring: bool = False,
     friction: bool = False,
     delay: float | None = None,
+    rate_hz: float | None = None,
 ) -> DataFrame:
     """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
 
     log: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns, scales: names in the
     file and factors to these units, by name: `columns={"position": "enc"}, scales={"position": 2e-5}`. resolution: step of the
     encoder (m or rad), by default the one that the readings show. spring, friction: fit some. delay: in ticks, None to fit it.
+    rate_hz: the file is a frequency response, whose force was held at this rate.
     The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
     is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
     """
@@ -476,6 +478,7 @@ def identify(
             spring=spring,
             friction=friction,
             delay=delay,
+            rate_hz=rate_hz,
         )
     )
 

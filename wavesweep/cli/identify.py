@@ -27,6 +27,13 @@ OWN = "# The device of "  # what a spec of this command begins with
 @click.option("--friction", is_flag=True, help="Fit Coulomb friction as well.")
 @click.option("--delay", type=float, metavar="TICKS", help="Hold the delay of the force at this number, and do not fit it.")
 @click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="HZ",
+    help="Of a frequency response: the rate at which its force was held.",
+)
+@click.option(
     "--column",
     "columns",
     multiple=True,
@@ -56,6 +63,9 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
     equally spaced. A force is held to the next row. The numbers are those of the sampled model, with intervals of 95 % that
     know of the encoder's rounding; and the summary says whether the model explains the log or, if it does not, what is missing.
 
+    A CSV file with the columns frequency_hz, admittance_abs and admittance_deg (or _re and _im), and maybe coherence, is a
+    frequency response (m/N), to which mass, damping, spring and delay are fitted; it needs --rate.
+
     The spec has the device, and the intervals in [for_all], so that every other command answers for all of them. The table
     identify, with its figure, goes to results/<log's name>: measured and fitted positions, residual and its spectrum.
 
@@ -73,7 +83,7 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
 
     started = time.perf_counter()
     asked = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
-    asked |= {name: given[name] for name in ("resolution", "spring", "friction", "delay")}
+    asked |= {name: given[name] for name in ("resolution", "spring", "friction", "delay", "rate_hz")}
     directory = Path("results", Path(log).stem)
     target = Path(out) if out else directory / "device.toml"
     results.refuse_unusable(directory)

@@ -2,8 +2,8 @@
 
 The likelihood is that of errors of the size of the encoder's rounding and of white noise. Rounding is no white noise: its error
 is a sawtooth of the position, the same as long as the device rests. Its effect on the numbers is therefore found by itself:
-the fitted motion is rounded again at many other places of the encoder's steps, with the noise that is left, and each of the errors
-is carried through the fit. A stretch in which the device stays within a step, at rest or at a turn, counts as one reading.
+the fitted motion is rounded again at many other places of the encoder's steps, with the noise that is left, and each error is
+carried through the fit. A stretch in which the device stays within a step, at rest or at a turn, counts as one reading.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
     residual = position - found
     noise = _noise(residual, resolution, weights, len(theta))
     inverse = np.linalg.pinv(upper) / size[:, None]
-    motion = _rested(found, position, weights)
+    motion = _rested(found, weights)
     moved = [basis.T @ (root[:, 0] * e) for e in likely_errors(motion, resolution, noise, places_of(found, *PLACES))]
     half = _half(inverse @ np.array(moved).T)
     return Fit(model, theta, half, found, motion, weights, noise, resolution, basis, residual)
@@ -131,12 +131,11 @@ def _weights(found, resolution):
     return weights
 
 
-def _rested(found, position, weights):
-    """The motion, at rest in stretches that count as one reading and show only one: the fit may drift there, within a step."""
+def _rested(found, weights):
+    """The motion, at rest in stretches that count as one reading: the fit may drift there, within a step."""
     motion = found.copy()
     for first, last in _stretches(weights < 1):
-        if np.ptp(position[first:last]) == 0:
-            motion[first:last] = found[first:last].mean()
+        motion[first:last] = found[first:last].mean()
     return motion
 
 

@@ -28,8 +28,8 @@ class Verdict:
 
     explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
     "unknown", or empty if it is explained. frequency_hz: of the resonance, or where most is left; otherwise NaN. share: of the
-    residual's power that the effect would take away. rms: of the residual (m); expected: that of the encoder alone. correlation:
-    of neighbouring residuals; correlation_expected: the same of the encoder alone.
+    residual's power that the effect would take away. rms: of the residual (m); expected: that of the encoder alone.
+    correlation: of neighbouring residuals; correlation_expected: the same of the encoder alone.
     """
 
     explained: bool

@@ -16,8 +16,6 @@ SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw an `identify` table: force, measured and fitted position, the residual with half a step either way, its spectrum."""
-    from wavesweep.tables.identify import spoken
-
     force, place = ("torque (N·m)", "angle (rad)") if facts["turns"] else ("force (N)", "position (m)")
     unit, times = "rad" if facts["turns"] else "m", columns["time_s"]
     with figure(TWO_COLUMNS, 5.2) as canvas:
@@ -43,11 +41,37 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for axes in panels[:2]:
             axes.sharex(panels[2])
             axes.tick_params(labelbottom=False)
-        found = ", ".join(f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
-        said = found if facts["explained"] else f"{found}; the model does not explain the log"
-        canvas.suptitle(as_it_stands(said), fontsize=8, color="0.3" if facts["explained"] else DOUBTFUL)
+        _title(canvas, facts, "log")
         canvas.align_ylabels()
     return canvas
+
+
+def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw an `identify-response` table: modulus and phase, measured and fitted, and how far they are apart."""
+    hertz = columns["frequency_hz"]
+    with figure(TWO_COLUMNS, 4.4) as canvas:
+        panels = canvas.subplots(3, 1, sharex=True, height_ratios=[2, 1.4, 1.2])
+        for axes, part in zip(panels, ("abs", "deg"), strict=False):
+            axes.plot(hertz, columns[f"measured_{part}"], ".", color=distinct_colour(0), markersize=4, label="measured")
+            axes.plot(hertz, columns[f"fitted_{part}"], color=IDEAL, linewidth=0.9, label="fitted")
+        panels[2].plot(hertz, 100 * columns["residual_abs"], ".", color=distinct_colour(1), markersize=4)
+        panels[0].set(xscale="log", yscale="log", ylabel="admittance (m/N)")
+        panels[0].legend(loc="upper right", fontsize=7)
+        panels[1].set_ylabel("phase (deg)")
+        panels[2].set(ylabel="apart by (%)", xlabel="frequency (Hz)")
+        for axes in panels:
+            axes.grid(visible=True, color="0.9", linewidth=0.5)
+        _title(canvas, facts, "response")
+        canvas.align_ylabels()
+    return canvas
+
+
+def _title(canvas, facts, what):
+    from wavesweep.tables.identify import spoken
+
+    found = ", ".join(f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
+    said = found if facts["explained"] else f"{found}; the model does not explain the {what}"
+    canvas.suptitle(as_it_stands(said), fontsize=8, color="0.3" if facts["explained"] else DOUBTFUL)
 
 
 def _spectrum(columns, facts):

@@ -31,6 +31,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "margins": "margins",
         "design": "design",
         "identify": "identify",
+        "identify-response": "identify",
     }
 )
 

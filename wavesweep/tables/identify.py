@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from math import exp, isnan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,19 @@ IDENTIFY = (
     Field("residual", "number", "m", "position minus fitted"),
     Field("weight", "number", "1", "weight in the fit: below 1 where the device stays within a step of its encoder"),
 )
+IDENTIFY_RESPONSE = (
+    Field("frequency_hz", "number", "Hz", "frequency"),
+    Field("measured_abs", "number", "m/N", "modulus of the measured admittance"),
+    Field("measured_deg", "number", "deg", "its phase"),
+    Field("fitted_abs", "number", "m/N", "modulus of the admittance of the fitted model, sampled"),
+    Field("fitted_deg", "number", "deg", "its phase"),
+    Field("residual_abs", "number", "1", "modulus of measured over fitted minus 1"),
+    Field("coherence", "number", "1", "coherence of the measurement; 1 where the file has none"),
+)
+RESPONSE_METHOD = (
+    "least squares of the logarithm of measured over modelled admittance, force held over a tick, weighted by coherence; "
+    "intervals from the Jacobian and the errors that are left"
+)
 
 
 def identify(
@@ -53,50 +67,105 @@ def identify(
     spring: bool = False,
     friction: bool = False,
     delay: float | None = None,
+    rate_hz: float | None = None,
 ) -> Table:
-    """Fit mass, damping and more to a log.
+    """Fit mass, damping and more to a log of force and position or, if the file has frequencies, to a frequency response.
 
     path: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns: names in the file of
     those that are called otherwise there. scales: factors that turn them into these units. resolution: step of the encoder in
     m or rad; by default the one that the readings show. spring, friction: fit some as well. delay: in ticks of the log; None
-    fits it. Errors: UsageError for a log that cannot be used, or that does not tell the mass.
+    fits it. rate_hz: of a frequency response, the rate at which its force was held.
+    Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
+    from wavesweep.identification.response import is_response
+
+    if is_response(path):
+        if columns or scales or resolution is not None or friction:
+            raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
+        if rate_hz is None:
+            raise UsageError(f"{path}: a frequency response needs the rate at which its force was held: --rate HZ")
+        return _of_response(path, 1 / rate_hz, spring, delay)
+    if rate_hz is not None:
+        raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
+    return _of_log(path, columns or {}, scales or {}, resolution, (spring, friction, delay))
+
+
+def _of_response(path: str, period: float, spring: bool, delay: float | None) -> Table:
+    from wavesweep.identification.model import Model
+    from wavesweep.identification.response import fitted_response, read_response
+    from wavesweep.rows import complex_columns
+
+    started = time.perf_counter()
+    measured, model = read_response(path), Model(spring=spring, delay=delay)
+    fit = fitted_response(measured, period, model)
+    parameters = _parameters(fit, fit.names, turns=False)
+    _refuse_unknown(path, parameters, False, False, ("admittance", "m/N"))
+    residual = {
+        "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
+        "correlation": fit.correlation,
+        "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
+        "share_of_missing": fit.share,
+    }
+    asked = {"spring": spring, "delay": delay, "period_s": period}
+    facts = _facts(path, measured.sha256, asked, period, parameters, (fit.explained, fit.missing, residual), started)
+    parts = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
+    found = {
+        "frequency_hz": measured.frequency_hz,
+        "residual_abs": np.abs(fit.residual),
+        "coherence": measured.coherence,
+    } | parts
+    names = [each.name for each in IDENTIFY_RESPONSE]
+    return Table.of(
+        "identify-response", {name: found[name] for name in names}, facts | {"methods": {"identify": RESPONSE_METHOD}}
+    )
+
+
+def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
+    explained, missing, residual = judged
+    return {
+        "schema_version": 1,
+        **versions(),
+        "spec_name": Path(path).stem,
+        "spec_sha256": sha256(f"{sha} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
+        "log_sha256": sha,
+        "asked": asked,
+        "turns": False,
+        "period_s": period,
+        "resolution": 0.0,
+        "parameters": parameters,
+        "explained": explained,
+        "missing": missing,
+        "residual": residual,
+        "notices": [],
+        "timings": {"compute_s": round(time.perf_counter() - started, 6)},
+    }
+
+
+def _of_log(path: str, columns, scales, resolution: float | None, wanted: tuple[bool, bool, float | None]) -> Table:
     from wavesweep.identification.fit import fitted
     from wavesweep.identification.log import read_log, step_of
     from wavesweep.identification.model import Model
     from wavesweep.identification.verdict import judged
 
     started = time.perf_counter()
-    log = read_log(path, columns or {}, scales or {})
+    spring, friction, delay = wanted
+    log = read_log(path, columns, scales)
     step = step_of(log.position) if resolution is None else resolution
     if step and np.ptp(log.position) < 3 * step:
         moved = np.ptp(log.position) / step
         raise UsageError(f"{path}: expected a device that moves by 3 steps of its encoder at least, found {moved:.2g}")
     model = Model(spring, friction, delay)
     fit = fitted(model, log.force, log.position, log.period, step)
-    parameters = _parameters(fit, log.turns)
-    _refuse_unknown(path, parameters, log)
+    parameters = _parameters(fit, fit.model.names, log.turns)
+    named = ("torque", "angle", "N*m", "rad") if log.turns else ("force", "position", "N", "m")
+    _refuse_unknown(path, parameters, log.turns, bool(log.scaled), named)
     verdict = judged(fit, log.force, log.position, log.period)
     asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
-    asked |= {"scales": dict(scales or {}), "columns": dict(columns or {})}
-    facts = {
-        "schema_version": 1,
-        **versions(),
-        "spec_name": _stem(path),
-        "spec_sha256": sha256(f"{log.sha256} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
-        "log_sha256": log.sha256,
-        "asked": asked,
-        "turns": log.turns,
-        "period_s": log.period,
-        "resolution": step,
-        "parameters": parameters,
-        "explained": verdict.explained,
-        "missing": verdict.missing,
-        "residual": _residual(fit, verdict),
-        "methods": {"identify": METHOD},
-        "notices": list(_notices(log, resolution, step)),
-        "timings": {"compute_s": round(time.perf_counter() - started, 6)},
-    }
+    asked |= {"scales": dict(scales), "columns": dict(columns)}
+    judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
+    facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
+    facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}}
+    facts["notices"] = list(_notices(log, resolution, step))
     found = {
         "time_s": log.times,
         "force": log.force,
@@ -114,15 +183,9 @@ def fields_of_log(turns: bool) -> tuple[Field, ...]:
     return tuple(Field(each.name, each.kind, other.get(each.unit, each.unit), each.description) for each in IDENTIFY)
 
 
-def _stem(path: str) -> str:
-    from pathlib import Path
-
-    return Path(path).stem
-
-
-def _parameters(fit, turns: bool) -> dict[str, dict[str, Any]]:
+def _parameters(fit, fitted_names: Sequence[str], turns: bool) -> dict[str, dict[str, Any]]:
     """The numbers with their intervals of 95 % and units."""
-    half = dict(zip(fit.model.names, fit.half.tolist(), strict=True))
+    half = dict(zip(fitted_names, fit.half.tolist(), strict=True))
     found = fit.numbers
     names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in half), "delay"]
     parameters = {}
@@ -136,20 +199,20 @@ def _parameters(fit, turns: bool) -> dict[str, dict[str, Any]]:
     return parameters
 
 
-def _refuse_unknown(path: str, parameters: Mapping[str, Any], log) -> None:
+def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, named: tuple[str, ...]) -> None:
+    """named: what may be in another unit: names, and then their units."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
         raise UsageError(
             f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
             f"{mass['unit']}; record a pulse, a chirp or noise that moves the device quickly"
         )
-    low, high = (1e-9, 20.0) if log.turns else USUAL["device.mass"]
-    if not low <= mass["value"] <= high and not log.scaled:
-        names = ("torque", "angle", "N*m", "rad") if log.turns else ("force", "position", "N", "m")
-        raise UsageError(
-            f"{path}: found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g}); are {names[0]} and "
-            f"{names[1]} in {names[2]} and {names[3]}? --scale {names[1]}=1e-3 turns thousandths into these, =1 leaves them"
-        )
+    low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
+    if not low <= mass["value"] <= high and not scaled:
+        names, units = (" and ".join(part) for part in (named[: len(named) // 2], named[len(named) // 2 :]))
+        hint = f"; --scale {named[1]}=1e-3 turns thousandths into these, =1 leaves them" if len(named) > 2 else ""
+        found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
+        raise UsageError(f"{path}: {found}; {'are' if hint else 'is'} {names} in {units}?{hint}")
 
 
 def _residual(fit, verdict) -> dict[str, Any]:
@@ -193,18 +256,42 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 def _lines(found: Numbers) -> Iterator[Line]:
     yield f"{found['samples']} samples, {found['seconds']:.6g} s at {found['rate_hz']:.6g} Hz", False
-    for name, each in found["parameters"].items():
-        yield f"{name} {spoken(each)}", False
+    yield from _spoken(found)
     left, unit = found["residual"], "rad" if found["turns"] else "m"
     against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
     yield f"residual {left['rms']:.3g} {unit} rms{against if found['resolution'] else ''}", False
     if left["white_noise"] and found["explained"]:
         yield f"white noise of {left['white_noise']:.3g} {unit} beside the encoder's rounding", False
+    yield _judgement(found, "log")
+
+
+def _spoken(found: Numbers) -> Iterator[Line]:
+    yield from ((f"{name} {spoken(each)}", False) for name, each in found["parameters"].items())
+
+
+def _judgement(found: Numbers, what: str) -> Line:
     if found["explained"]:
-        yield "the model explains the log", False
-    else:
-        missing = MISSING[found["missing"]].format(frequency_hz=left["frequency_hz"] or 0.0)
-        yield f"the model does not explain the log, and the intervals do not hold: it lacks {missing}", True
+        return f"the model explains the {what}", False
+    missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
+    return f"the model does not explain the {what}, and the intervals do not hold: it lacks {missing}", True
+
+
+def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    hertz = columns["frequency_hz"]
+    return {
+        "frequencies": len(hertz),
+        "from_hz": float(hertz[0]),
+        "to_hz": float(hertz[-1]),
+        "rate_hz": 1 / facts["period_s"],
+        **{name: facts[name] for name in ("parameters", "explained", "missing", "residual")},
+    }
+
+
+def _response_lines(found: Numbers) -> Iterator[Line]:
+    yield f"{found['frequencies']} frequencies from {found['from_hz']:.6g} to {found['to_hz']:.6g} Hz", False
+    yield from _spoken(found)
+    yield f"residual {100 * found['residual']['rms']:.3g} % rms", False
+    yield _judgement(found, "response")
 
 
 def spoken(each: Mapping[str, Any]) -> str:
@@ -249,4 +336,12 @@ def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
     return lines
 
 
-KINDS = (Kind("identify", IDENTIFY, lambda _: Whole(_numbers, _lines), figure="identified.identify"),)
+KINDS = (
+    Kind("identify", IDENTIFY, lambda _: Whole(_numbers, _lines), figure="identified.identify"),
+    Kind(
+        "identify-response",
+        IDENTIFY_RESPONSE,
+        lambda _: Whole(_response_numbers, _response_lines),
+        figure="identified.identify_response",
+    ),
+)
