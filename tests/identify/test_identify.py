@@ -9,6 +9,7 @@ from wavesweep.errors import UsageError
 from wavesweep.identification.fit import fitted
 from wavesweep.identification.log import step_of
 from wavesweep.identification.model import Model, positions
+from wavesweep.identification.response import admittance
 from wavesweep.identification.verdict import judged
 
 
@@ -161,3 +162,63 @@ def test_units_and_names_of_columns_can_be_told(tmp_path):
         "delay": "tick",
     }
     assert found.attrs["units"]["fitted"] == "rad"
+
+
+HERTZ = np.geomspace(0.5, 100, 60)
+
+
+def discrete_admittance(mass, damping, stiffness, delay):
+    """Of a force held over ticks of 1 ms, from scipy's discretisation."""
+    from scipy.signal import cont2discrete, freqz
+
+    num, den, _ = cont2discrete(([1.0], [mass, damping, stiffness]), 1 / RATE)
+    turn = 2 * np.pi * HERTZ / RATE
+    return freqz(num.ravel(), den, turn)[1] * np.exp(-1j * turn * delay)
+
+
+def test_a_frequency_response_has_the_same_numbers(tmp_path):
+    """The model is scipy's, and intervals contain the truth; what a model lacks is named."""
+    source, path = np.random.default_rng(3), tmp_path / "frf.csv"
+    H = discrete_admittance(0.1, 1.0, 30.0, 1.5)
+    assert admittance({"mass": 0.1, "damping": 1.0, "stiffness": 30.0, "delay": 1.5}, HERTZ, 1 / RATE) == pytest.approx(H)
+    H = H * (1 + 0.01 * (source.standard_normal(60) + 1j * source.standard_normal(60)))
+    written_response(path, H)
+    found = wavesweep.identify(path, spring=True, rate_hz=RATE).attrs["summary"]
+    for name, truth in {"mass": 0.1, "damping": 1.0, "stiffness": 30.0, "delay": 1.5}.items():
+        assert found["parameters"][name]["low"] < truth < found["parameters"][name]["high"]
+    assert found["explained"]
+    for options, missing in (({}, "spring"), ({"spring": True, "delay": 0.0}, "delay")):
+        left = wavesweep.identify(path, rate_hz=RATE, **options).attrs["summary"]
+        assert (left["explained"], left["missing"]) == (False, missing)
+    mode = 0.05 / ((2 * np.pi * 30) ** 2 - (2 * np.pi * HERTZ) ** 2 + 2j * 0.03 * 30 * HERTZ * 4 * np.pi**2)
+    written_response(path, discrete_admittance(0.1, 1.0, 0.0, 1.5) + mode)
+    left = wavesweep.identify(path, rate_hz=RATE).attrs["summary"]
+    assert left["missing"] == "resonance"
+    assert left["residual"]["frequency_hz"] == pytest.approx(30, rel=0.1)
+
+
+def written_response(path, H):
+    table = np.c_[HERTZ, np.abs(H), np.degrees(np.angle(H))]
+    np.savetxt(path, table, delimiter=",", header="frequency_hz,admittance_abs,admittance_deg", comments="")
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "options", "said"),
+    [
+        ("frequency_hz,admittance_abs,admittance_deg", 60, {}, "needs the rate at which its force was held: --rate HZ"),
+        (
+            "frequency_hz,admittance_abs,admittance_deg",
+            60,
+            {"rate_hz": 1e3, "friction": True},
+            "takes --rate, --spring and --del",
+        ),
+        ("frequency_hz,admittance_abs,admittance_deg", 5, {"rate_hz": 1e3}, "expected at least 8 frequencies, found 5"),
+        ("frequency_hz,abs,deg", 60, {"rate_hz": 1e3}, "expected columns admittance_abs and admittance_deg, or admittance_re"),
+        ("time,force,position", 60, {"rate_hz": 1e3}, "a log has its rate in its times; leave --rate out"),
+    ],
+)
+def test_a_bad_response_is_one_message(header, rows, options, said, tmp_path):
+    path = tmp_path / "frf.csv"
+    np.savetxt(path, np.c_[HERTZ, HERTZ, HERTZ][:rows], delimiter=",", header=header, comments="")
+    with pytest.raises(UsageError, match=said):
+        wavesweep.identify(path, **options)

@@ -19,8 +19,7 @@ from wavesweep.identification.model import Model, positions, sensitivities
 
 PLACES = (64, 200)  # of the encoder's steps, at which the motion is rounded again; the fewest in long logs
 LONG = 6_000_000  # samples at all places together, for which there are fewer
-COVERED = 0.95
-DEVIATIONS = 1.96  # of a normal distribution, the same
+DEVIATIONS = 1.96  # of a normal distribution: 95 % of the errors
 DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
 PART = 5000  # samples of a long log that are first fitted with friction
 COARSE = 4000  # samples, at most, of the first search
@@ -81,9 +80,9 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
     residual = position - found
     noise = _noise(residual, resolution, weights, len(theta))
     inverse = np.linalg.pinv(upper) / size[:, None]
-    motion = _rested(found, weights)
+    motion = _rested(found, position, weights)
     moved = [basis.T @ (root[:, 0] * e) for e in likely_errors(motion, resolution, noise, places_of(found, *PLACES))]
-    half = _half(inverse @ np.array(moved).T)
+    half = DEVIATIONS * (inverse @ np.array(moved).T).std(axis=1)
     return Fit(model, theta, half, found, motion, weights, noise, resolution, basis, residual)
 
 
@@ -99,12 +98,6 @@ def likely_errors(found: np.ndarray, resolution: float, noise: float, places: in
         true = found + resolution * place / places
         read = true + noise * source.standard_normal(len(found)) if noise else true
         yield (resolution * np.floor(read / resolution + 0.5) if resolution else read) - true
-
-
-def _half(moved):
-    """Half the widths, in which the share COVERED of the errors lies, `(numbers,)`; moved: `(numbers, places)`."""
-    centred = np.abs(moved - moved.mean(axis=1, keepdims=True))
-    return np.maximum(DEVIATIONS * moved.std(axis=1), np.quantile(centred, COVERED, axis=1))
 
 
 def _noise(residual, resolution, weights, numbers=0):
@@ -131,11 +124,12 @@ def _weights(found, resolution):
     return weights
 
 
-def _rested(found, weights):
-    """The motion, at rest in stretches that count as one reading: the fit may drift there, within a step."""
+def _rested(found, position, weights):
+    """The motion, at rest where the log begins or ends within a step or has one reading: the fit may drift there a little."""
     motion = found.copy()
     for first, last in _stretches(weights < 1):
-        motion[first:last] = found[first:last].mean()
+        if first == 0 or last == len(found) or np.ptp(position[first:last]) == 0:
+            motion[first:last] = found[first:last].mean()
     return motion
 
 

@@ -22,9 +22,10 @@ FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
 LEAST_ROWS = 8
 MOST_BYTES = 100_000_000
 RELATED = 3.5  # deviations of the correlation of neighbouring residuals, beyond which they are no noise
+RARE = 9.0  # the logarithm of the odds against noise, at which an effect or a single frequency is none
+TONES = 80  # frequencies of a resonance that are tried
 RINGING = 0.03  # damping ratio of a resonance that is tried
 CLEAR = 0.3  # share of what is left that an effect has to take away to be named
-DAMPINGS = np.geomspace(0.03, 300, 13)  # over the mass (1/s), tried at first
 LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that are tried at first
 
 
@@ -135,12 +136,14 @@ def fitted_response(measured: Measured, period: float, model: Model) -> Response
     H = admittance(_numbers(model, theta), measured.frequency_hz, period)
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
-    explained = bool(related * np.sqrt(2 * len(H)) < RELATED)
-    named = ("", float("nan"), 0.0)
-    if not explained:
-        named = max(_tried(measured, period, model, theta, left), key=lambda each: each[2])
-        if named[2] < CLEAR:
-            named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
+    named = max(_tried(measured, period, model, theta, left), key=lambda each: each[2])
+    rare = len(H) * named[2] > np.log(TONES) + RARE  # noise takes shares of 1/n, and of many the largest is ln(number)/n
+    far = float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300)) > np.log(len(H)) + RARE
+    explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
+    if explained:
+        named = ("", float("nan"), 0.0)
+    elif named[2] < CLEAR:
+        named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
     return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related)
 
 
@@ -196,7 +199,7 @@ def _tried(measured, period, model, theta, left) -> Iterator[tuple[str, float, f
     hertz, weights = measured.frequency_hz, _weights(measured)
     off = (left[: len(hertz)] + 1j * left[len(hertz) :]) / np.where(weights > 0, weights, 1.0)
     J = np.stack([_slope(measured, period, model, theta, at) for at in range(len(theta))], axis=1)
-    for tone in np.geomspace(hertz[0], hertz[-1], 80):
+    for tone in np.geomspace(hertz[0], hertz[-1], TONES):
         mode = 1 / (tone**2 - hertz**2 + 2j * RINGING * tone * hertz) / measured.admittance
         A = np.concatenate([J, np.stack([mode, 1j * mode], axis=1)], axis=1) * weights[:, None]
         A = np.concatenate([A.real, A.imag])
