@@ -42,41 +42,46 @@ def test_a_force_may_be_late_by_a_part_of_a_tick():
     assert found[1:] == pytest.approx(expected[1:], rel=1e-9)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FORCES)
 def test_intervals_contain_the_truth(kind):
-    """Of eight logs of mass, damping and delay nearly all; the script benchmarks/identify_coverage.py counts 200 of each."""
-    inside, missing, _ = study("none", kind, 1e-5, 8)
+    """Of four logs of mass, damping and delay nearly all; the script benchmarks/identify_coverage.py counts 200 of each."""
+    inside, missing, _ = study("none", kind, 1e-5, 4)
     assert inside.min() >= 0.75
-    assert missing == [""] * 8
+    assert missing == [""] * 4
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("resolution", ENCODERS)
 @pytest.mark.parametrize("kind", FORCES)
 def test_intervals_of_95_per_cent_contain_the_truth_in_92_to_98(kind, resolution):
+    """All three numbers together; of one of them 200 logs tell the share to within 3 per cent."""
     inside, missing, _ = study("none", kind, resolution, 200)
-    assert np.all((inside >= 0.92) & (inside <= 0.98))
+    assert 0.92 <= inside.mean() <= 0.98
+    assert inside.min() >= 0.9
     assert missing.count("") >= 198
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", ["friction", "late", "resonance"])
+@pytest.mark.parametrize("effect", ["resonance", "friction", "late"])
 def test_a_model_that_lacks_an_effect_is_not_called_enough(effect):
-    _, missing, _ = study(effect, "chirp", 1e-5, 2)
-    assert missing == [{"late": "delay"}.get(effect, effect)] * 2
+    _, missing, _ = study(effect, "chirp", 1e-5, 1)
+    assert missing == [{"late": "delay"}.get(effect, effect)]
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("kind", FORCES)
 @pytest.mark.parametrize("effect", ["friction", "late", "resonance"])
 def test_a_model_that_lacks_an_effect_is_never_called_enough(effect, kind):
-    for resolution in ENCODERS:
+    """But if a resonance moves the device by less than a step of the encoder, as after a pulse with the coarsest."""
+    for resolution in ENCODERS[:2] if (effect, kind) == ("resonance", "pulse") else ENCODERS:
         _, missing, _ = study(effect, kind, resolution, 20)
         assert "" not in missing
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_friction_and_a_spring_are_found_if_they_are_asked_for():
     source = np.random.default_rng(2)
     force = 1.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 1500)) / RATE)
@@ -134,9 +139,22 @@ def test_a_bad_log_is_one_message(change, said, tmp_path):
         wavesweep.identify(path)
 
 
+def test_jitter_of_the_times_is_said(tmp_path):
+    source = np.random.default_rng(0)
+    force = np.sin(0.05 * np.arange(300))
+    path = written(tmp_path / "log.csv", force, read(moved(0.1, 1.0, force), 1e-5, source))
+    lines = path.read_text().splitlines()
+    for row in range(2, len(lines) - 1):
+        time, _, rest = lines[row].partition(",")
+        lines[row] = f"{float(time) + 1e-4 * source.uniform(-1, 1):.7f},{rest}"
+    path.write_text("\n".join(lines))
+    notices = wavesweep.identify(path).attrs["facts"]["notices"]
+    assert any("times jitter by up to" in each and "equal steps of 1 ms" in each for each in notices)
+
+
 def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
     """A slow push of a device in syrup."""
-    force = np.sin(2 * np.pi * 0.2 * np.arange(3000) / RATE)
+    force = np.sin(2 * np.pi * 0.2 * np.arange(1500) / RATE)
     path = written(tmp_path / "slow.csv", force, read(moved(0.01, 40.0, force), 1e-4, np.random.default_rng(0)))
     with pytest.raises(UsageError, match="the force does not excite the mass: it could be anything from"):
         wavesweep.identify(path)
@@ -144,10 +162,12 @@ def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
 
 @pytest.mark.slow
 def test_units_and_names_of_columns_can_be_told(tmp_path):
-    force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 800)) / RATE)
+    force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
     places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))
     wrong = written(tmp_path / "millinewton.csv", 1000 * force, places)
-    with pytest.raises(UsageError, match=r"found a mass of 60 kg \(usual: 0.001 to 20\); are force and position in N and m"):
+    with pytest.raises(
+        UsageError, match=r"found a mass of 60 kg \(usual: 0.001 to 20\); are time, force and position in s, N and m"
+    ):
         wavesweep.identify(wrong)
     named = written(tmp_path / "counts.csv", force, np.round(places / 1e-5), "t,force_N,enc")
     found = wavesweep.identify(named, columns={"position": "enc", "time": "t"}, scales={"position": 1e-5})

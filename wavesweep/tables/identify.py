@@ -99,7 +99,7 @@ def _of_response(path: str, period: float, spring: bool, delay: float | None) ->
     measured, model = read_response(path), Model(spring=spring, delay=delay)
     fit = fitted_response(measured, period, model)
     parameters = _parameters(fit, fit.names, turns=False)
-    _refuse_unknown(path, parameters, False, False, ("admittance", "m/N"))
+    _refuse_unknown(path, parameters, False, False, "is the admittance in m/N")
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
         "correlation": fit.correlation,
@@ -157,8 +157,8 @@ def _of_log(path: str, columns, scales, resolution: float | None, wanted: tuple[
     model = Model(spring, friction, delay)
     fit = fitted(model, log.force, log.position, log.period, step)
     parameters = _parameters(fit, fit.model.names, log.turns)
-    named = ("torque", "angle", "N*m", "rad") if log.turns else ("force", "position", "N", "m")
-    _refuse_unknown(path, parameters, log.turns, bool(log.scaled), named)
+    named = "time, torque and angle in s, N*m and rad" if log.turns else "time, force and position in s, N and m"
+    _refuse_unknown(path, parameters, log.turns, bool(log.scaled), f"are {named}")
     verdict = judged(fit, log.force, log.position, log.period)
     asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
     asked |= {"scales": dict(scales), "columns": dict(columns)}
@@ -199,8 +199,8 @@ def _parameters(fit, fitted_names: Sequence[str], turns: bool) -> dict[str, dict
     return parameters
 
 
-def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, named: tuple[str, ...]) -> None:
-    """named: what may be in another unit: names, and then their units."""
+def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, question: str) -> None:
+    """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
         raise UsageError(
@@ -209,10 +209,9 @@ def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scale
         )
     low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
     if not low <= mass["value"] <= high and not scaled:
-        names, units = (" and ".join(part) for part in (named[: len(named) // 2], named[len(named) // 2 :]))
-        hint = f"; --scale {named[1]}=1e-3 turns thousandths into these, =1 leaves them" if len(named) > 2 else ""
         found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
-        raise UsageError(f"{path}: {found}; {'are' if hint else 'is'} {names} in {units}?{hint}")
+        hint = "--scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
+        raise UsageError(f"{path}: {found}; {question}?{f' {hint}' if question.startswith('are') else ''}")
 
 
 def _residual(fit, verdict) -> dict[str, Any]:
