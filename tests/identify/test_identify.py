@@ -92,6 +92,14 @@ def test_friction_and_a_spring_are_found_if_they_are_asked_for():
     assert judged(fit, force, position, 1 / RATE).explained
 
 
+def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
+    force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))
+    position = read(moved(0.1, 1.0, force, friction=0.05), 1e-5, np.random.default_rng(0))
+    fit = fitted(MODELS["none"], force, position, 1 / RATE, 1e-5)
+    assert fit.numbers["offset"] == pytest.approx(-0.05, abs=1e-3)
+    assert judged(fit, force, position, 1 / RATE).missing == "one-way"
+
+
 @pytest.mark.slow
 def test_white_noise_beside_the_encoder_is_told_and_widens_the_intervals():
     source = np.random.default_rng(4)
@@ -180,6 +188,7 @@ def test_units_and_names_of_columns_can_be_told(tmp_path):
         "mass": "kg*m^2",
         "damping": "N*m*s/rad",
         "delay": "tick",
+        "offset": "N*m",
     }
     assert found.attrs["units"]["fitted"] == "rad"
 

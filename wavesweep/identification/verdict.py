@@ -18,6 +18,7 @@ BEYOND = 3.0  # times the largest of the errors that rounding makes
 SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
 TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
+ONE_WAY = 0.98  # share of the motion in one direction, beyond which friction is like a constant force
 CLEAR = 0.3  # share of what is left that an effect has to take away to be named
 TRIED = 8000  # samples, at most, to which a model with one effect more is fitted
 
@@ -27,9 +28,9 @@ class Verdict:
     """The judgement of a fit.
 
     explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
-    "unknown", or empty if it is explained. frequency_hz: of the resonance, or where most is left; otherwise NaN. share: of the
-    residual's power that the effect would take away. rms: of the residual (m); expected: that of the encoder alone.
-    correlation: of neighbouring residuals; correlation_expected: the same of the encoder alone.
+    "one-way" (friction or a constant force), "unknown", or empty if it is explained. frequency_hz: of the resonance, or where
+    most is left; otherwise NaN. share: of the residual's power that the effect would take away. rms: of the residual (m);
+    expected: that of the encoder alone. correlation: of neighbouring residuals; correlation_expected: of the encoder alone.
     """
 
     explained: bool
@@ -59,9 +60,10 @@ def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency and share > taken:
             tone, taken = frequency, share
-    explained = not seen and float(beyond.max()) <= 1.0
-    named = ("", float("nan"), 0.0)
-    if not explained:
+    alike, remains = _like_friction(fit), seen or float(beyond.max()) > 1.0
+    explained = not (remains or alike)
+    named = ("one-way" if alike else "", float("nan"), 0.0)
+    if remains:
         named = max(("resonance", tone, taken), *_tried(fit, force, position, period), key=lambda each: each[2])
         if named[2] < CLEAR:
             worst = int(np.argmax(beyond))
@@ -69,6 +71,15 @@ def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
     rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(found, fit.resolution, 0.0, SHOWN)]
     square, usual = np.mean(rounding, axis=0).tolist()
     return Verdict(explained, *named, float(np.sqrt(np.mean(fit.residual**2))), square**0.5, _neighbours(fit.residual), usual)
+
+
+def _like_friction(fit: Fit) -> bool:
+    """Whether a constant force against a device that moves one way alone was found, which Coulomb friction would be as well."""
+    if fit.model.friction or fit.model.spring:
+        return False
+    way = float(np.mean(np.sign(np.diff(fit.motion)[np.diff(fit.motion) != 0])))
+    offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
+    return abs(way) > ONE_WAY and offset * way < 0 and abs(offset) > 2 * half
 
 
 def _tried(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Iterator[tuple[str, float, float]]:

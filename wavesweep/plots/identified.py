@@ -51,9 +51,12 @@ def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     hertz = columns["frequency_hz"]
     with figure(TWO_COLUMNS, 4.4) as canvas:
         panels = canvas.subplots(3, 1, sharex=True, height_ratios=[2, 1.4, 1.2])
-        for axes, part in zip(panels, ("abs", "deg"), strict=False):
-            axes.plot(hertz, columns[f"measured_{part}"], ".", color=distinct_colour(0), markersize=4, label="measured")
-            axes.plot(hertz, columns[f"fitted_{part}"], color=IDEAL, linewidth=0.9, label="fitted")
+        phase = np.unwrap(columns["fitted_deg"], period=360)
+        apart = (columns["measured_deg"] - columns["fitted_deg"] + 180) % 360 - 180
+        curves = ((columns["measured_abs"], columns["fitted_abs"]), (phase + apart, phase))
+        for axes, (measured, fitted) in zip(panels, curves, strict=False):
+            axes.plot(hertz, measured, ".", color=distinct_colour(0), markersize=4, label="measured")
+            axes.plot(hertz, fitted, color=IDEAL, linewidth=0.9, label="fitted")
         panels[2].plot(hertz, 100 * columns["residual_abs"], ".", color=distinct_colour(1), markersize=4)
         panels[0].set(xscale="log", yscale="log", ylabel="admittance (m/N)")
         panels[0].legend(loc="upper right", fontsize=7)

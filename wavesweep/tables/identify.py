@@ -24,14 +24,15 @@ METHOD = (
     "least squares of position against the sampled model, force held over a tick; intervals from the fitted motion, rounded at "
     "200 places of the encoder's steps with the white noise that is left, each error carried through the fit"
 )
-UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick"}
-TURNING = {"mass": "kg*m^2", "friction": "N*m"}
+UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
+TURNING = {"mass": "kg*m^2"}
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
     "spring": "a spring; --spring fits it",
     "delay": "a delay; without --delay it is fitted",
     "resonance": "a resonance near {frequency_hz:.3g} Hz, which no option fits: draw the device as two masses and a spring",
+    "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
 
@@ -188,6 +189,7 @@ def _parameters(fit, fitted_names: Sequence[str], turns: bool) -> dict[str, dict
     half = dict(zip(fitted_names, fit.half.tolist(), strict=True))
     found = fit.numbers
     names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in half), "delay"]
+    names += ["offset"] * ("offset" in half)
     parameters = {}
     for name in names:
         value, around = found[name], half.get(name, 0.0)
