@@ -98,6 +98,9 @@ def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     fit = fitted(MODELS["none"], force, position, 1 / RATE, 1e-5)
     assert fit.numbers["offset"] == pytest.approx(-0.05, abs=1e-3)
     assert judged(fit, force, position, 1 / RATE).missing == "one-way"
+    rubbing = fitted(Model(friction=True), force, position, 1 / RATE, 1e-5)
+    assert rubbing.numbers["friction"] == pytest.approx(0.05, abs=1e-3)
+    assert judged(rubbing, force, position, 1 / RATE).explained
 
 
 @pytest.mark.slow

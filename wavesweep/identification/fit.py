@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -21,6 +22,8 @@ PLACES = (64, 200)  # of the encoder's steps, at which the motion is rounded aga
 LONG = 6_000_000  # samples at all places together, for which there are fewer
 DEVIATIONS = 1.96  # of a normal distribution: 95 % of the errors
 DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
+ONE_WAY = 0.98  # share of the way in one direction, beyond which friction is like a constant force
+RESTING = 10  # equal readings at the start of a log, of a device that is held by friction
 PART = 5000  # samples of a long log that are first fitted with friction
 COARSE = 4000  # samples, at most, of the first search
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass that it tries (1/s)
@@ -58,6 +61,8 @@ class Fit:
 
 def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float, start=None) -> Fit:
     """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
+    if model.friction:
+        model = replace(model, without=tuple(_hidden(model, position)))
     weights = np.ones(len(force))
     theta = _begun(model, force, position, period) if start is None else start
     theta = refined(model, theta, force, position, period, weights)
@@ -89,6 +94,15 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
 def places_of(found: np.ndarray, fewest: int, most: int) -> int:
     """How many places of the encoder's steps a log of this length is rounded at."""
     return min(max(LONG // len(found), fewest), most)
+
+
+def _hidden(model, position):
+    """Yield the numbers that friction hides: the speed of a device at rest; a constant force, if the device moves one way."""
+    if np.ptp(position[:RESTING]) == 0:
+        yield "velocity"
+    moves = np.diff(position)
+    if not model.spring and abs(moves.sum()) > ONE_WAY * np.abs(moves).sum():
+        yield "offset"
 
 
 def likely_errors(found: np.ndarray, resolution: float, noise: float, places: int) -> Iterator[np.ndarray]:
@@ -188,13 +202,23 @@ def _begun(model, force, position, period):
         known = dict(zip(model.names, _first(model, *log), strict=True))
     else:
         known = dict(zip(model.names, theta, strict=True))
-    if model.delay is None:  # which moves far as long as the other numbers are rough
-        held = replace(model, delay=float(known["delay"]))
-        known |= zip(held.names, refined(held, np.array([known[name] for name in held.names]), *log, weights), strict=True)
+    held = replace(model, delay=float(known["delay"]))  # a delay moves far as long as the other numbers are rough
+    rubbing = (0.05, 0.3) if model.friction else (0.0,)
+    best = None
+    for delay, share in product(
+        dict.fromkeys([held.delay, 0.0]) if model.friction and model.delay is None else [held.delay], rubbing
+    ):
+        held = replace(model, delay=delay)
+        start = known | {"friction": share * float(np.std(log[0])), "delay": delay}
+        theta_held = refined(held, np.array([start[name] for name in held.names]), *log, weights)
+        left = float(np.sum((positions(held, theta_held, log[0], period) - log[1]) ** 2))
+        if best is None or left < best[0]:
+            best = (left, start | dict(zip(held.names, theta_held, strict=True)))
+    known = best[1]
     if part.start is None:
         return np.array([known[name] for name in model.names])
-    best = refined(model, np.array([known[name] for name in model.names]), *log, weights)
-    return np.where([name in ("start", "velocity") for name in model.names], theta, best)
+    whole = refined(model, np.array([known[name] for name in model.names]), *log, weights)
+    return np.where([name in ("start", "velocity") for name in model.names], theta, whole)
 
 
 def _first(model, force, position, period):

@@ -8,7 +8,7 @@ velocity at its start, and a constant force (gravity, the offset of an amplifier
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import copysign, exp, sqrt
 
 import numpy as np
@@ -22,27 +22,28 @@ STEP = 1e-4  # of finite differences, in units in which a number moves the posit
 
 @dataclass(frozen=True)
 class Model:
-    """What is fitted. spring, friction: whether there are some. delay: in ticks, None if it is fitted."""
+    """What is fitted.
+
+    spring, friction: whether there are some. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0.
+    """
 
     spring: bool = False
     friction: bool = False
     delay: float | None = None
+    without: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """The numbers that are fitted, in the order of a vector of them."""
         free = ["stiffness"] * self.spring + ["friction"] * self.friction + ["delay"] * (self.delay is None)
-        return ("log_mass", "damping", *free, *OWN)
+        return ("log_mass", "damping", *free, *(name for name in OWN if name not in self.without))
 
     def numbers(self, theta: np.ndarray) -> dict[str, float]:
         """All numbers of the device and the log by their names; theta: the vector."""
         given = dict(zip(self.names, map(float, theta), strict=True))
-        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0}
-        return fixed | given | {"mass": exp(min(given["log_mass"], 700.0))}
-
-    def without_friction(self) -> Model:
-        """The same model, linear."""
-        return replace(self, friction=False)
+        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0, "velocity": 0.0, "offset": 0.0}
+        found = fixed | given
+        return found | {"mass": exp(min(given["log_mass"], 700.0)), "friction": abs(found["friction"])}
 
 
 def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float) -> np.ndarray:
@@ -104,7 +105,7 @@ def _linear(found, push, period):
 
 def _sliding(found, push, now, full, period):
     """The same with friction, tick by tick; a tick in which the device stops is divided there."""
-    A, friction = _step(found, period), abs(found["friction"])
+    A, friction = _step(found, period), found["friction"]
     vv, vx, xv, xx = (float(each) for each in A.ravel())
     by_v, by_x = friction * float(full[0]), friction * float(full[1])
     v, x, places = found["velocity"], found["start"], []
