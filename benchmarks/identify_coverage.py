@@ -98,7 +98,7 @@ def study(effect, kind, resolution, logs, seed=0):
     for _ in range(logs):
         truth, force, position = log_of(kind, resolution, source, effect)
         fit = fitted(model, force, position, 1 / RATE, resolution)
-        half = dict(zip(model.names, fit.half, strict=True))
+        half = dict(zip(fit.model.names, fit.half, strict=True))
         errors = {
             "log_mass": np.log(fit.numbers["mass"] / truth[0]),
             "damping": fit.numbers["damping"] - truth[1],

@@ -87,8 +87,9 @@ def test_friction_and_a_spring_are_found_if_they_are_asked_for():
     force = 1.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 1500)) / RATE)
     position = read(moved(0.1, 0.8, force, friction=0.1, spring=60.0), 1e-5, source)
     fit = fitted(Model(spring=True, friction=True), force, position, 1 / RATE, 1e-5)
-    errors = fit.theta - np.array([np.log(0.1), 0.8, 60.0, 0.1, 0.0, *fit.theta[-3:]])
-    assert np.all(np.abs(errors) <= 1.6 * fit.half)
+    half = dict(zip(fit.model.names, fit.half, strict=True))
+    for name, truth in {"log_mass": np.log(0.1), "damping": 0.8, "stiffness": 60.0, "friction": 0.1, "delay": 0.0}.items():
+        assert abs(fit.numbers[name] - truth) <= 1.6 * half[name]
     assert judged(fit, force, position, 1 / RATE).explained
 
 
