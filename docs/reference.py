@@ -186,6 +186,7 @@ SAMPLED = {
     "why": "why mine.toml --set environment.integration=explicit",
     "margins": "margins mine.toml --cut avatar.out",
     "design": "design mine.toml",
+    "identify": "identify pushed.csv --friction",
     "check": "check mine.toml",
     "export": "export mine.toml --to c",
     "verify": "verify results/mine",
@@ -199,6 +200,7 @@ def summaries() -> str:
     parts = [f"`mine.toml`:\n\n```toml\n{SAMPLE}```"]
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         Path("mine.toml").write_text(SAMPLE, encoding="utf-8")
+        Path("pushed.csv").write_bytes((HERE.parent / "sweeps/examples/pushed.csv").read_bytes())
         for name, line in SAMPLED.items():
             words = shlex.split(line)
             printed = _printed(*words, *(["--no-plot"] if "--no-plot" in switches(name) else []))

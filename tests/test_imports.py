@@ -30,6 +30,7 @@ LAYERS = (
     "response",
     "passive",
     "robust",
+    "identification",
     "simulation",
     "prove",
     "store",

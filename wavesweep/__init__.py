@@ -11,7 +11,7 @@ _HOMES = {
     **dict.fromkeys(
         (
             *("compile", "Loop", "zwidth", "stability_region", "bode", "design", "passivity", "filter_choices", "simulate"),
-            *("verdict", "why"),
+            *("verdict", "why", "identify"),
         ),
         "wavesweep.api",
     ),

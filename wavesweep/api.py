@@ -23,6 +23,7 @@ from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_a
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.sweep.running import Options
+from wavesweep.tables import identify as of_identify
 from wavesweep.tables import intervals, kind_named, responses, simulation
 from wavesweep.tables import margins as of_margins
 from wavesweep.tables import passivity as of_passivity
@@ -446,6 +447,40 @@ def why(source: Source, along: str | None = None) -> DataFrame:
     source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
     """
     return framed(of_why.why(_spec(source), along))
+
+
+def identify(
+    log: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    scales: Mapping[str, float] | None = None,
+    resolution: float | None = None,
+    spring: bool = False,
+    friction: bool = False,
+    delay: float | None = None,
+    rate_hz: float | None = None,
+) -> DataFrame:
+    """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
+
+    log: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns, scales: names in the
+    file and factors to these units, by name: `columns={"position": "enc"}, scales={"position": 2e-5}`. resolution: step of the
+    encoder (m or rad), by default the one that the readings show. spring, friction: fit some. delay: in ticks, None to fit it.
+    rate_hz: the file is a frequency response, whose force was held at this rate.
+    The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
+    is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
+    """
+    return framed(
+        of_identify.identify(
+            str(log),
+            columns=columns,
+            scales=scales,
+            resolution=resolution,
+            spring=spring,
+            friction=friction,
+            delay=delay,
+            rate_hz=rate_hz,
+        )
+    )
 
 
 def _spec(source: Source) -> Spec:

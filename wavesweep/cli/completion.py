@@ -213,6 +213,7 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
         }
     ),
     "device": _among({name: device.title for name, device in DEVICES.items()}),
+    "log": _files,
     "table": _files,
     "tables": _files,
     "out": _files,

@@ -46,6 +46,7 @@ COMMANDS = MappingProxyType(
         "margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal.",
         "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for.",
         "export": "Write the controller as C, with test vectors: what was analysed is what runs.",
+        "identify": "Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.",
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
         "plot": "Draw the figure of a table again, as PNG, SVG or PDF.",

@@ -30,6 +30,8 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "why": "why",
         "margins": "margins",
         "design": "design",
+        "identify": "identify",
+        "identify-response": "identify",
     }
 )
 

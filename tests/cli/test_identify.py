@@ -1,0 +1,73 @@
+"""`wavesweep identify` from the log to its spec, its files and its words."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+from wavesweep import load, results
+
+EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
+
+
+@pytest.fixture
+def pushed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("pushed.csv").write_bytes((EXAMPLES / "pushed.csv").read_bytes())
+    return "pushed.csv"
+
+
+def test_the_log_of_the_page_is_that_of_its_script():
+    spec = importlib.util.spec_from_file_location("pushed", EXAMPLES / "pushed.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert (EXAMPLES / "pushed.csv").read_text(encoding="utf-8").splitlines() == list(script.rows())
+
+
+@pytest.mark.slow
+def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep, pushed):
+    code, out, _ = wavesweep("identify", pushed, "--friction", "--out", "device.toml", "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert (found["explained"], found["missing"]) == (True, "")
+    truth = {"mass": 0.08, "damping": 0.6, "friction": 0.15, "delay": 2.0}
+    for name, value in truth.items():
+        assert found["parameters"][name]["low"] < value < found["parameters"][name]["high"]
+    device = load("device.toml")
+    assert device.values["device.mass"] == found["parameters"]["mass"]["value"]
+    ranges = {axis.path: (axis.start, axis.stop) for axis in device.for_all.axes}
+    assert ranges["device.damping"] == tuple(found["parameters"]["damping"][end] for end in ("low", "high"))
+    assert device.simulate["friction"] == found["parameters"]["friction"]["value"]
+    folder = Path("results/pushed")
+    names = {f"identify{suffix}" for suffix in (".csv", ".parquet", ".png", ".datapackage.json")}
+    assert {path.name for path in folder.iterdir()} == names
+    table = results.read(folder / "identify.csv")
+    assert abs(table["residual"]).max() <= 1.1e-5
+    assert wavesweep("verify", str(folder))[0] == 0
+
+
+@pytest.mark.slow
+def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pushed):
+    Path("mine.toml").write_text('controller.kind = "dc"\n')
+    code, _, err = wavesweep("identify", pushed, "--out", "mine.toml", "--no-plot")
+    assert (code, "mine.toml: found a spec that identify did not write; give --overwrite" in err) == (2, True)
+    code, _, err = wavesweep("identify", pushed, "--no-plot")
+    assert code == 0
+    assert (
+        "the model does not explain the log, and the intervals do not hold: it lacks Coulomb friction; --friction fits it"
+        in err
+    )
+    assert "# The model does NOT explain the log" in Path("results/pushed/device.toml").read_text()
+
+
+def test_options_that_are_none_are_one_message(wavesweep, pushed):
+    for words, said in (
+        (["--column", "position"], "--column position: expected NAME=VALUE, e.g. position=enc"),
+        (["--scale", "position=two"], "--scale position=two: expected a number, found two"),
+        (["--scale", "place=2"], "--scale place: expected one of time, force, position, found place"),
+        (["--column", "force=current"], "expected a column current, found time, force, position"),
+    ):
+        code, out, err = wavesweep("identify", pushed, *words)
+        assert (code, out, said in err) == (2, "", True), err
+    assert not Path("results").exists()

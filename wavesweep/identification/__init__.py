@@ -1,0 +1,1 @@
+"""Mass, damping, spring, friction and delay of a device from a log of force and position."""

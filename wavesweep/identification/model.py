@@ -1,0 +1,176 @@
+"""The sampled model of a log: a device under a force that is held over a tick, maybe late, and Coulomb friction.
+
+    m a + d v + k x = f(t - D T) + f_0 - F_c sgn(v)
+
+What is fitted is the logarithm of the mass, the other numbers that are free, and three that only this log has: position and
+velocity at its start, and a constant force (gravity, the offset of an amplifier, where a spring rests).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import copysign, exp, sqrt
+
+import numpy as np
+from scipy.signal import lfilter
+
+from wavesweep.loops.device import impulse_and_step, motion
+
+OWN = ("start", "velocity", "offset")  # numbers of the log alone
+STEP = 1e-4  # of finite differences, in units in which a number moves the position by about its range
+
+
+@dataclass(frozen=True)
+class Model:
+    """What is fitted.
+
+    spring, friction: whether there are some. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0.
+    """
+
+    spring: bool = False
+    friction: bool = False
+    delay: float | None = None
+    without: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The numbers that are fitted, in the order of a vector of them."""
+        free = ["stiffness"] * self.spring + ["friction"] * self.friction + ["delay"] * (self.delay is None)
+        return ("log_mass", "damping", *free, *(name for name in OWN if name not in self.without))
+
+    def numbers(self, theta: np.ndarray) -> dict[str, float]:
+        """All numbers of the device and the log by their names; theta: the vector."""
+        given = dict(zip(self.names, map(float, theta), strict=True))
+        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0, "velocity": 0.0, "offset": 0.0}
+        found = fixed | given
+        return found | {"mass": exp(min(given["log_mass"], 700.0)), "friction": abs(found["friction"])}
+
+
+def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float) -> np.ndarray:
+    """Position (m) at the start of each tick, `(ticks,)`; force: (N) of each tick; period: s."""
+    found = model.numbers(theta)
+    push, now, before = pushes(found, force, period)
+    return _sliding(found, push, now, before, period) if found["friction"] else _linear(found, push, period)
+
+
+def pushes(found, force, period):
+    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`, and its mean over the tick.
+
+    A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then.
+    """
+    whole = int(np.floor(found["delay"]))
+    part = found["delay"] - whole
+    now, before = late(force, whole) + found["offset"], late(force, whole + 1) + found["offset"]
+    full, rest = _reach(found, period), _reach(found, (1 - part) * period)
+    push = np.outer(rest, now) + np.outer(full - rest, before)
+    return push, now * (1 - part) + before * part, full
+
+
+def late(force: np.ndarray, ticks: int) -> np.ndarray:
+    """The force so many ticks later; before the log it was what it is at the start."""
+    at = np.clip(np.arange(len(force)) - ticks, 0, len(force) - 1)
+    return force[at] if ticks else force
+
+
+def _reach(found, length):
+    """Velocity and position after a unit force over `length` seconds from rest."""
+    mass = found["mass"]
+    s, g, *_ = impulse_and_step(found["damping"] / mass, found["stiffness"] / mass, length)
+    return np.array([float(s), float(g)]) / mass
+
+
+def _step(found, period):
+    """The matrix of a tick, of velocity and position."""
+    mass, damping, stiffness = found["mass"], found["damping"] / found["mass"], found["stiffness"] / found["mass"]
+    s, g, *_ = impulse_and_step(damping, stiffness, period)
+    return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
+
+
+def _linear(found, push, period):
+    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which keeps the digits of poles next to 1."""
+    A = _step(found, period)
+    half = found["damping"] / (2 * found["mass"])
+    root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
+    fast = -half - root
+    slow = found["stiffness"] / found["mass"] / fast if fast else 0.0  # the sum of the two would lose its digits
+    one, two = np.exp(fast * period), np.exp(slow * period)
+    if not root.imag:
+        one, two = one.real, two.real
+    first = A[1] @ [found["velocity"], found["start"]] + push[1, 0]
+    drive = push[1, 1:-1] + A[1, 0] * push[0, :-2] - A[0, 0] * push[1, :-2]
+    outer = np.concatenate([[first - one * found["start"]], drive])
+    inner = lfilter([1.0], [1.0, -two], outer)
+    return lfilter([1.0], [1.0, -one], np.concatenate([[found["start"]], inner])).real
+
+
+def _sliding(found, push, now, full, period):
+    """The same with friction, tick by tick; a tick in which the device stops is divided there."""
+    A, friction = _step(found, period), found["friction"]
+    vv, vx, xv, xx = (float(each) for each in A.ravel())
+    by_v, by_x = friction * float(full[0]), friction * float(full[1])
+    v, x, places = found["velocity"], found["start"], []
+    stiffness = found["stiffness"]
+    for to_v, to_x, pull in zip(*push.tolist(), now.tolist(), strict=True):
+        places.append(x)
+        if v == 0.0:
+            net = pull - stiffness * x
+            if -friction <= net <= friction:
+                continue
+            side = copysign(1.0, net)
+        else:
+            side = copysign(1.0, v)
+        after = vv * v + vx * x + to_v - side * by_v
+        if after * side > 0.0:
+            v, x = after, xv * v + xx * x + to_x - side * by_x
+        else:
+            v, x = _through_rest(found, friction, v, x, pull, period)
+    return np.array(places)
+
+
+def _through_rest(found, friction, v, x, pull, left):
+    """Velocity and position after `left` seconds in which the device stops, under a constant force, by Taylor's series."""
+    mass, damping, stiffness = found["mass"], found["damping"], found["stiffness"]
+    for _ in range(4):  # a tick with more than a few reversals is none that a log could show
+        net = pull - stiffness * x
+        if v == 0.0 and abs(net) <= friction:
+            return 0.0, x
+        a = (net - copysign(friction, v or net) - damping * v) / mass
+        jerk = -(damping * a + stiffness * v) / mass
+        snap = -(damping * jerk + stiffness * a) / mass
+        stop = _root(v, a, jerk) if v else left
+        if v and stop < left:
+            slope = a + stop * (jerk + stop * snap / 2)
+            stop -= (v + stop * (a + stop * (jerk / 2 + stop * snap / 6))) / slope if slope else 0.0
+        t = min(stop, left)
+        x += t * (v + t * (a / 2 + t * (jerk / 6 + t * snap / 24)))
+        if stop >= left:
+            return v + t * (a + t * (jerk / 2 + t * snap / 6)), x
+        v, left = 0.0, left - stop
+    return v, x
+
+
+def _root(v, a, jerk):
+    """The first time at which v + a t + jerk t^2/2 is 0; infinite if there is none."""
+    square = a * a - 2 * jerk * v
+    if square < 0 or ((v > 0) == (a > 0) and (v > 0) == (jerk > 0)):
+        return float("inf")
+    below = -a + copysign(sqrt(square), v)
+    time = 2 * v / below if below else float("inf")
+    return time if time > 0 else float("inf")
+
+
+def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, scale: np.ndarray) -> np.ndarray:
+    """Derivatives of the positions by the numbers, `(ticks, numbers)`, from differences; scale: steps of 1/STEP.
+
+    They are central or, with friction, whose march takes longer, to one side.
+    """
+    columns, behind = [], positions(model, theta, force, period) if model.friction else None
+    for at, size in enumerate(scale):
+        step = np.zeros(len(theta))
+        step[at] = STEP * size
+        ahead = positions(model, theta + step, force, period)
+        if model.friction:
+            columns.append((ahead - behind) / (STEP * size))
+        else:
+            columns.append((ahead - positions(model, theta - step, force, period)) / (2 * STEP * size))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,216 @@
+"""The same device from a frequency response: the sampled model's admittance against the measured one, with relative errors."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import stdtrit
+
+from wavesweep.errors import UsageError
+from wavesweep.identification.model import OWN, Model
+from wavesweep.loops.device import impulse_and_step, motion
+from wavesweep.spec.reading import read_bytes
+
+FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
+LEAST_ROWS = 8
+MOST_BYTES = 100_000_000
+RELATED = 3.5  # deviations of the correlation of neighbouring residuals, beyond which they are no noise
+RARE = 9.0  # the logarithm of the odds against noise, at which an effect or a single frequency is none
+TONES = 80  # frequencies of a resonance that are tried
+RINGING = 0.03  # damping ratio of a resonance that is tried
+CLEAR = 0.3  # share of what is left that an effect has to take away to be named
+LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that are tried at first
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """frequency_hz: above 0, increasing. admittance: complex (m/N). coherence: 0 to 1, 1 where the file has none."""
+
+    frequency_hz: np.ndarray
+    admittance: np.ndarray
+    coherence: np.ndarray
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseFit:
+    """The numbers `names` of a model, half the widths of their intervals, and the judgement, as for a log.
+
+    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals.
+    """
+
+    model: Model
+    theta: np.ndarray
+    half: np.ndarray
+    fitted: np.ndarray
+    residual: np.ndarray
+    explained: bool
+    missing: str
+    frequency_hz: float
+    share: float
+    correlation: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The numbers that are fitted."""
+        return _names(self.model)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """All numbers by their names."""
+        return _numbers(self.model, self.theta)
+
+
+def is_response(path: str | Path) -> bool:
+    """Whether a file has frequencies and not times."""
+    header = read_bytes(path, MOST_BYTES * 10).partition(b"\n")[0].decode("utf-8-sig", "replace")
+    return FREQUENCY in [name.strip() for name in header.split(",")]
+
+
+def read_response(path: str | Path) -> Measured:
+    """Read a frequency response. Errors: UsageError that names the file and the line or column."""
+    data = read_bytes(path, MOST_BYTES)
+    rows = list(csv.DictReader(StringIO(data.decode("utf-8-sig", "replace"))))
+    names = [name.strip() for name in (rows[0] if rows else {}) if name]
+    parts = next((p for p in (("abs", "deg"), ("re", "im")) if {f"{NAME}_{each}" for each in p} <= set(names)), None)
+    if parts is None:
+        raise UsageError(f"{path}: expected columns {NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, beside {FREQUENCY}")
+    if len(rows) < LEAST_ROWS:
+        raise UsageError(f"{path}: expected at least {LEAST_ROWS} frequencies, found {len(rows)}")
+    hertz, one, two = (_column(path, rows, name) for name in (FREQUENCY, *(f"{NAME}_{each}" for each in parts)))
+    if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
+        raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
+    coherence = _column(path, rows, COHERENCE) if COHERENCE in names else np.ones(len(rows))
+    if ((coherence <= 0) | (coherence > 1)).any():
+        raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
+    H = one * np.exp(1j * np.radians(two)) if parts[0] == "abs" else one + 1j * two
+    return Measured(hertz, H, coherence, hashlib.sha256(data).hexdigest())
+
+
+def _column(path, rows, name):
+    numbers = []
+    for line, row in enumerate(rows, start=2):
+        cell = (row.get(name) or "").strip()
+        try:
+            numbers.append(float(cell))
+        except ValueError:
+            numbers.append(np.nan)
+        if not np.isfinite(numbers[-1]):
+            raise UsageError(f"{path}:{line}: {name}: expected a finite number, found {cell[:60] or 'nothing'}")
+    return np.array(numbers)
+
+
+def _names(model):
+    return tuple(name for name in model.names if name not in OWN)
+
+
+def _numbers(model, theta):
+    return model.numbers(np.append(theta, np.zeros(len(OWN))))
+
+
+def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: float) -> np.ndarray:
+    """Admittance (m/N) of the sampled model, `(frequencies,)`: positions at the ticks over the force that is held between."""
+    mass, damping, stiffness = numbers["mass"], numbers["damping"], numbers["stiffness"]
+    s, g, *_ = impulse_and_step(damping / mass, stiffness / mass, period)
+    E, B = motion(s, g, -damping / mass, -stiffness / mass, mass)
+    angle = 2 * np.pi * frequency_hz * period
+    ahead = np.expm1(1j * angle)
+    # (z - 1 - E) (v, x) = B f, by Cramer's rule
+    determinant = (ahead - E[0, 0]) * (ahead - E[1, 1]) - E[0, 1] * E[1, 0]
+    return ((ahead - E[0, 0]) * B[1, 0] + E[1, 0] * B[0, 0]) / determinant * np.exp(-1j * angle * numbers["delay"])
+
+
+def fitted_response(measured: Measured, period: float, model: Model) -> ResponseFit:
+    """Fit a model without friction. period: of the ticks at which the force is held (s)."""
+    theta, left, J = _fit(measured, period, model, _first(measured, period, model))
+    numbers = 2 * len(measured.frequency_hz) - len(theta)
+    square = float(left @ left) / numbers
+    half = stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
+    H = admittance(_numbers(model, theta), measured.frequency_hz, period)
+    complexes = left[: len(H)] + 1j * left[len(H) :]
+    related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
+    named = max(_tried(measured, period, model, theta, left), key=lambda each: each[2])
+    rare = len(H) * named[2] > np.log(TONES) + RARE  # noise takes shares of 1/n, and of many the largest is ln(number)/n
+    far = float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300)) > np.log(len(H)) + RARE
+    explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
+    if explained:
+        named = ("", float("nan"), 0.0)
+    elif named[2] < CLEAR:
+        named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
+    return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related)
+
+
+def _weights(measured):
+    """One over the standard deviation of the relative error, but for a factor that is the same at all frequencies."""
+    square = np.minimum(measured.coherence, 0.9999)
+    return np.sqrt(square / (1 - square)) / np.sqrt(0.9999 / 0.0001)
+
+
+def _off(measured, period, model, theta):
+    # The logarithm of the ratio: unlike the difference over the measured size, errors leave no bias in it.
+    with np.errstate(all="ignore"):
+        found = admittance(_numbers(model, theta), measured.frequency_hz, period)
+        off = _weights(measured) * np.log(measured.admittance / found)
+    return np.nan_to_num(np.concatenate([off.real, off.imag]), nan=1e6, posinf=1e6, neginf=-1e6)
+
+
+def _fit(measured, period, model, start):
+    size = np.maximum(np.abs(start), [{"delay": 1.0}.get(name, 1e-3) for name in _names(model)])
+    done = least_squares(
+        lambda part: _off(measured, period, model, part * size), start / size, "3-point", x_scale="jac", xtol=1e-12, ftol=1e-14
+    )
+    return done.x * size, done.fun, done.jac / size
+
+
+def _first(measured, period, model):
+    """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
+    omega, best = 2 * np.pi * measured.frequency_hz, None
+    for late in LATE if model.delay is None else (model.delay,):
+        ahead = measured.admittance * np.exp(1j * omega * period * (late + 0.5))  # a held force is half a tick late
+        columns = [-(omega**2), 1j * omega, *([np.ones_like(omega)] if model.spring else [])]
+        A = np.stack([column * ahead for column in columns], axis=1)
+        A, one = np.concatenate([A.real, A.imag]), np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
+        size = np.linalg.norm(A, axis=0)
+        x = np.linalg.lstsq(A / size, one, rcond=None)[0] / size
+        error = float(np.sum((A @ x - one) ** 2))
+        if x[0] > 0 and (best is None or error < best[0]):
+            best = (error, np.array([np.log(x[0]), *x[1:], *([float(late)] if model.delay is None else [])]))
+    if best is None:
+        raise UsageError("no mass, however large or small, has this response; is the sign of the force that of the position?")
+    return best[1]
+
+
+def _tried(measured, period, model, theta, left) -> Iterator[tuple[str, float, float]]:
+    """Yield effects that the model does not have, and the share of what is left that each takes away."""
+    before, known = float(left @ left), _numbers(model, theta)
+    more = [] if model.spring else [("spring", replace(model, spring=True))]
+    more += [] if model.delay is None else [("delay", replace(model, delay=None))]
+    for name, larger in more:
+        start = np.array([known[each] for each in _names(larger)])
+        after = _fit(measured, period, larger, start)[1]
+        yield name, float("nan"), 1 - float(after @ after) / before
+    hertz, weights = measured.frequency_hz, _weights(measured)
+    off = (left[: len(hertz)] + 1j * left[len(hertz) :]) / np.where(weights > 0, weights, 1.0)
+    J = np.stack([_slope(measured, period, model, theta, at) for at in range(len(theta))], axis=1)
+    for tone in np.geomspace(hertz[0], hertz[-1], TONES):
+        mode = 1 / (tone**2 - hertz**2 + 2j * RINGING * tone * hertz) / measured.admittance
+        A = np.concatenate([J, np.stack([mode, 1j * mode], axis=1)], axis=1) * weights[:, None]
+        A = np.concatenate([A.real, A.imag])
+        size = np.linalg.norm(A, axis=0)
+        target = np.concatenate([(weights * off).real, (weights * off).imag])
+        rest = target - A / size @ np.linalg.lstsq(A / size, target, rcond=None)[0]
+        yield "resonance", float(tone), 1 - float(rest @ rest) / before
+
+
+def _slope(measured, period, model, theta, at):
+    step = np.zeros(len(theta))
+    step[at] = 1e-5 * max(abs(theta[at]), 1e-3)
+    ahead, behind = (admittance(_numbers(model, theta + sign * step), measured.frequency_hz, period) for sign in (1, -1))
+    return (ahead - behind) / (2 * step[at]) / measured.admittance

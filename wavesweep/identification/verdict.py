@@ -1,0 +1,165 @@
+"""Whether a fit explains a log: what is left, held against what the encoder leaves by itself, and which effect is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from wavesweep.identification.fit import Fit, likely_errors, places_of, refined
+from wavesweep.identification.model import Model, late, positions
+
+PLACES = (30, 60)  # of the encoder's steps, the fewest in long logs
+SHOWN = 12  # places, from which the usual size of rounding errors is told
+BANDS = 24  # of the spectrum, equally wide in octaves
+BEYOND = 3.0  # times the largest of the errors that rounding makes
+SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
+TONES = 48  # frequencies of a resonance that are tried
+RINGING = 0.03  # its damping ratio
+ONE_WAY = 0.98  # share of the motion in one direction, beyond which friction is like a constant force
+CLEAR = 0.3  # share of what is left that an effect has to take away to be named
+TRIED = 8000  # samples, at most, to which a model with one effect more is fitted
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The judgement of a fit.
+
+    explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
+    "one-way" (friction or a constant force), "unknown", or empty if it is explained. frequency_hz: of the resonance, or where
+    most is left; otherwise NaN. share: of the residual's power that the effect would take away. rms: of the residual (m);
+    expected: that of the encoder alone. correlation: of neighbouring residuals; correlation_expected: of the encoder alone.
+    """
+
+    explained: bool
+    missing: str
+    frequency_hz: float
+    share: float
+    rms: float
+    expected: float
+    correlation: float
+    correlation_expected: float
+
+
+def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Verdict:
+    """Judge a fit. force: N of each tick. position: m, as read. period: s."""
+    root, found = np.sqrt(fit.weights), fit.motion
+    left = _projected(fit.basis, root * fit.residual)
+    likely = np.array(
+        [_projected(fit.basis, root * e) for e in likely_errors(found, fit.resolution, fit.noise, places_of(found, *PLACES))]
+    )
+    edges = _edges(len(left))
+    beyond = _powers(left, edges) / (BEYOND * np.max([_powers(each, edges) for each in likely], axis=0) + 1e-300)
+    seen, tone, taken = False, float("nan"), 0.0
+    for frequency, directions in _effects(fit, force, period):
+        basis = _orthogonal(fit.basis, root[:, None] * directions)
+        along = left @ basis
+        seen |= bool((np.abs(along) > SIGMAS * (likely @ basis).std(axis=0)).any())
+        share = float(np.sum(along**2) / np.sum(left**2))
+        if frequency and share > taken:
+            tone, taken = frequency, share
+    alike, remains = _like_friction(fit), seen or float(beyond.max()) > 1.0
+    explained = not (remains or alike)
+    named = ("one-way" if alike else "", float("nan"), 0.0)
+    if remains:
+        named = max(("resonance", tone, taken), *_tried(fit, force, position, period), key=lambda each: each[2])
+        if named[2] < CLEAR:
+            worst = int(np.argmax(beyond))
+            named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / period), named[2])
+    rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(found, fit.resolution, 0.0, SHOWN)]
+    square, usual = np.mean(rounding, axis=0).tolist()
+    return Verdict(explained, *named, float(np.sqrt(np.mean(fit.residual**2))), square**0.5, _neighbours(fit.residual), usual)
+
+
+def _like_friction(fit: Fit) -> bool:
+    """Whether a constant force against a device that moves one way alone was found, which Coulomb friction would be as well."""
+    if fit.model.friction or fit.model.spring:
+        return False
+    way = float(np.mean(np.sign(np.diff(fit.motion)[np.diff(fit.motion) != 0])))
+    offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
+    return abs(way) > ONE_WAY and offset * way < 0 and abs(offset) > 2 * half
+
+
+def _tried(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Iterator[tuple[str, float, float]]:
+    """Yield each number that the model does not have, and the share of what is left that a fit with it takes away."""
+    model, part = fit.model, slice(TRIED)
+    effects = {
+        "friction": None if model.friction else replace(model, friction=True),
+        "spring": None if model.spring else replace(model, spring=True),
+        "delay": None if model.delay is None else replace(model, delay=None),
+    }
+    log = (force[part], position[part], period)
+    before = _left(model, fit.theta, log)
+    for name, more in effects.items():
+        if more is not None:
+            known = fit.numbers | ({"friction": 0.05 * float(np.std(force))} if name == "friction" else {})
+            after = _left(more, np.array([known[each] for each in more.names]), log)
+            yield name, float("nan"), 1 - after / before
+
+
+def _left(model, theta, log):
+    """The squares that are left of a log by the best numbers."""
+    weights = np.ones(len(log[0]))
+    best = refined(model, theta, *log, weights)
+    return float(np.sum((positions(model, best, log[0], log[2]) - log[1]) ** 2))
+
+
+def _projected(basis, errors):
+    return errors - basis @ (basis.T @ errors)
+
+
+def _orthogonal(basis, directions):
+    """The directions without what the fit takes of them, orthonormal."""
+    size = np.linalg.norm(directions, axis=0)
+    rest = directions / np.where(size > 0, size, 1.0)
+    for _ in range(2):
+        rest = rest - basis @ (basis.T @ rest)
+    size = np.linalg.norm(rest, axis=0)
+    rest = rest[:, size > 1e-7]
+    return np.linalg.qr(rest)[0] if rest.shape[1] else np.zeros((len(rest), 1))
+
+
+def _edges(rows):
+    """The first lines of the bands of a spectrum, and the end of the last one."""
+    return np.unique(np.round(np.geomspace(1, rows // 2 + 1, BANDS + 1)).astype(int))
+
+
+def _powers(errors, edges):
+    return np.add.reduceat(np.abs(np.fft.rfft(errors))[: edges[-1]] ** 2, edges[:-1])
+
+
+def _neighbours(errors):
+    errors = errors - errors.mean()
+    total = float(np.sum(errors**2))
+    return float(np.sum(errors[1:] * errors[:-1]) / total) if total else 0.0
+
+
+def _effects(fit: Fit, force: np.ndarray, period: float) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield what each effect that the model does not have changes in the positions; of a resonance with its frequency."""
+    found = fit.numbers | {"friction": 0.0}
+    for by in (
+        *([] if fit.model.friction else [np.sign(np.gradient(fit.positions))]),
+        *([] if fit.model.spring else [fit.positions]),
+        *([] if fit.model.delay is None else [late(force, 1) - force]),
+    ):
+        yield 0.0, _response(found, by, period)[:, None]
+    lowest, highest = 3 / (len(force) * period), 0.4 / period
+    for tone in np.geomspace(lowest, highest, TONES):
+        yield float(tone), _ringing(late(force, round(found["delay"])), tone * period)
+
+
+def _response(found, force, period):
+    model = Model(spring=True, delay=0.0)
+    at_rest = {"log_mass": np.log(found["mass"]), "damping": found["damping"], "stiffness": found["stiffness"]}
+    theta = np.array([at_rest.get(name, 0.0) for name in model.names])
+    return positions(model, theta, force, period)
+
+
+def _ringing(force, turns):
+    """A mode of so many turns per tick under the force, and its change from tick to tick, `(ticks, 2)`."""
+    angle = 2 * np.pi * turns
+    pole = np.exp(angle * complex(-RINGING, 1.0))
+    mode = lfilter([0.0, 1.0], [1.0, -2 * pole.real, abs(pole) ** 2], force - force[0])
+    return np.stack([mode, np.gradient(mode)], axis=1)

@@ -1,0 +1,89 @@
+"""The figure of a device found from a log: measured and fitted position, what is left, and its spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.simulation import _extremes
+from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, as_it_stands, distinct_colour, figure
+from wavesweep.rows import Columns
+
+SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
+
+
+def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw an `identify` table: force, measured and fitted position, the residual with half a step either way, its spectrum."""
+    force, place = ("torque (N·m)", "angle (rad)") if facts["turns"] else ("force (N)", "position (m)")
+    unit, times = "rad" if facts["turns"] else "m", columns["time_s"]
+    with figure(TWO_COLUMNS, 5.2) as canvas:
+        panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
+        panels[0].plot(*_extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
+        panels[0].set_ylabel(force)
+        panels[1].plot(*_extremes(times, columns["position"]), color=distinct_colour(0), linewidth=1.6, label="measured")
+        panels[1].plot(*_extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
+        panels[1].set_ylabel(place)
+        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        panels[2].plot(*_extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7)
+        for side in (-0.5, 0.5) if facts["resolution"] else ():
+            panels[2].axhline(side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":")
+        panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
+        hertz, density, white = _spectrum(columns, facts)
+        panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
+        panels[3].loglog(hertz, white, color="0.5", linewidth=0.8, linestyle="--", label="encoder and\nwhite noise")
+        panels[3].set(ylabel=f"{unit}/√Hz", xlabel="frequency (Hz)")
+        panels[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        for axes in panels:
+            axes.grid(visible=True, color="0.9", linewidth=0.5)
+            axes.margins(x=0)
+        for axes in panels[:2]:
+            axes.sharex(panels[2])
+            axes.tick_params(labelbottom=False)
+        _title(canvas, facts, "log")
+        canvas.align_ylabels()
+    return canvas
+
+
+def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw an `identify-response` table: modulus and phase, measured and fitted, and how far they are apart."""
+    hertz = columns["frequency_hz"]
+    with figure(TWO_COLUMNS, 4.4) as canvas:
+        panels = canvas.subplots(3, 1, sharex=True, height_ratios=[2, 1.4, 1.2])
+        phase = np.unwrap(columns["fitted_deg"], period=360)
+        apart = (columns["measured_deg"] - columns["fitted_deg"] + 180) % 360 - 180
+        curves = ((columns["measured_abs"], columns["fitted_abs"]), (phase + apart, phase))
+        for axes, (measured, fitted) in zip(panels, curves, strict=False):
+            axes.plot(hertz, measured, ".", color=distinct_colour(0), markersize=4, label="measured")
+            axes.plot(hertz, fitted, color=IDEAL, linewidth=0.9, label="fitted")
+        panels[2].plot(hertz, 100 * columns["residual_abs"], ".", color=distinct_colour(1), markersize=4)
+        panels[0].set(xscale="log", yscale="log", ylabel="admittance (m/N)")
+        panels[0].legend(loc="upper right", fontsize=7)
+        panels[1].set_ylabel("phase (deg)")
+        panels[2].set(ylabel="apart by (%)", xlabel="frequency (Hz)")
+        for axes in panels:
+            axes.grid(visible=True, color="0.9", linewidth=0.5)
+        _title(canvas, facts, "response")
+        canvas.align_ylabels()
+    return canvas
+
+
+def _title(canvas, facts, what):
+    from wavesweep.tables.identify import spoken
+
+    found = ", ".join(f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
+    said = found if facts["explained"] else f"{found}; the model does not explain the {what}"
+    canvas.suptitle(as_it_stands(said), fontsize=8, color="0.3" if facts["explained"] else DOUBTFUL)
+
+
+def _spectrum(columns, facts):
+    """Frequencies (Hz), the amplitude density of the residual over bands, and that of white errors of the encoder and noise."""
+    left, period = columns["residual"] - columns["residual"].mean(), facts["period_s"]
+    power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)
+    edges = np.unique(np.round(np.geomspace(1, len(power) + 1, SEGMENTS + 1)).astype(int)) - 1
+    sizes = np.diff(edges)
+    density = np.sqrt(np.add.reduceat(power, edges[:-1]) / sizes)
+    hertz = (edges[:-1] + edges[1:] + 1) / 2 / (len(left) * period)
+    variance = facts["resolution"] ** 2 / 12 + facts["residual"]["white_noise"] ** 2
+    return hertz, np.maximum(density, 1e-300), np.full(len(hertz), np.sqrt(2 * period * variance))

@@ -1,0 +1,348 @@
+"""A device found from a log: the table `identify`, with the numbers in its facts and its summary."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from hashlib import sha256
+from math import exp, isnan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.arithmetic import versions
+from wavesweep.errors import UsageError
+from wavesweep.rows import Columns
+from wavesweep.spec.keys import TURNED
+from wavesweep.spec.writing import as_toml
+from wavesweep.sweep.assumptions import USUAL
+from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.table import Table
+
+METHOD = (
+    "least squares of position against the sampled model, force held over a tick; intervals from the fitted motion, rounded at "
+    "200 places of the encoder's steps with the white noise that is left, each error carried through the fit"
+)
+UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
+TURNING = {"mass": "kg*m^2"}
+PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
+MISSING = {
+    "friction": "Coulomb friction; --friction fits it",
+    "spring": "a spring; --spring fits it",
+    "delay": "a delay; without --delay it is fitted",
+    "resonance": "a resonance near {frequency_hz:.3g} Hz, which no option fits: draw the device as two masses and a spring",
+    "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
+    "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
+}
+
+IDENTIFY = (
+    Field("time_s", "number", "s", "time of the sample, equally spaced"),
+    Field("force", "number", "N", "force of the log, held to the next sample"),
+    Field("position", "number", "m", "position of the log"),
+    Field("fitted", "number", "m", "position of the fitted model"),
+    Field("residual", "number", "m", "position minus fitted"),
+    Field("weight", "number", "1", "weight in the fit: below 1 where the device stays within a step of its encoder"),
+)
+IDENTIFY_RESPONSE = (
+    Field("frequency_hz", "number", "Hz", "frequency"),
+    Field("measured_abs", "number", "m/N", "modulus of the measured admittance"),
+    Field("measured_deg", "number", "deg", "its phase"),
+    Field("fitted_abs", "number", "m/N", "modulus of the admittance of the fitted model, sampled"),
+    Field("fitted_deg", "number", "deg", "its phase"),
+    Field("residual_abs", "number", "1", "modulus of measured over fitted minus 1"),
+    Field("coherence", "number", "1", "coherence of the measurement; 1 where the file has none"),
+)
+RESPONSE_METHOD = (
+    "least squares of the logarithm of measured over modelled admittance, force held over a tick, weighted by coherence; "
+    "intervals from the Jacobian and the errors that are left"
+)
+
+
+def identify(
+    path: str,
+    *,
+    columns: Mapping[str, str] | None = None,
+    scales: Mapping[str, float] | None = None,
+    resolution: float | None = None,
+    spring: bool = False,
+    friction: bool = False,
+    delay: float | None = None,
+    rate_hz: float | None = None,
+) -> Table:
+    """Fit mass, damping and more to a log of force and position or, if the file has frequencies, to a frequency response.
+
+    path: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns: names in the file of
+    those that are called otherwise there. scales: factors that turn them into these units. resolution: step of the encoder in
+    m or rad; by default the one that the readings show. spring, friction: fit some as well. delay: in ticks of the log; None
+    fits it. rate_hz: of a frequency response, the rate at which its force was held.
+    Errors: UsageError for a log that cannot be used, or that does not tell the mass.
+    """
+    from wavesweep.identification.response import is_response
+
+    if is_response(path):
+        if columns or scales or resolution is not None or friction:
+            raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
+        if rate_hz is None:
+            raise UsageError(f"{path}: a frequency response needs the rate at which its force was held: --rate HZ")
+        return _of_response(path, 1 / rate_hz, spring, delay)
+    if rate_hz is not None:
+        raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
+    return _of_log(path, columns or {}, scales or {}, resolution, (spring, friction, delay))
+
+
+def _of_response(path: str, period: float, spring: bool, delay: float | None) -> Table:
+    from wavesweep.identification.model import Model
+    from wavesweep.identification.response import fitted_response, read_response
+    from wavesweep.rows import complex_columns
+
+    started = time.perf_counter()
+    measured, model = read_response(path), Model(spring=spring, delay=delay)
+    fit = fitted_response(measured, period, model)
+    parameters = _parameters(fit, fit.names, turns=False)
+    _refuse_unknown(path, parameters, False, False, "is the admittance in m/N")
+    residual = {
+        "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
+        "correlation": fit.correlation,
+        "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
+        "share_of_missing": fit.share,
+    }
+    asked = {"spring": spring, "delay": delay, "period_s": period}
+    facts = _facts(path, measured.sha256, asked, period, parameters, (fit.explained, fit.missing, residual), started)
+    parts = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
+    found = {
+        "frequency_hz": measured.frequency_hz,
+        "residual_abs": np.abs(fit.residual),
+        "coherence": measured.coherence,
+    } | parts
+    names = [each.name for each in IDENTIFY_RESPONSE]
+    return Table.of(
+        "identify-response", {name: found[name] for name in names}, facts | {"methods": {"identify": RESPONSE_METHOD}}
+    )
+
+
+def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
+    explained, missing, residual = judged
+    return {
+        "schema_version": 1,
+        **versions(),
+        "spec_name": Path(path).stem,
+        "spec_sha256": sha256(f"{sha} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
+        "log_sha256": sha,
+        "asked": asked,
+        "turns": False,
+        "period_s": period,
+        "resolution": 0.0,
+        "parameters": parameters,
+        "explained": explained,
+        "missing": missing,
+        "residual": residual,
+        "notices": [],
+        "timings": {"compute_s": round(time.perf_counter() - started, 6)},
+    }
+
+
+def _of_log(path: str, columns, scales, resolution: float | None, wanted: tuple[bool, bool, float | None]) -> Table:
+    from wavesweep.identification.fit import fitted
+    from wavesweep.identification.log import read_log, step_of
+    from wavesweep.identification.model import Model
+    from wavesweep.identification.verdict import judged
+
+    started = time.perf_counter()
+    spring, friction, delay = wanted
+    log = read_log(path, columns, scales)
+    step = step_of(log.position) if resolution is None else resolution
+    if step and np.ptp(log.position) < 3 * step:
+        moved = np.ptp(log.position) / step
+        raise UsageError(f"{path}: expected a device that moves by 3 steps of its encoder at least, found {moved:.2g}")
+    model = Model(spring, friction, delay)
+    fit = fitted(model, log.force, log.position, log.period, step)
+    parameters = _parameters(fit, fit.model.names, log.turns)
+    named = "time, torque and angle in s, N*m and rad" if log.turns else "time, force and position in s, N and m"
+    _refuse_unknown(path, parameters, log.turns, bool(log.scaled), f"are {named}")
+    verdict = judged(fit, log.force, log.position, log.period)
+    asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
+    asked |= {"scales": dict(scales), "columns": dict(columns)}
+    judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
+    facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
+    facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}}
+    facts["notices"] = list(_notices(log, resolution, step))
+    found = {
+        "time_s": log.times,
+        "force": log.force,
+        "position": log.position,
+        "fitted": fit.positions,
+        "residual": fit.residual,
+        "weight": fit.weights,
+    }
+    return Table.of("identify", found, facts, fields=fields_of_log(log.turns))
+
+
+def fields_of_log(turns: bool) -> tuple[Field, ...]:
+    """The columns of a table, of a device that turns with its own units."""
+    other = {"N": "N*m", "m": "rad"} if turns else {}
+    return tuple(Field(each.name, each.kind, other.get(each.unit, each.unit), each.description) for each in IDENTIFY)
+
+
+def _parameters(fit, fitted_names: Sequence[str], turns: bool) -> dict[str, dict[str, Any]]:
+    """The numbers with their intervals of 95 % and units."""
+    half = dict(zip(fitted_names, fit.half.tolist(), strict=True))
+    found = fit.numbers
+    names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in half), "delay"]
+    names += ["offset"] * ("offset" in half)
+    parameters = {}
+    for name in names:
+        value, around = found[name], half.get(name, 0.0)
+        low, high = value - around, value + around
+        if name == "mass":
+            low, high = (value * exp(sign * min(half["log_mass"], 700.0)) for sign in (-1, 1))
+        unit = (TURNING | {each: TURNED.get(unit, unit) for each, unit in UNITS.items() if each not in TURNING})[name]
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else UNITS[name]}
+    return parameters
+
+
+def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, question: str) -> None:
+    """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks."""
+    mass = parameters["mass"]
+    if not mass["high"] < 3 * mass["low"]:
+        raise UsageError(
+            f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
+            f"{mass['unit']}; record a pulse, a chirp or noise that moves the device quickly"
+        )
+    low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
+    if not low <= mass["value"] <= high and not scaled:
+        found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
+        hint = "--scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
+        raise UsageError(f"{path}: {found}; {question}?{f' {hint}' if question.startswith('are') else ''}")
+
+
+def _residual(fit, verdict) -> dict[str, Any]:
+    return {
+        "rms": verdict.rms,
+        "rms_of_encoder": verdict.expected,
+        "steps": verdict.rms / fit.resolution if fit.resolution else None,
+        "white_noise": fit.noise,
+        "correlation": verdict.correlation,
+        "correlation_of_encoder": verdict.correlation_expected,
+        "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
+        "share_of_missing": verdict.share,
+    }
+
+
+def _notices(log, resolution, step) -> Iterator[str]:
+    from wavesweep.identification.log import JITTER
+
+    if log.jitter > JITTER:
+        steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
+        yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
+    unit = "rad" if log.turns else "m"
+    if resolution is None:
+        found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
+        yield f"{found}; --resolution gives those of the encoder"
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    return {
+        "samples": len(columns["time_s"]),
+        "seconds": facts["period_s"] * len(columns["time_s"]),
+        "rate_hz": 1 / facts["period_s"],
+        "turns": facts["turns"],
+        "resolution": facts["resolution"],
+        "parameters": {name: dict(each) for name, each in facts["parameters"].items()},
+        "explained": facts["explained"],
+        "missing": facts["missing"],
+        "residual": dict(facts["residual"]),
+    }
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    yield f"{found['samples']} samples, {found['seconds']:.6g} s at {found['rate_hz']:.6g} Hz", False
+    yield from _spoken(found)
+    left, unit = found["residual"], "rad" if found["turns"] else "m"
+    against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
+    yield f"residual {left['rms']:.3g} {unit} rms{against if found['resolution'] else ''}", False
+    if left["white_noise"] and found["explained"]:
+        yield f"white noise of {left['white_noise']:.3g} {unit} beside the encoder's rounding", False
+    yield _judgement(found, "log")
+
+
+def _spoken(found: Numbers) -> Iterator[Line]:
+    yield from ((f"{name} {spoken(each)}", False) for name, each in found["parameters"].items())
+
+
+def _judgement(found: Numbers, what: str) -> Line:
+    if found["explained"]:
+        return f"the model explains the {what}", False
+    missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
+    return f"the model does not explain the {what}, and the intervals do not hold: it lacks {missing}", True
+
+
+def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    hertz = columns["frequency_hz"]
+    return {
+        "frequencies": len(hertz),
+        "from_hz": float(hertz[0]),
+        "to_hz": float(hertz[-1]),
+        "rate_hz": 1 / facts["period_s"],
+        **{name: facts[name] for name in ("parameters", "explained", "missing", "residual")},
+    }
+
+
+def _response_lines(found: Numbers) -> Iterator[Line]:
+    yield f"{found['frequencies']} frequencies from {found['from_hz']:.6g} to {found['to_hz']:.6g} Hz", False
+    yield from _spoken(found)
+    yield f"residual {100 * found['residual']['rms']:.3g} % rms", False
+    yield _judgement(found, "response")
+
+
+def spoken(each: Mapping[str, Any]) -> str:
+    """A number with its interval, to the digits that it has."""
+    value, low, high, unit = (each[part] for part in ("value", "low", "high", "unit"))
+    if low == high:
+        return f"{value:g} {unit}, given"
+    digits = min(max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12)
+    return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
+
+
+def spec_text(facts: Mapping[str, Any], table: str = "identify") -> str:
+    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
+    parameters = facts["parameters"]
+    known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
+    tables: dict[str, dict[str, Any]] = {"controller": {"kind": "dc"}}
+    for path, each in known.items():
+        room, name = path.split(".")
+        tables.setdefault(room, {})[name] = max(each["value"], 0.0)
+    effects = {"resolution": facts["resolution"]} if facts["resolution"] else {}
+    if "friction" in parameters:
+        effects["friction"] = max(parameters["friction"]["value"], 0.0)
+    tables["simulate"] = effects
+    tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
+    return "\n".join([*_comments(facts, table), as_toml(tables)])
+
+
+def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
+    delay, millis = facts["parameters"]["delay"], 1e3 * facts["period_s"]
+    lines = [
+        f"# The device of {facts['spec_name']}, as wavesweep {table} found it; the controller is a first one, put your own.",
+        "# Intervals of 95 %, in [for_all]:",
+        *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms; no key of the built-in loops holds it.",
+    ]
+    if "stiffness" in facts["parameters"]:
+        lines.append("# The spring stands as that of the hand, which acts as well on the device.")
+    if facts["turns"]:
+        lines.append("# The device turns: kg is kg*m^2, N is N*m, and m is rad.")
+    if not facts["explained"]:
+        lines.append("# The model does NOT explain the log, so the intervals do not hold.")
+    return lines
+
+
+KINDS = (
+    Kind("identify", IDENTIFY, lambda _: Whole(_numbers, _lines), figure="identified.identify"),
+    Kind(
+        "identify-response",
+        IDENTIFY_RESPONSE,
+        lambda _: Whole(_response_numbers, _response_lines),
+        figure="identified.identify_response",
+    ),
+)
