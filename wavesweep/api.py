@@ -76,7 +76,8 @@ class Loop:
         drawing, values = own_loop(self.spec)
         drawn, drift = assembled(drawing, values), drift_of(drawing, values)
         what = f"{len(drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
-        frame = f"frame of {drawn.ticks} ticks, {1e3 * drawn.ticks * float(np.asarray(drawn.period)):.6g} ms"
+        millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
+        frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
         return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
 
     def with_(self, **values: float | str) -> Loop:

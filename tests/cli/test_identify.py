@@ -34,7 +34,9 @@ def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep
     truth = {"mass": 0.08, "damping": 0.6, "friction": 0.15, "delay": 2.0}
     for name, value in truth.items():
         assert found["parameters"][name]["low"] < value < found["parameters"][name]["high"]
+    assert (found["duration_s"], found["rate_hz"]) == pytest.approx((1.0, 1000.0))
     device = load("device.toml")
+    assert device.values["rates.fast_hz"] == pytest.approx(1000.0)
     assert device.values["device.mass"] == found["parameters"]["mass"]["value"]
     ranges = {axis.path: (axis.start, axis.stop) for axis in device.for_all.axes}
     assert ranges["device.damping"] == tuple(found["parameters"]["damping"][end] for end in ("low", "high"))

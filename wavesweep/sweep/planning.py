@@ -199,7 +199,7 @@ def _dead_time_lines(drawing, values):
         parts = [f"reads {_listed(sensed)} between two ticks"] if sensed else []
         parts += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
         parts += [f"is read in ticks by {_listed(readers)}"] if readers else []
-        yield f"  {name}: {1e3 * seconds:.6g} ms, {seconds * drawing.rate(values):.6g} ticks; {', '.join(parts)}"
+        yield f"  {name}: {1e3 * seconds:.6g} ms, {_count(f'{seconds * drawing.rate(values):.6g}', 'tick')}; {', '.join(parts)}"
 
 
 def _unread_lines(drawing):
@@ -255,7 +255,7 @@ def _number_lines(spec):
 
 
 def _count(number, noun):
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return f"{number} {noun}{'' if str(number) == '1' else 's'}"
 
 
 def _skipped_lines(spec):

@@ -245,7 +245,7 @@ def _notices(log, resolution, step) -> Iterator[str]:
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     return {
         "samples": len(columns["time_s"]),
-        "seconds": facts["period_s"] * len(columns["time_s"]),
+        "duration_s": facts["period_s"] * len(columns["time_s"]),
         "rate_hz": 1 / facts["period_s"],
         "turns": facts["turns"],
         "resolution": facts["resolution"],
@@ -257,7 +257,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    yield f"{found['samples']} samples, {found['seconds']:.6g} s at {found['rate_hz']:.6g} Hz", False
+    yield f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz", False
     yield from _spoken(found)
     left, unit = found["residual"], "rad" if found["turns"] else "m"
     against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
@@ -312,7 +312,10 @@ def spec_text(facts: Mapping[str, Any], table: str = "identify") -> str:
     """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
     parameters = facts["parameters"]
     known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
-    tables: dict[str, dict[str, Any]] = {"controller": {"kind": "dc"}}
+    tables: dict[str, dict[str, Any]] = {
+        "controller": {"kind": "dc"},
+        "rates": {"fast_hz": float(f"{1 / facts['period_s']:.9g}")},
+    }
     for path, each in known.items():
         room, name = path.split(".")
         tables.setdefault(room, {})[name] = max(each["value"], 0.0)
