@@ -4,7 +4,9 @@ import importlib.util
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from identify_coverage import RATE, moved
 
 from wavesweep import load, results
 
@@ -47,6 +49,15 @@ def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep
     table = results.read(folder / "identify.csv")
     assert abs(table["residual"]).max() <= 1.1e-5
     assert wavesweep("verify", str(folder))[0] == 0
+
+
+def test_that_no_constant_force_was_fitted_is_said(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))
+    places = moved(0.1, 1.0, force, friction=0.05)
+    np.savetxt("a.csv", np.c_[np.arange(600) / RATE, force, places], delimiter=",", header="time,force,position", comments="")
+    code, out, err = wavesweep("identify", "a.csv", "--resolution", "1e-9", "--friction", "--no-plot")
+    assert (code, "offset" in out, "no constant force was fitted" in err) == (0, False, True), err
 
 
 @pytest.mark.slow

@@ -259,6 +259,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 def _lines(found: Numbers) -> Iterator[Line]:
     yield f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz", False
     yield from _spoken(found)
+    if "offset" not in found["parameters"]:
+        yield "no constant force was fitted: the device moves one way only, where it and friction are the same", True
     left, unit = found["residual"], "rad" if found["turns"] else "m"
     against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
     yield f"residual {left['rms']:.3g} {unit} rms{against if found['resolution'] else ''}", False
