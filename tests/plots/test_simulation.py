@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator
 
 import wavesweep
 from wavesweep import plots
-from wavesweep.plots.simulation import _extremes, _spans
+from wavesweep.plots.simulation import _spans, extremes
 from wavesweep.plots.style import _cut_off, figure
 from wavesweep.results import fields
 from wavesweep.simulation import simulated, table
@@ -48,7 +48,7 @@ def test_every_run_can_be_drawn_the_same_each_time(kind, simulate):
 
 def test_a_long_run_keeps_its_extremes_in_few_points():
     values = np.random.default_rng(0).standard_normal(60_001)
-    times, kept = _extremes(np.arange(60_001.0), values)
+    times, kept = extremes(np.arange(60_001.0), values)
     assert len(kept) <= 1700
     assert np.all(np.diff(times) > 0)
     assert (kept.min(), kept.max(), kept[-1]) == (values.min(), values.max(), values[-1])

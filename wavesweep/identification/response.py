@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
 from wavesweep.errors import UsageError
+from wavesweep.identification.fit import LATE
 from wavesweep.identification.model import OWN, Model
 from wavesweep.loops.device import impulse_and_step, motion
 from wavesweep.spec.reading import read_bytes
@@ -26,7 +27,6 @@ RARE = 9.0  # the logarithm of the odds against noise, at which an effect or a s
 TONES = 80  # frequencies of a resonance that are tried
 RINGING = 0.03  # damping ratio of a resonance that is tried
 CLEAR = 0.3  # share of what is left that an effect has to take away to be named
-LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that are tried at first
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.simulation import _extremes
+from wavesweep.plots.simulation import extremes
 from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, as_it_stands, distinct_colour, figure
 from wavesweep.rows import Columns
 
@@ -20,13 +20,13 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     unit, times = "rad" if facts["turns"] else "m", columns["time_s"]
     with figure(TWO_COLUMNS, 5.2) as canvas:
         panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
-        panels[0].plot(*_extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
+        panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
         panels[0].set_ylabel(force)
-        panels[1].plot(*_extremes(times, columns["position"]), color=distinct_colour(0), linewidth=1.6, label="measured")
-        panels[1].plot(*_extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
+        panels[1].plot(*extremes(times, columns["position"]), color=distinct_colour(0), linewidth=1.6, label="measured")
+        panels[1].plot(*extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
         panels[1].set_ylabel(place)
         panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
-        panels[2].plot(*_extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7)
+        panels[2].plot(*extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7)
         for side in (-0.5, 0.5) if facts["resolution"] else ():
             panels[2].axhline(side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":")
         panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")

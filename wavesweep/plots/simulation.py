@@ -167,10 +167,10 @@ def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, he
         times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
         style = {"drawstyle": "steps-post"}
     dashes = LINES[len(axes.get_lines()) % len(LINES)]
-    axes.plot(*_extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
+    axes.plot(*extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
 
 
-def _extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
     size = -(-len(values) // (_MOST_POINTS // 2))
     if size <= 2:

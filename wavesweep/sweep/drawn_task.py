@@ -1,6 +1,6 @@
 """Stable intervals of loops that a spec draws, along any of their numbers, a batch at a time."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -41,12 +41,13 @@ from wavesweep.stability.polishing import ATTACHED
 from wavesweep.stability.stable import without_seams
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.bound import Bound
-from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
+from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, one_loop, watched_drift
 from wavesweep.sweep.grid import distinct, distinct_rows, selected
 from wavesweep.sweep.open_loops import Opened, varied_beside
 from wavesweep.sweep.proving import with_proofs, with_tries
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
+Parts = tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]  # (members, drawing, values), see `drawn_groups`
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 STRAIGHT = 1e-3  # of its mean, by how much a slope may vary that is one
 STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be from the circle; and from rounding
@@ -560,3 +561,23 @@ def frames_where_solvable(drawing, values, drift, shape):
     return Frames.join(
         [frames_where_solvable(drawing, selected(values, part), drift, (len(range(size)[part]),)) for part in parts]
     )
+
+
+def loop_by_loop(parts: Parts, along: str, of_loop: Callable[[Drawing, dict], np.ndarray]) -> np.ndarray:
+    """Records of intervals along a number, sorted by slice, with what the hand feels at their ends.
+
+    parts: see `drawn_groups`. of_loop: gives the records of one loop from its drawing and its numbers.
+    """
+    found = {}
+    for members, drawing, values in parts:
+        for place, number in enumerate(members.tolist()):
+            own = one_loop(values, place)
+            found[number] = records = of_loop(drawing, own)
+            records["slice"] = number
+            if feels(drawing) and records["intervals"][0]:
+                felt_at_ends(records, np.arange(records.size), partial(_felt_along, drawing, own, along))
+    return np.concatenate([found[number] for number in sorted(found)])
+
+
+def _felt_along(drawing, own, along, _, p):
+    return felt_of(drawing, {**own, along: p}, p.size)

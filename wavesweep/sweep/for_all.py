@@ -12,14 +12,14 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.domain import domain
 from wavesweep.robust.boxes import Cover, cover
 from wavesweep.spec import Spec
-from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.spec.drawing import name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.for_all import values_of_range
 from wavesweep.stability.certificate import NONE, SEARCH
-from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, one_loop, radii_of
-from wavesweep.sweep.drawn_task import TINY, DrawnTask, frames_where_solvable
+from wavesweep.sweep.drawn_loops import drift_of, radii_of
+from wavesweep.sweep.drawn_task import TINY, DrawnTask, Parts, frames_where_solvable, loop_by_loop
 from wavesweep.sweep.grid import distinct, drawing_for, own_loop, read_by
-from wavesweep.sweep.tasks import FELT, FIELDS, felt_at_ends
+from wavesweep.sweep.tasks import FELT, FIELDS
 from wavesweep.sweep.varying import Rules, bracketed, decided, text_of
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
@@ -114,24 +114,15 @@ class ForAllTask:
     rules: Rules
     along: str
     span: tuple[float, float]
-    parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
+    parts: Parts
 
     def records(self) -> np.ndarray:
         """The intervals as records, sorted by slice."""
-        found = {}
-        for members, drawing, values in self.parts:
-            for place, number in enumerate(members.tolist()):
-                loop = _Loop(self, drawing, one_loop(values, place))
-                records = _recorded(*(loop.varying() if self.rules.vary else loop.intervals()))
-                records["slice"] = number
-                found[number] = _with_felt(drawing, one_loop(values, place), self.along, records)
-        return np.concatenate([found[number] for number in sorted(found)])
+        return loop_by_loop(self.parts, self.along, self._of_loop)
 
-
-def _with_felt(drawing, values, along, records):
-    if feels(drawing) and records["intervals"][0]:
-        felt_at_ends(records, np.arange(records.size), lambda _, p: felt_of(drawing, {**values, along: p}, p.size))
-    return records
+    def _of_loop(self, drawing, values):
+        loop = _Loop(self, drawing, values)
+        return _recorded(*(loop.varying() if self.rules.vary else loop.intervals()))
 
 
 @dataclass(frozen=True, slots=True)

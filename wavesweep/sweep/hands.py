@@ -1,7 +1,7 @@
 """Intervals guaranteed for hands: for every passive hand, for every hand of a box, for every held force at the port."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -22,13 +22,12 @@ from wavesweep.passive import (
 )
 from wavesweep.passive.held_loop import HAND, is_affine
 from wavesweep.spec import Spec
-from wavesweep.spec.drawing import Drawing
 from wavesweep.stability.certificate import NONE, SEARCH
-from wavesweep.sweep.drawn_loops import feels, felt_of, held_loop, one_loop
-from wavesweep.sweep.drawn_task import DrawnTask
+from wavesweep.sweep.drawn_loops import held_loop
+from wavesweep.sweep.drawn_task import DrawnTask, Parts, loop_by_loop
 from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.interval_job import IntervalJob
-from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, felt_at_ends
+from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 METHODS = {
@@ -241,25 +240,11 @@ class HandTask:
     guarantee: Guarantee
     along: str
     span: tuple[float, float]
-    parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
+    parts: Parts
 
     def records(self) -> np.ndarray:
         """The intervals as records, sorted by slice."""
-        found = {}
-        for members, drawing, values in self.parts:
-            for place, number in enumerate(members.tolist()):
-                loop = held_loop(drawing, one_loop(values, place))
-                records = self.guarantee.records(loop, self.along, self.span)
-                records["slice"] = number
-                found[number] = self._with_felt(loop, records)
-        return np.concatenate([found[number] for number in sorted(found)])
+        return loop_by_loop(self.parts, self.along, self._of_loop)
 
-    def _with_felt(self, loop, records):
-        """The records with what the hand feels at both ends."""
-
-        def stiffness(_, p):
-            return felt_of(loop.drawing, {**loop.values, self.along: p}, p.size)
-
-        if feels(loop.drawing) and records["intervals"][0]:
-            felt_at_ends(records, np.arange(records.size), stiffness)
-        return records
+    def _of_loop(self, drawing, values):
+        return self.guarantee.records(held_loop(drawing, values), self.along, self.span)

@@ -27,7 +27,7 @@ METHOD = (
 UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
 TURNING = {"mass": "kg*m^2"}
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
-LATE = 0.1  # ticks of delay that are said not to be in the spec
+TOLD = 0.1  # ticks of delay that are said not to be in the spec
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
     "spring": "a spring; --spring fits it",
@@ -276,7 +276,7 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
     if found["explained"]:
         yield f"the model explains the {what}", False
-        if found["parameters"]["delay"]["high"] > LATE:
+        if found["parameters"]["delay"]["high"] > TOLD:
             yield "the spec's device has no delay, so what is proved of it is not proved of this one: a drawn loop has it", True
         return
     missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
