@@ -162,8 +162,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
         stiffness, damping = spec.units_felt
-        wall = spec.drawing is None or spec.drawing.wall is not None
-        yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping, wall=wall)}"
+        yield f"  felt at rest: {_felt(found['felt'], stiffness, damping)}"
+    yield from (f"  {line}" for line in _hardware(found.get("hardware", {}), spec.at_port("N"), spec.at_port("m")))
     if found["stable"]:
         yield f"  slowest mode: {_mode(found['slowest'])}"
         if found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS:
@@ -249,18 +249,40 @@ def _delay(delay: Facts) -> str:
     return f"{here}: stable up to {least}{delay['most']} ticks"
 
 
-def _felt(felt: Facts, *units: str, wall: bool = True) -> str:
+def _felt(felt: Facts, *units: str) -> str:
     stiffness, damping = felt["stiffness"], felt["damping"]
     if felt["rigid"]:
         return "rigid, a constant force moves nothing in the end"
     if stiffness is None and damping is None:
         return "not known"
-    late = wall and damping is not None and damping < 0 and stiffness is not None and stiffness > 0
-    known = (
-        f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
-        for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
-    )
-    return " and ".join(known) + ("; negative, as the wall answers late" if late else "")
+    if felt["over_band"] is None:
+        known = (
+            f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
+            for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
+        )
+        return " and ".join(known)
+    from wavesweep.sweep.feel import in_words
+
+    return f"{stiffness:.6g} {units[0]}{in_words(felt['over_band'])}"
+
+
+def _hardware(found: Facts, force: str, length: str) -> Iterator[str]:
+    """What encoder, friction and motors do to the design."""
+    if step := found.get("resolution"):
+        known = "a force that is not known to be bounded"
+        if found["chatter"] is not None:
+            largest = f"moves the force by up to {found['step_force']:.4g} {force}"
+            known = f"{largest}, and the rounding of all readings by at most {found['chatter']:.4g} {force}"
+        yield f"encoder: a step of {step:.4g} {length} {known if found['chatter'] is not None else 'makes ' + known}"
+    unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
+    if "holds_to" in found:
+        held = f"holds the device against such a step up to {found['holds_to']:.6g} {unit}"
+        yield f"friction: {found['friction']:.4g} {force} {held}; a wall that is felt stiffer may buzz ({source})"
+    if "passive_to" in found:
+        yield f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
+    if found.get("depth") is not None:
+        depth, most = f"{found['depth']:.4g} {length}", f"{found['max_force']:.4g} {force}"
+        yield f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
 
 
 def _mode(mode: Facts | None) -> str:

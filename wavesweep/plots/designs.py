@@ -32,6 +32,8 @@ NAMES = {
     "damping_ratio": "damping ratio of the slowest mode",
     "settling": "time constant of the slowest mode",
     "delay_margin": "delay margin",
+    "chatter": "force of the encoder's rounding, at most",
+    "depth": "depth at the force of the motors",
 }
 _LIST = 2  # designs that are listed
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}

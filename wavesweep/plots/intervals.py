@@ -116,6 +116,8 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     span = max(view[0], swept[0]), min(view[1], swept[1])
     own = partial(_own_points, facts, str(columns["along"][0]), layout, view)
     members, marks = _entries(columns, facts, layout, best, own(panels))
+    limits = _limits_of_walls(columns, facts, layout, view)
+    marks += [_limit_handle(name) for name in limits]
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
     more += 0.17 * (_rows(members) + _rows(marks)) if across == 1 else 0.0  # otherwise it is beside the panels
     height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
@@ -129,6 +131,8 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
             _mark_best(axes, columns, layout, best, value)
             for x, y in zip(*own([value]), strict=True):
                 axes.plot(x, y, **_OWN)
+            for name, height in limits.items():
+                axes.axhline(height, **_LIMIT, linestyle=_LIMITS[name][1])
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         if layout.x is not None and _by_factors_upwards(columns, facts):
@@ -386,6 +390,25 @@ def _entries(
     return members, handles
 
 
+_LIMIT = {"color": "0.35", "linewidth": 0.8}
+_LIMITS = {
+    "holds_to": ("friction holds an encoder step, $2 f_c/D$", (0, (6, 1, 1, 1, 1, 1))),
+    "passive_to": ("passive by damping, without $B_{VE}$", (0, (1, 2))),
+}
+
+
+def _limit_handle(name: str) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], **_LIMIT, linestyle=_LIMITS[name][1], label=_LIMITS[name][0])
+
+
+def _limits_of_walls(columns: Columns, facts: Mapping[str, Any], layout: Layout, view: tuple[float, float]) -> dict[str, float]:
+    """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see `limits_of_walls`."""
+    limits = facts.get("limits_of_walls", {}) if layout.x == "B_VE" and not felt_differs(columns) else {}
+    return {name: limit for name, limit in limits.items() if view[0] < limit < view[1]}
+
+
 def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> str:
     """The largest value and, for a wall, the stiffness that the hand feels; sure: after the word, if others are in doubt."""
     sure = sure if best["certified"] else ""
@@ -395,7 +418,21 @@ def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> s
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
         return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip() + start
-    return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m,\nof a wall of {over}{best['high']:.5g} N/m"
+    first, *others = (f"{felt:.4g} N/m", *_over_band(best, facts, felt))
+    texts = [f"stiffest felt{sure and ','}{sure}: {first}{' at rest' if others else ''}", *others]
+    last = [*texts[3:], f"of a wall of {over}{best['high']:.5g} N/m"]
+    return ", ".join(texts[:3]) + ",\n" + ", ".join(last)
+
+
+def _over_band(best: Mapping[str, Any], facts: Mapping[str, Any], felt: float) -> list[str]:
+    """What the hand feels of that wall over frequency; nothing if it is not one for the spec's own hand."""
+    from wavesweep.sweep.feel import band_at, sizes_in_words
+
+    spec = spec_of(facts) if not whose_column(best) else None
+    if spec is None or not felt > 0:
+        return []
+    names = list(best)[: list(best).index("along")]
+    return sizes_in_words(band_at(spec, {name: best[name] for name in names} | {str(best["along"]): best["high"]}, felt))
 
 
 def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colours: Sequence[Any] = ()) -> None:

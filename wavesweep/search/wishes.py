@@ -16,13 +16,15 @@ from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
-from wavesweep.sweep.drawn_loops import held_loop, radii_of, responses_of, telling_frames
+from wavesweep.sweep.drawn_loops import felt_of, held_loop, radii_of, responses_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
+from wavesweep.sweep.hardware import peaks_of
 from wavesweep.sweep.interval_job import at_points
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn
 HIGH, UNSEEN = 4, 1e-4  # coefficients of a piece that have to be small, and how small beside the mean; the error is far less
+DENSE = 8 * NODES  # points of a piece among which a least value is looked for
 BAND_HZ = (0.1, 10.0)
 BATCH = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
@@ -54,8 +56,13 @@ def evaluate(
             key = walls[spec.wall[1]]
             if key not in known:
                 felt = any(wish.name == "felt" for wish in wishes)
-                known[key] = _stiffest(spec, points_of(spec.values, designs, scenarios, walls), stop, felt)
-            found[wish.name] = known[key][wish.name]
+                points = points_of(spec.values, designs, scenarios, walls)
+                known[key] = points, _stiffest(spec, points, stop, felt)
+            points, (wall, at_rest, certified) = known[key]
+            value = wall if wish.name == "z_width" else at_rest
+            if "band_hz" in wish.options:
+                value, certified = _felt_over(spec, wish.options["band_hz"], points, wall, certified)
+            found[wish.name] = Worst(*points.worst(value, more=True), points.all_of(certified))
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
@@ -66,8 +73,8 @@ def evaluate(
     return found
 
 
-def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
-    """Return the stiffest wall up to which every wall is stable, and the stiffness that is felt of it.
+def _stiffest(spec, points: Points, stop, wished):
+    """Return the stiffest wall up to which every wall is stable, the stiffness that is felt of it, and whether it is certified.
 
     wished: whether the felt stiffness is needed.
     """
@@ -76,8 +83,42 @@ def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
     value, felt, certified = *np.full((2, once.size), np.nan), np.zeros(once.size, bool)
     for part, seen in _existing(spec, points.some(once), partial(_stiffest_of, spec, axis, wished)):
         value[part], felt[part], certified[part] = seen
-    value, felt, every = value[back], felt[back], points.all_of(certified[back])
-    return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
+    return value[back], felt[back], certified[back]
+
+
+def _felt_over(spec, band, points, wall, certified):
+    """Return the least size of the impedance over a band (Hz) at the wall of each point, and whether it is certified.
+
+    It is 0 without a wall. Between frequencies it is that of a polynomial through the logarithm of the size.
+    """
+    ends, value, certified = np.log(band), np.where(wall > 0, np.nan, wall), certified.copy()
+    ties = {path: points.changes[path] * wall for path in points.ties}
+    there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape)
+    open_ = np.flatnonzero(wall > 0)
+    for pieces in PIECES[:-1]:  # a sharp dip stays in doubt
+        if not open_.size:
+            break
+        frequency = _nodes(ends, pieces)
+        size, sure = np.full((open_.size, frequency.size), np.nan), np.zeros(open_.size, bool)
+        for part, seen in _existing(spec, there.some(open_), partial(_sizes, spec, frequency)):
+            size[part], sure[part] = seen
+        degrees = np.log(size).reshape(open_.size, pieces, NODES) @ _degrees()
+        value[open_] = np.exp(
+            (degrees @ np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T).min((-1, -2))
+        )
+        settled = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
+        certified[open_] = certified[open_] & sure & settled
+        open_ = open_[~settled & np.isfinite(value[open_])]
+    return value, certified
+
+
+def _sizes(spec, frequency, points):
+    """Return the size of the impedance, `(points, frequencies)`, and whether it is known well enough."""
+    size, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
+    for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+        found = responses_of(drawing_for(spec, values), values, members.size, frequency, ERROR / 2)
+        size[members], sure[members] = np.abs(found.impedance), (found.impedance_error <= ERROR).all(-1)
+    return size, sure
 
 
 def _stiffest_of(spec, axis, wished, points):
@@ -137,28 +178,30 @@ def _transparency(spec, wish, points):
     for pieces in PIECES:
         if not open_.size:
             break
-        edges = ends[0] + np.ptp(ends) * np.arange(pieces + 1) / pieces
-        node, weight, high = _rule()
-        frequency = np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
-        square, sure = _distances(spec, points.some(open_), frequency)
-        square = square.reshape(open_.size, pieces, NODES)
-        value[open_] = np.sqrt((square * weight).sum((-1, -2)) / (2 * pieces))
-        unseen = np.abs((square[..., None] * high).sum(-2)).max(-1).mean(-1)
+        square, sure = _distances(spec, points.some(open_), _nodes(ends, pieces))
+        degrees = square.reshape(open_.size, pieces, NODES) @ _degrees()
+        value[open_] = np.sqrt(degrees[..., 0].mean(-1))
+        unseen = np.abs(degrees[..., -HIGH:]).max(-1).mean(-1)
         settled = unseen <= UNSEEN * np.maximum(value[open_], ERROR) ** 2  # responses are not known better
         certified[open_] = sure & settled
         open_ = open_[~settled & np.isfinite(value[open_])]
     return value, certified
 
 
-@cache
-def _rule():
-    """Return nodes and weights of a piece, and the map from values at the nodes to the highest Legendre coefficients.
+def _nodes(ends, pieces):
+    """Return the frequencies of all pieces of a band, whose ends are logarithms."""
+    edges, node = ends[0] + np.ptp(ends) * np.arange(pieces + 1) / pieces, np.polynomial.legendre.leggauss(NODES)[0]
+    return np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
 
-    The map is `(nodes, HIGH)`. These coefficients are small if the integrand has no features narrower than the nodes resolve.
+
+@cache
+def _degrees():
+    """Return the map from values at the nodes of a piece to Legendre coefficients, `(nodes, degrees)`.
+
+    The first is the mean. The highest are small if a function has no features narrower than the nodes resolve.
     """
     node, weight = np.polynomial.legendre.leggauss(NODES)
-    degree = np.arange(NODES - HIGH, NODES)
-    return node, weight, np.polynomial.legendre.legvander(node, NODES - 1)[:, degree] * weight[:, None] * (degree + 0.5)
+    return np.polynomial.legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
 
 
 def _distances(spec, points, frequency):
@@ -290,7 +333,30 @@ def _delay_margin(spec, wish, points):
     return value, known
 
 
+def _chatter(spec, wish, points):
+    """Bound on the force of the encoder's rounding, N; missing if there is none."""
+    value = np.full(points.size, np.nan)
+    for members, values in _batches(spec, points):
+        drawing = drawing_for(spec, values)
+        value[members] = peaks_of(drawing, values, members.size) * wish.options["resolution"][0] / 2
+    return value, ~np.isnan(value)
+
+
+def _depth(spec, wish, points):
+    """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
+    value = np.full(points.size, np.nan)
+    for members, values in _batches(spec, points):
+        felt = felt_of(drawing_for(spec, values), values, members.size)
+        with np.errstate(all="ignore"):
+            value[members] = np.where(
+                (felt > 0) & (_radii(spec, values, members.size) < 1), wish.options["max_force"][0] / felt, np.nan
+            )
+    return value, ~np.isnan(value)
+
+
 _MEASURES = {
+    "chatter": _chatter,
+    "depth": _depth,
     "transparency": _transparency,
     "channel": _channel,
     "port": _port,

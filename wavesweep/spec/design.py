@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
 from wavesweep.spec.checking import Rejected, apart, check, nearest, show
 from wavesweep.spec.drawing import Drawing, path_of
-from wavesweep.spec.keys import BAND_EDGES, KEYS, VALUE_PATHS, Key, Names
+from wavesweep.spec.keys import BAND_EDGES, KEYS, SIMULATE_KEYS, VALUE_PATHS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
@@ -33,6 +33,8 @@ _BAND = Key("band_hz", "number", None, "Hz", "lowest and highest frequency", low
 # Options of a wish: name -> (key of each number, how many; None for any).
 _OF_WALL = {"B_VE": (_DAMPING, None)}
 _WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
+# Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
+_OF_DEVICE = {name: SIMULATE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,13 @@ WISHES = MappingProxyType(
             _OF_WALL,
             ("wall",),
         ),
-        "felt": WishKind("N/m", True, "static stiffness felt of that wall", _OF_WALL, ("wall", "hand")),
+        "felt": WishKind(
+            "N/m",
+            True,
+            "stiffness felt of that wall at rest or, with a band, the least size of its impedance over that",
+            {"band_hz": (_BAND, 2), **_OF_WALL},
+            ("wall", "hand"),
+        ),
         "transparency": WishKind(
             "1",
             False,
@@ -75,6 +83,20 @@ WISHES = MappingProxyType(
         "damping_ratio": WishKind("1", True, "damping ratio of the slowest mode", _WALLS, ()),
         "settling": WishKind("s", False, "time constant of the slowest mode, in which it falls to 1/e", _WALLS, ()),
         "delay_margin": WishKind("tick", True, "further delay of the slow result up to which every delay is stable", _WALLS),
+        "chatter": WishKind(
+            "N",
+            False,
+            "bound on the force that the rounding of an encoder of this resolution, or that of [simulate], adds to a wall",
+            {"resolution": (_OF_DEVICE["resolution"], 1), **_WALLS},
+            ("hand",),
+        ),
+        "depth": WishKind(
+            "m",
+            True,
+            "depth to which a wall can be pressed, slowly, with motors of this force, or that of [simulate]",
+            {"max_force": (_OF_DEVICE["max_force"], 1), **_WALLS},
+            ("hand",),
+        ),
     }
 )
 
@@ -99,7 +121,8 @@ class Wish:
     def written(self) -> dict[str, object]:
         """Return the wish as a spec could give it."""
         bound = {} if self.bound is None else {self.kind.bound: self.bound}
-        return bound | {name: list(values) for name, values in self.options.items()}
+        single = [name for name, (_, count) in self.kind.options.items() if count == 1]
+        return bound | {name: values[0] if name in single else list(values) for name, values in self.options.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +141,21 @@ class Design:
     ratios: tuple[tuple[str, str, tuple[float, ...]], ...]
     settings: Mapping[str, int]
     place: Place = field(default=Place(), repr=False, compare=False)
+
+    def on(self, experiment: Mapping[str, object]) -> tuple[Design, list[Mistake]]:
+        """Return the design with the numbers of the device that wishes do not give, and mistakes where there are none.
+
+        experiment: the numbers of [simulate] by their last name.
+        """
+        wishes, mistakes = [], []
+        for wish in self.wishes:
+            lacking = [name for name in _OF_DEVICE if name in wish.kind.options and name not in wish.options]
+            known = {name: (float(experiment[name]),) for name in lacking if experiment[name]}
+            wishes.append(replace(wish, options={**known, **wish.options}))
+            for name in (name for name in lacking if name not in known):
+                expected = f"{name} > 0 here, in [simulate] or of a device.preset"
+                mistakes.append(self._mistake(f"wish.{wish.name}", expected, "none"))
+        return replace(self, wishes=tuple(wishes)), mistakes
 
     def beyond_half(self, hz: float, rate: str) -> Iterator[Mistake]:
         """Yield the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
@@ -326,15 +364,17 @@ class _Reader:
             yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
 
     def _numbers(self, path, leaf, key, count):
-        if not isinstance(leaf.value, list) or not leaf.value or (count and len(leaf.value) != count):
+        alone = count == 1
+        if not alone and (not isinstance(leaf.value, list) or not leaf.value or (count and len(leaf.value) != count)):
             self.refuse(path, f"a list of {f'{count} ' if count else ''}numbers", show(leaf.value), leaf=leaf)
             return ()
         found = []
-        for index, item in enumerate(leaf.value):
+        for index, item in enumerate([leaf.value] if alone else leaf.value):
             try:
                 found.append(float(check(key, item)))
             except Rejected as error:
-                self.mistakes.append(leaf.mistake(f"design.{path}[{index}]", error.expected, error.found))
+                at = "" if alone else f"[{index}]"
+                self.mistakes.append(leaf.mistake(f"design.{path}{at}", error.expected, error.found))
         return tuple(dict.fromkeys(found))
 
     def scenarios(self):

@@ -217,6 +217,10 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN, usual: 
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
     experiment, wrong = build_experiment(leaves, usual)
     design, wrong_design = build_design(leaves.design, names)
+    if design:
+        device = given.device()
+        design, lacking = design.on((experiment.on(device) if device else experiment).values)
+        wrong_design += lacking
     for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
         wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)
     frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]

@@ -17,7 +17,9 @@ from wavesweep.stability.spectrum import damping_ratio, radius_of
 from wavesweep.sweep import for_all
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.drawn_loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
+from wavesweep.sweep.feel import felt_over_band
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
+from wavesweep.sweep.hardware import hardware_of
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.poles import leading
 from wavesweep.sweep.running import in_memory
@@ -41,9 +43,10 @@ def verdict(spec: Spec) -> dict:
 
     The numbers of `own_design`; limits: per number of the loop the stable interval that its value lies in (see `limits`);
     delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with
-    [for_all], whether it is stable for all of it, see `wavesweep.sweep.for_all.verdict`.
+    [for_all], whether it is stable for all of it, see `wavesweep.sweep.for_all.verdict`. hardware: see `hardware_of`.
     """
     found = own_design(spec) | {"limits": limits(spec), "delay": _delays(spec)}
+    found |= {"hardware": _hardware(spec, found) if found["stable"] else {}}
     return found | ({"for_all": for_all.verdict(spec)} if spec.for_all else {})
 
 
@@ -52,11 +55,11 @@ def own_design(spec: Spec, loop=None) -> dict:
 
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
-    feels it at low frequency, and whether it is rigid, as an integrator makes it: then neither has a limit; slowest: time
-    constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line in the hand's position (see
-    `strongest_turns`), or as it is seen once a frame if there is no hand, and the states that take part most; least_damped: the
-    same of the mode with the lowest damping ratio, if it is another one; channel_norm: of the wave channel, 1 or less if it is
-    passive.
+    feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
+    `felt_over_band`; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line
+    in the hand's position (see `strongest_turns`), or as it is seen once a frame if there is no hand, and the states that take
+    part most; least_damped: the same of the mode with the lowest damping ratio, if it is another one; channel_norm: of the wave
+    channel, 1 or less if it is passive.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
@@ -198,6 +201,14 @@ def _delays(spec):
     return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
 
 
+def _hardware(spec, found):
+    """`hardware_of` the spec, with the depth to which its wall can be pressed."""
+    hardware, stiffness = hardware_of(spec), (found["felt"] or {}).get("stiffness")
+    if "max_force" in hardware:
+        hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
+    return hardware
+
+
 def _felt(loop):
     """Stiffness and damping at the hand, None without one."""
     if loop is None:
@@ -206,7 +217,8 @@ def _felt(loop):
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
-    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False}
+    band = felt_over_band(loop, stiffness) if stiffness > 0 else None
+    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False, "over_band": band}
 
 
 def _damping(response, low):

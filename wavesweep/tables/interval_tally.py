@@ -178,8 +178,19 @@ class IntervalTally:
             "value": self._felt.value,
             "unit": felt_unit(self._facts),
             "with": self._felt.row["value"],
+            "over_band": self._over_band(),
             **self._where(self._felt),
         }
+
+    def _over_band(self) -> dict[str, Any] | None:
+        """What the hand feels of that wall over frequency; None of walls for other hands than the spec's."""
+        if self._hand not in ("", "spec") or not self._felt.value > 0 or "spec" not in self._facts:
+            return None
+        from wavesweep.spec import load
+        from wavesweep.sweep.feel import band_at
+
+        numbers = self._felt.place() | {self._along: self._felt.row["value"]}
+        return band_at(load(self._facts["spec"]), numbers, self._felt.value)
 
     def _where(self, extreme: Extreme) -> dict[str, Any]:
         place = extreme.place()
@@ -256,8 +267,16 @@ class IntervalTally:
             return ""
         wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}{self._gap(self._felt.row['low'])}"
         ends = ", at an end of an interval" if self._falls or self._unit(self._along).strip() not in STIFFNESS else ""
-        felt = f"stiffest wall as the hand feels it{ends}: {found['value']:.6g} {found['unit']}"
+        felt = f"stiffest wall as the hand feels it{ends}: {found['value']:.6g} {found['unit']}{self._band(found)}"
         return f"{felt}{wall}{self._place(found)}{self._doubtful(found)}"
+
+    @staticmethod
+    def _band(found: Mapping[str, Any]) -> str:
+        if not found["over_band"]:
+            return ""
+        from wavesweep.sweep.feel import in_words
+
+        return in_words(found["over_band"])
 
     def feels_the_wall(self) -> bool:
         """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""

@@ -235,7 +235,19 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
     facts |= {"require": own.require.written()} if own.require else {}
+    facts |= _limits_of_walls(spec, own.axis.path, swept)
     return facts | (hands.facts() if hands else {})
+
+
+def _limits_of_walls(spec, along, swept) -> dict:
+    """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
+    from wavesweep.sweep.hardware import deciding, limits_of_walls
+
+    given = any(spec.simulate[name] for name in ("resolution", "friction"))
+    if spec.drawing or not given or along != spec.wall[0] or any(map(deciding, swept)):
+        return {}
+    limits = limits_of_walls(spec)
+    return {"limits_of_walls": limits} if limits else {}
 
 
 def _with_proofs(facts, stage, found) -> dict:
