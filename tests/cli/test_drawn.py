@@ -1,6 +1,7 @@
 """The commands on a spec that draws its loop: tables with the units of its numbers, and refusals in a sentence."""
 
 import json
+import re
 import tomllib
 
 import numpy as np
@@ -52,7 +53,7 @@ def test_the_plane_of_a_drawn_wall(run):
     assert read(results / "wall" / "zwidth.csv")["along"].tolist() == ["K"] * 5
     rotational = "numbers.K={ value=100, unit='N*m/rad', description='wall' }"
     code, text, results = run("zwidth", "wall.toml", "--set", rotational)
-    assert (code, "N*m/rad with K = " in text) == (0, True)
+    assert (code, bool(re.search(r"as the hand feels it: \S+ N\*m/rad( \(.*\))? with K = ", text))) == (0, True)
     fields, _ = described(results / "wall" / "zwidth.datapackage.json")
     assert {fields[name]["unit"] for name in ("low", "high", "felt_low", "felt_high")} == {"N*m/rad"}
     code, text, results = run("why", "wall.toml", "--set", rotational)
@@ -175,17 +176,26 @@ def test_what_is_not_known_is_not_called_unstable():
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "damping", "rigid", "text"),
+    ("stiffness", "damping", "rigid", "band", "text"),
     [
-        (None, None, False, "not known"),
-        (None, None, True, "rigid, a constant force moves nothing in the end"),
-        (None, 0.5, False, "stiffness not known and 0.5 N*s/m"),
-        (-200.0, -1.1, False, "-200 N/m and -1.1 N*s/m"),
-        (200.0, -1.1, False, "200 N/m and -1.1 N*s/m; negative, as the wall answers late"),
+        (None, None, False, None, "not known"),
+        (None, None, True, None, "rigid, a constant force moves nothing in the end"),
+        (None, 0.5, False, None, "stiffness not known and 0.5 N*s/m"),
+        (-200.0, -1.1, False, None, "-200 N/m and -1.1 N*s/m"),
+        (
+            200.0,
+            -1.1,
+            False,
+            ([190.0, None], 0.5),
+            "200 N/m (190 at 1 Hz, not known at 3 Hz; within a tenth of it only up to 0.5 Hz)",
+        ),
+        (200.0, 0.0, False, ([200.0, 200.0], None), "200 N/m (200 at 1 Hz, 200 at 3 Hz)"),
     ],
 )
-def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, text):
-    assert check._felt({"stiffness": stiffness, "damping": damping, "rigid": rigid}, "N/m", "N*s/m") == text
+def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, band, text):
+    over = band and {"hz": [1.0, 3.0], "impedance": band[0], "holds_to_hz": band[1]}
+    felt = {"stiffness": stiffness, "damping": damping, "rigid": rigid, "over_band": over}
+    assert check._felt(felt, "N/m", "N*s/m") == text
 
 
 def test_a_folder_that_begins_with_a_tilde_is_taken_as_it_is(run, tmp_path):

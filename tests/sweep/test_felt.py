@@ -162,3 +162,15 @@ def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
                 assert stiffness == pytest.approx(rest, rel=1e-7, abs=1e-12, nan_ok=True)
                 compared += 1
     assert compared > 3
+
+
+@pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0), ("pmw-lm", 25.0), ("dc", 25.0)])
+def test_what_is_felt_over_a_band_is_the_size_of_the_impedance(kind, b):
+    tables = nested(values_of(kind, b=b, K_VE=300.0, damping=3.0))
+    loop, felt = wavesweep.compile(tables), wavesweep.verdict(tables)["felt"]
+    band, rest = felt["over_band"], felt["stiffness"]
+    assert band["hz"] == [1.0, 3.0, 10.0]
+    assert band["impedance"] == pytest.approx(loop.response(band["hz"])["impedance_abs"].to_numpy(), rel=1e-9)
+    below, above = (np.geomspace(1e-4, factor * band["holds_to_hz"], 500) for factor in (1.0, 1.01))
+    apart = [np.abs(loop.response(hertz)["impedance_abs"].to_numpy() / rest - 1) for hertz in (below, above)]
+    assert apart[0].max() <= 0.1 < apart[1].max()
