@@ -349,12 +349,13 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
 
 def _figure(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+    from wavesweep.identification.points import facts_of_points
     from wavesweep.plots import drawn_into, figure_of
     from wavesweep.sweep.assumptions import assumes
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
     varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
-    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied)}
+    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied), **facts_of_points([spec], kind)}
     columns = {str(name): table[name].to_numpy() for name in table}
     return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
 

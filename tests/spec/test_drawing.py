@@ -194,7 +194,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[device]\nmass = 1\n[sweep]")],
             "27:2: device",
-            "one of the tables type, rates, numbers, block, signals, wire, ports, sweep, bode, for_all, simulate, design",
+            "one of the tables type, rates, numbers, block, signals, wire, ports, sweep, bode, for_all, simulate, measured, design",
             "an unknown table",
         ),
         ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),

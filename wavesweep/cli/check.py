@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from wavesweep.cli.measured import measured_lines
 from wavesweep.cli.options import as_json, debug, folder, formats, override, quiet
 
 if TYPE_CHECKING:
@@ -170,6 +171,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
             yield f"  least damped mode: {_mode(found['least_damped'])}"
     if found["channel_norm"] is not None:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    yield from (f"  {line}" for line in measured_lines(spec, found.get("measured", {})))
     if found["assumes"] and not first:
         yield f"  assumes: {found['assumes']}"
 

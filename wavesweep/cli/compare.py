@@ -31,17 +31,21 @@ def command(specs: tuple[str, ...], options: Options) -> None:
       wavesweep compare mine.toml other.toml
     """
     from wavesweep.cli.output import produce
+    from wavesweep.identification.points import facts_of_points
     from wavesweep.tables.comparison import compare
 
     refuse_equal_names(specs)
 
     def compute(loaded: list[Spec], **work: Any) -> list[Table]:
+        measured = facts_of_points(loaded, "compare")
         walls, responses = compare(loaded, **work)
         if options.to_stdout or not options.plot:
             return [walls, responses]
         from wavesweep import plots
 
-        draw = partial(plots.compare, walls.columns, walls.facts, responses=responses.columns, of_responses=responses.facts)
+        draw = partial(
+            plots.compare, walls.columns, {**walls.facts, **measured}, responses=responses.columns, of_responses=responses.facts
+        )
         return [plots.with_figure(walls, draw), responses]
 
     produce(["compare", "compare-bode"], specs, options, compute)

@@ -22,7 +22,7 @@ from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_
 NARROWEST = 24  # letters of a meaning in a line
 STUDIES = ("sweep", "bode")
 AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
-TABLES = ("sweep", "bode", "simulate")
+TABLES = ("sweep", "bode", "simulate", "measured")
 EVERY = KEYS | {path: key for table in TABLES for path, key in (STUDY_KEYS | AXES).items() if path.startswith(f"{table}.")}
 EVERY |= {key.path: key for key in DESIGN_KEYS.values()}
 EACH_AXIS = (

@@ -47,6 +47,7 @@ def produce(
     main table's; there is none if the table goes to stdout.
     """
     from wavesweep import results, spec
+    from wavesweep.identification.points import facts_of_points
     from wavesweep.sweep.assumptions import unusual
     from wavesweep.tables.table import digest_of
 
@@ -58,6 +59,7 @@ def produce(
         from wavesweep import plots
 
         plots.refuse_settings()
+    measured = facts_of_points(specs, kinds[0])
     with alone(kinds, directory, options):
         # Before the work as well as after it: a refusal should not cost a long run.
         for kind in kinds if not (options.overwrite or options.to_stdout) else ():
@@ -68,7 +70,7 @@ def produce(
         with progress(options.quiet) as report:
             tables = compute(specs, **work, progress=report, checkpoint=kept)
         before = None if options.to_stdout else results.existing_facts(tables[0].kind, directory)
-        tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
+        tables = [replace(table, facts={**table.facts, "spec_place": place, **measured}) for table in tables]
         try:
             finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
         except BaseException as error:

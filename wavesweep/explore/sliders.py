@@ -207,7 +207,7 @@ def _below(frequencies, most):
 def _only(tables, kept, edges):
     """The tables of the loop with the keys `kept`; the order and cutoff that follow from band edges are left out."""
     by_edges = {path.rpartition(".")[0] for path in edges}
-    found = {name: tables[name] for name in ("sweep", "bode", "for_all", "design") if name in tables}
+    found = {name: tables[name] for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
     loop = {}
     for name, table in tables.items():
         if name in found:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
 from wavesweep.errors import UsageError
+from wavesweep.identification.columns import read_csv
 from wavesweep.spec.checking import nearest
-from wavesweep.spec.reading import read_bytes
 
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50
 JITTER = 0.01  # of a period, from which it is said
 GAP = 1.5  # periods between two rows of which one may be missing
-SHOWN = 60  # letters of a file that a message repeats
 TURNING = {"force": "torque", "position": "angle"}
 
 
@@ -53,8 +49,8 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     scales: factors that turn the numbers of the file into s, N (or N*m) and m (or rad).
     Errors: UsageError that names the file, the line or the column, what was expected and what was found.
     """
-    data = read_bytes(path, MOST_BYTES)
-    names, rows = _numbers(path, data)
+    file = read_csv(path, MOST_BYTES)
+    names = file.names
     turns = {**columns}.keys() & set(TURNING.values()) or (
         not {"force", "position"} & {*columns, *names} and set(TURNING.values()) <= set(names)
     )
@@ -63,7 +59,7 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
         for name in given:
             if name not in roles.values():
                 raise UsageError(f"{option} {name}: expected one of {', '.join(roles.values())}, found {name}")
-    found = {}
+    used = {}
     for role, name in roles.items():
         wanted = columns.get(name, name)
         tries = [wanted, *(f"{wanted}_{unit}" for unit in ("s", "N", "m", "Nm", "rad") if name not in columns)]
@@ -71,59 +67,18 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
         if not known:
             meant = nearest(wanted, names)
             hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME tells it"
-            listed = ", ".join(names)[:SHOWN]
-            raise UsageError(f"{path}: expected a column {wanted}, found {listed}{hint}")
-        found[role] = rows[:, names.index(known[0])] * scales.get(name, 1.0)
+            raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
+        used[role] = known[0]
+    rows = file.numbers(list(used.values()), LEAST_ROWS)
+    found = {role: rows[:, place] * scales.get(name, 1.0) for place, (role, name) in enumerate(roles.items())}
     _refuse_unusable(path, found, roles)
     period, jitter = _period(path, found["time"], roles["time"])
-    digest = hashlib.sha256(data).hexdigest()
     first = float(found["time"][0])
-    return Log(found["force"], found["position"], period, first, bool(turns), jitter, digest, tuple(scales))
-
-
-def _numbers(path: str | Path, data: bytes) -> tuple[list[str], np.ndarray]:
-    """The names in the header and the numbers below it, `(rows, columns)`."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are none ({error.reason})") from error
-    header, _, body = text.partition("\n")
-    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
-        if mark in header and "," not in header:
-            expected = "expected commas between columns and points in numbers"
-            raise UsageError(f"{path}:1: {expected}, found {word}; export the log again with commas")
-    names = [name.strip() for name in next(csv.reader([header]), [])]
-    try:
-        rows = np.loadtxt(StringIO(body), delimiter=",", ndmin=2, comments=None)
-    except ValueError:
-        raise UsageError(_first_fault(path, names, body)) from None
-    if len(rows) and rows.shape[1] != len(names):
-        raise UsageError(_first_fault(path, names, body))
-    if len(rows) < LEAST_ROWS:
-        raise UsageError(f"{path}: expected at least {LEAST_ROWS} rows of numbers below the header, found {len(rows)}")
-    return names, rows
-
-
-def _first_fault(path: str | Path, names: list[str], body: str) -> str:
-    for line, row in enumerate(csv.reader(body.splitlines()), start=2):
-        if len(row) > len(names) and len(row) == 2 * len(names):
-            return f"{path}:{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
-        if row and len(row) != len(names):
-            return f"{path}:{line}: expected {len(names)} values as in the header, found {len(row)}"
-        for name, cell in zip(names, row, strict=False):
-            try:
-                float(cell)
-            except ValueError:
-                return f"{path}:{line}: {name}: expected a number, found {cell.strip()[:SHOWN] or 'nothing'}"
-    return f"{path}: expected rows of numbers below the header, found none that can be read"
+    return Log(found["force"], found["position"], period, first, bool(turns), jitter, file.sha256, tuple(scales))
 
 
 def _refuse_unusable(path: str | Path, found: Mapping[str, np.ndarray], roles: Mapping[str, str]) -> None:
     for role, column in found.items():
-        wrong = ~np.isfinite(column)
-        if wrong.any():
-            row = int(wrong.argmax())
-            raise UsageError(f"{path}:{row + 2}: {roles[role]}: expected a finite number, found {column[row]}")
         if role != "time" and np.ptp(column) == 0:
             why = "nothing moves it" if role == "position" else "it has to change to move the device"
             raise UsageError(f"{path}: {roles[role]}: expected a column that changes, found {column[0]:g} in every row; {why}")

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from io import StringIO
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,27 +12,14 @@ from scipy.special import stdtrit
 from wavesweep.errors import UsageError
 from wavesweep.identification.fit import LATE
 from wavesweep.identification.model import OWN, Model
+from wavesweep.identification.points import FrequencyResponse
 from wavesweep.loops.device import impulse_and_step, motion
-from wavesweep.spec.reading import read_bytes
 
-FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
-LEAST_ROWS = 8
-MOST_BYTES = 100_000_000
 RELATED = 3.5  # deviations of the correlation of neighbouring residuals, beyond which they are no noise
 RARE = 9.0  # the logarithm of the odds against noise, at which an effect or a single frequency is none
 TONES = 80  # frequencies of a resonance that are tried
 RINGING = 0.03  # damping ratio of a resonance that is tried
 CLEAR = 0.3  # share of what is left that an effect has to take away to be named
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """frequency_hz: above 0, increasing. admittance: complex (m/N). coherence: 0 to 1, 1 where the file has none."""
-
-    frequency_hz: np.ndarray
-    admittance: np.ndarray
-    coherence: np.ndarray
-    sha256: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,45 +51,6 @@ class ResponseFit:
         return _numbers(self.model, self.theta)
 
 
-def is_response(path: str | Path) -> bool:
-    """Whether a file has frequencies and not times."""
-    header = read_bytes(path, MOST_BYTES * 10).partition(b"\n")[0].decode("utf-8-sig", "replace")
-    return FREQUENCY in [name.strip() for name in header.split(",")]
-
-
-def read_response(path: str | Path) -> Measured:
-    """Read a frequency response. Errors: UsageError that names the file and the line or column."""
-    data = read_bytes(path, MOST_BYTES)
-    rows = list(csv.DictReader(StringIO(data.decode("utf-8-sig", "replace"))))
-    names = [name.strip() for name in (rows[0] if rows else {}) if name]
-    parts = next((p for p in (("abs", "deg"), ("re", "im")) if {f"{NAME}_{each}" for each in p} <= set(names)), None)
-    if parts is None:
-        raise UsageError(f"{path}: expected columns {NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, beside {FREQUENCY}")
-    if len(rows) < LEAST_ROWS:
-        raise UsageError(f"{path}: expected at least {LEAST_ROWS} frequencies, found {len(rows)}")
-    hertz, one, two = (_column(path, rows, name) for name in (FREQUENCY, *(f"{NAME}_{each}" for each in parts)))
-    if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
-        raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
-    coherence = _column(path, rows, COHERENCE) if COHERENCE in names else np.ones(len(rows))
-    if ((coherence <= 0) | (coherence > 1)).any():
-        raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
-    H = one * np.exp(1j * np.radians(two)) if parts[0] == "abs" else one + 1j * two
-    return Measured(hertz, H, coherence, hashlib.sha256(data).hexdigest())
-
-
-def _column(path, rows, name):
-    numbers = []
-    for line, row in enumerate(rows, start=2):
-        cell = (row.get(name) or "").strip()
-        try:
-            numbers.append(float(cell))
-        except ValueError:
-            numbers.append(np.nan)
-        if not np.isfinite(numbers[-1]):
-            raise UsageError(f"{path}:{line}: {name}: expected a finite number, found {cell[:60] or 'nothing'}")
-    return np.array(numbers)
-
-
 def _names(model):
     return tuple(name for name in model.names if name not in OWN)
 
@@ -127,7 +71,7 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: f
     return ((ahead - E[0, 0]) * B[1, 0] + E[1, 0] * B[0, 0]) / determinant * np.exp(-1j * angle * numbers["delay"])
 
 
-def fitted_response(measured: Measured, period: float, model: Model) -> ResponseFit:
+def fitted_response(measured: FrequencyResponse, period: float, model: Model) -> ResponseFit:
     """Fit a model without friction. period: of the ticks at which the force is held (s)."""
     theta, left, J = _fit(measured, period, model, _first(measured, period, model))
     numbers = 2 * len(measured.frequency_hz) - len(theta)

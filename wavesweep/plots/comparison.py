@@ -8,6 +8,15 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.layout import is_logarithmic
+from wavesweep.plots.measured import (
+    draw_responses,
+    draw_walls,
+    highest,
+    response_handle,
+    response_points,
+    wall_handles,
+    walls_by_kind,
+)
 from wavesweep.plots.responses import bode, rounded
 from wavesweep.plots.style import (
     DOUBTFUL,
@@ -66,23 +75,42 @@ def compare(
     height = 2.9 if responses is None else 5.2
     with figure(TWO_COLUMNS, height) as canvas:
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
-        title_of_x, places = _abscissa(columns, facts, specs)
+        title_of_x, places, over_damping = _abscissa(columns, facts, specs)
         looks = _Looks(specs, _keys(columns, responses, places, specs))
         unit = printed(unlike_units(facts).get("felt_high", (felt_unit(facts),)))
         for axes, names, title in zip(grid[0], _WALLS, (f"ends of stable {_stiffness(columns)}", "felt there"), strict=True):
             _walls(axes, columns, places, names, looks)
             axes.set_xlabel(title_of_x)
             axes.set_ylabel(with_unit(title, unit))
+        measured = _measured(grid[0, 0], facts, looks) if over_damping else []
         for axes, (name, title, of_port) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
             _curves(axes, responses, looks, name)
+            draw_responses(axes, facts, name, {spec: looks.of(spec, ())["color"] for spec in specs})
             axes.set_ylabel(at_hand(title, name, of_port, of_responses or facts))
         for axes in grid.flat:
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()
         handles, labels = _handles(looks, columns, responses, facts)
+        if any(response_points(facts, spec) for spec in specs):
+            measured.append(response_handle())
+        handles, labels = [*handles, *measured], [*labels, *(each.get_label() for each in measured)]
         canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, fitting(labels, TWO_COLUMNS)))
         note_assumptions(canvas, facts)
     return canvas
+
+
+def _measured(axes: Any, facts: Mapping[str, Any], looks: _Looks) -> list[Any]:
+    """Draw the walls that were measured of each spec, and give their entries of the legend."""
+    walls = {spec: each for spec in looks.specs if (each := walls_by_kind(facts, spec))}
+    if not walls:
+        return []
+    axes.set_ylim(0, max(axes.get_ylim()[1], 1.06 * max(map(highest, walls.values()))))
+    spans = axes.get_xlim(), axes.get_ylim()
+    for spec, each in walls.items():
+        draw_walls(axes, each, looks.of(spec, ())["color"])
+    kinds = dict.fromkeys(kind for each in walls.values() for kind in each)
+    together = {kind: np.hstack([each[kind] for each in walls.values() if kind in each]) for kind in kinds}
+    return wall_handles(together, *spans, "0.4")
 
 
 def _stiffness(columns: Columns) -> str:
@@ -167,8 +195,8 @@ def _axes_of(columns: Columns) -> list[str]:
     return names[1 : names.index("along")]
 
 
-def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> tuple[str, dict[str, np.ndarray]]:
-    """The title of the axis to draw over, and where it puts the rows of each spec; NaN: it has no place.
+def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> tuple[str, dict[str, np.ndarray], bool]:
+    """The title of the axis to draw over, where it puts the rows of each spec, NaN without a place, and whether it is damping.
 
     The title is empty if no axis has several values.
 
@@ -187,7 +215,7 @@ def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> t
         rows = columns["spec"] == spec
         found = columns[name][rows] if name in columns else np.full(rows.sum(), np.nan)
         places[spec] = np.where(np.isnan(found), value, found)
-    return title, places
+    return title, places, x is not None
 
 
 def _damping(spec: Mapping[str, Any]) -> tuple[str, float, str]:

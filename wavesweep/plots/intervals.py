@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesweep.plots.chosen import Kept
 from wavesweep.plots.layout import MOST_BARS, Layout, axes_of, best_of, best_row, is_logarithmic, lay_out
+from wavesweep.plots.measured import draw_walls, highest, undrawn, wall_handles, walls_in_plane
 from wavesweep.plots.planes import (
     FELT_LINE,
     draw_felt,
@@ -113,11 +114,14 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     down = -(-len(panels) // across)
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
     view, swept = _view(columns, facts), swept_range(facts, str(columns["along"][0]))
+    walls = walls_in_plane(facts, layout.x, str(columns["along"][0]))
+    view = view[0], max(view[1], _ROOM * highest(walls, swept[1]))
     span = max(view[0], swept[0]), min(view[1], swept[1])
     own = partial(_own_points, facts, str(columns["along"][0]), layout, view)
     members, marks = _entries(columns, facts, layout, best, own(panels))
     limits = _limits_of_walls(columns, facts, layout, view)
     marks += [_limit_handle(name) for name in limits]
+    marks += wall_handles(walls, (layout.points[0], layout.points[-1]), view) if walls else []
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
     more += 0.17 * (_rows(members) + _rows(marks)) if across == 1 else 0.0  # otherwise it is beside the panels
     height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
@@ -141,6 +145,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
         (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(view)
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
+            draw_walls(axes, walls)
         _name_axes(canvas, columns, layout, facts)
         _draw_legends(canvas, grid[0, 0], members, marks, beside=across > 1)
     return canvas
@@ -342,8 +347,9 @@ def _name_axes(canvas: Any, columns: Columns, layout: Layout, facts: Mapping[str
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
     width = int(_LETTERS_PER_INCH * canvas.get_figwidth())
+    unmarked = undrawn(facts, layout.x, str(columns["along"][0]))
     required = f"stable here: {words_of(facts['require'])}" if "require" in facts else ""
-    note = [line for text in (required, layout.left_out, _assumed(facts)) for line in wrap(text, width)]
+    note = [line for text in (required, layout.left_out, unmarked, _assumed(facts)) for line in wrap(text, width)]
     canvas.supxlabel("\n".join([along if bars else label(layout.x, facts), *note]), fontsize=8)
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from wavesweep.plots.chosen import Curves
+from wavesweep.plots.measured import draw_responses
 from wavesweep.plots.refine import spec_of
 from wavesweep.plots.style import (
     IDEAL,
@@ -103,11 +105,13 @@ def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str,
     x = _axis_of(columns)
     curves, scale = _curves(columns, x, facts)
     named = [curve for curve in curves if curve.label]
+    specs = dict.fromkeys(columns["spec"].tolist()) if x == "frequency_hz" else ()
+    measured = {spec: IDEAL if len(specs) == 1 else distinct_colour(number) for number, spec in enumerate(specs)}
     in_a_row = fitting([curve.label for curve in named], TWO_COLUMNS)
     with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(2, len(panels) // 2, sharex=True, squeeze=False)
         for axes, (name, title) in zip(grid.flat, panels, strict=True):
-            _draw_panel(axes, curves, name, x)
+            _draw_panel(axes, curves, name, x, partial(draw_responses, axes, facts, name, measured))
             axes.set_ylabel(title)
             _mark_nyquist(axes, columns, x, name == panels[0][0])
         for axes in grid[1]:
@@ -137,9 +141,11 @@ def _axis_of(columns: Columns) -> str:
     return next(iter(_swept(columns)), "frequency_hz") if len(np.unique(columns["frequency_hz"])) == 1 else "frequency_hz"
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
+def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured: Callable[[], np.ndarray]) -> None:
+    """draw_measured: draws what was measured, and gives its places along the figure."""
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = _is_logarithmic(everywhere[everywhere > 0])
+    everywhere = np.append(everywhere, draw_measured())
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     for curve in curves:
         places, values = curve.rows[x], curve.rows[name]

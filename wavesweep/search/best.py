@@ -46,7 +46,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     held |= {name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held}
     swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
     sweep |= {name: values for name, values in held.items() if name not in swept}
-    tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate")}
+    tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
     said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
     for path in spec.given:
         *_, name, last = path.split(".")

@@ -19,7 +19,7 @@ from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import normal_path
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
-STUDIES = ("sweep", "bode", "for_all", "simulate", "design")  # tables that are left to others
+STUDIES = ("sweep", "bode", "for_all", "simulate", "measured", "design")  # tables that are left to others
 KNOWN = ("type", *TABLES, *STUDIES)
 TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")

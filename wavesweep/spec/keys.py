@@ -237,6 +237,27 @@ _SIMULATE = [
 
 SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})
 
+MEASURED_KEYS = MappingProxyType(
+    {
+        "measured.z_width": Key(
+            "measured.z_width",
+            "string",
+            None,
+            "",
+            "CSV file of limits that were measured: columns B_VE and K_VE; or of walls that were tried, with a column stable "
+            "(1 or 0); path from the spec's folder",
+        ),
+        "measured.response": Key(
+            "measured.response",
+            "string",
+            None,
+            "",
+            "CSV file of a response that was measured at the hand: frequency_hz, admittance_abs (m/N) and admittance_deg, or "
+            "admittance_re and admittance_im, and perhaps coherence; path from the spec's folder",
+        ),
+    }
+)
+
 # Units of what a hand feels that turns and does not slide.
 TURNED = MappingProxyType(
     {
@@ -298,6 +319,7 @@ STUDY_KEYS = MappingProxyType(
         "bode.from": Key("bode.from", "string", None, "", "input of a drawn loop whose responses are wanted; by default all"),
         "bode.to": Key("bode.to", "string", None, "", "output of a drawn loop that they are of; by default all"),
         **SIMULATE_KEYS,
+        **MEASURED_KEYS,
     }
 )
 

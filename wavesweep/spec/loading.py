@@ -26,6 +26,7 @@ from wavesweep.spec.studies import (
     beyond_limits,
     build_studies,
     unknown_ends,
+    unmeasurable,
     usual_frequencies,
 )
 
@@ -189,7 +190,7 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     if drawing:
         mistakes += [m for study, axes in studies.axes for m in drawing.vanishing(study, axes, values)]
         mistakes += studies.design.unsuited(drawing) if studies.design else []
-        mistakes += unknown_ends(belongs, drawing)
+        mistakes += [*unknown_ends(belongs, drawing), *unmeasurable(belongs, drawing)]
     if mistakes:
         raise SpecError(_in_order(mistakes))
     if stepped:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import nearest, show
-from wavesweep.spec.keys import BUILT_IN, KEYS, SIMULATE_KEYS, Names
+from wavesweep.spec.keys import BUILT_IN, KEYS, MEASURED_KEYS, SIMULATE_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode", "for_all")
@@ -15,7 +15,8 @@ SPAN_PARTS = ("start", "stop", "num", "scale")
 RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
 DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
-TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, "simulate", "design")
+FLAT = ("simulate", "measured")  # tables of keys, in specs of all kinds
+TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, *FLAT, "design")
 FREQUENCIES = "simulate.frequency_hz"  # the one key of [simulate] that may have parts, as an axis has
 
 Path = tuple[str, ...]
@@ -25,7 +26,7 @@ Path = tuple[str, ...]
 class Sorted:
     """Leaves by the keys and axes that they belong to.
 
-    Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
+    Keys of the loop, of [simulate] and of [measured] by path, parts of the axes by study and name ("" is a list), and of the
     simulation's frequencies. Those of [design] and of [sweep] require by their paths below it. route: `from` and `to` of
     [bode].
     """
@@ -36,6 +37,7 @@ class Sorted:
     require: dict[str, Leaf] = field(default_factory=dict)
     route: dict[str, Leaf] = field(default_factory=dict)
     simulate: dict[str, Leaf] = field(default_factory=dict)
+    measured: dict[str, Leaf] = field(default_factory=dict)
     frequencies: dict[str, Leaf] = field(default_factory=dict)
     axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in STUDIES})
     design: dict[Path, Leaf] = field(default_factory=dict)
@@ -80,21 +82,23 @@ def sort_leaves(leaves: dict[Path, Leaf], names: Names = BUILT_IN) -> Sorted:
                 result.refuse(leaf, "design", "a table", show(leaf.value))
         elif path[:2] == ("simulate", "frequency_hz"):
             _sort_part(FREQUENCIES, path[2:], leaf, result.frequencies, result)
-        elif names is BUILT_IN or path[0] == "simulate":
+        elif names is BUILT_IN or path[0] in FLAT:
             _sort_key(path, leaf, result)
     return result
 
 
 def _sort_key(path: Path, leaf: Leaf, result: Sorted) -> None:
     """Put a leaf under its key."""
+    tables = ((KEYS, result.loop), (SIMULATE_KEYS, result.simulate), (MEASURED_KEYS, result.measured))
     for length in range(1, len(path) + 1):
         name, here = _join(path[:length]), leaf
         if length < len(path):
             here = Leaf({}, leaf.place.under(path[:length]))
-        if name in KEYS or name in SIMULATE_KEYS:
-            (result.loop if name in KEYS else result.simulate)[name] = here
-            return
-        if name not in TABLES and name != "simulate":
+        for keys, found in tables:
+            if name in keys:
+                found[name] = here
+                return
+        if name not in TABLES and name not in FLAT:
             _refuse_unknown(path[:length], here, result)
             return
     if leaf.value != {}:
@@ -102,7 +106,7 @@ def _sort_key(path: Path, leaf: Leaf, result: Sorted) -> None:
 
 
 def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted) -> None:
-    parent, keys = _join(path[:-1]), (*KEYS, *SIMULATE_KEYS)
+    parent, keys = _join(path[:-1]), (*KEYS, *SIMULATE_KEYS, *MEASURED_KEYS)
     known = TOP_TABLES
     if parent:
         start = parent + "."

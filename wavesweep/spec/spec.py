@@ -245,6 +245,11 @@ class Spec:
         """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop, which has a common tick."""
         return isinstance(self._values.get("rates.ratio"), float)
 
+    @property
+    def measured(self) -> Mapping[str, str]:
+        """The paths of the files that [measured] names, `z_width` and `response`, relative to the spec's folder; read-only."""
+        return MappingProxyType(self._studies.measured)
+
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
@@ -290,6 +295,8 @@ class Spec:
             tables["for_all"] = self.for_all.written()
         bode = (self._frequencies, *self.bode)
         tables["bode"] = dict(self._studies.route) | {axis.name: axis.written() for axis in bode}
+        if self.measured:
+            tables["measured"] = dict(self.measured)
         if self.for_simulation:
             tables["simulate"] = self._experiment().written()
         if self.for_design:

@@ -14,7 +14,7 @@ from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.for_all import ForAll, build_for_all, refuse_swept
 from wavesweep.spec.frames import FRAMES, build_frames
-from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
+from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, MEASURED_KEYS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.require import Require, build_require
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
@@ -175,8 +175,8 @@ def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[fl
 @dataclass(frozen=True, slots=True)
 class Studies:
     """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, the experiment, the design, what
-    [sweep] requires of every mode, what answers have to hold for, and the ends `from` and `to` of the responses that [bode]
-    names."""
+    [sweep] requires of every mode, what answers have to hold for, the ends `from` and `to` of the responses that [bode]
+    names, and the files that [measured] names."""
 
     along: str
     sweep: tuple[Axis, ...]
@@ -187,6 +187,7 @@ class Studies:
     require: Require | None = None
     for_all: ForAll | None = None
     route: Mapping[str, str] = field(default_factory=dict)
+    measured: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def axes(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
@@ -229,8 +230,10 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN, usual: 
         wrong_ranges += refuse_swept({axis.path: axis for axis in axes["sweep"]}, for_all)
         design = design and replace(design, for_all=(*design.for_all, *for_all.ends(design)))
     route = {name: str(leaf.value) for name, leaf in leaves.route.items()}
-    found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all, route)
-    return found, mistakes + wrong + wrong_design + wrong_ranges
+    files, wrong_files = check_each(MEASURED_KEYS, leaves.measured)
+    measured = {path.split(".")[1]: name for path, name in files.items()}
+    found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all, route, measured)
+    return found, mistakes + wrong + wrong_design + wrong_ranges + wrong_files
 
 
 def usual_frequencies(studies: Studies, hz: float) -> Studies:
@@ -256,6 +259,13 @@ def unknown_ends(leaves: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
             expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
             hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
             yield leaf.mistake(path, expected, show(leaf.value), hint)
+
+
+def unmeasurable(leaves: Sorted, drawing: Drawing) -> Iterator[Mistake]:
+    """Yield the mistakes of files that [measured] names, of a wall or a hand that the drawn loop does not have."""
+    for name, port, what in (("z_width", drawing.wall, "a wall"), ("response", drawing.hand, "a hand")):
+        if port is None and (leaf := leaves.measured.get(f"measured.{name}")):
+            yield leaf.mistake(f"measured.{name}", f"{what} in [ports], of which it was measured", "none", of_key=True)
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

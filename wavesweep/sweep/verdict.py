@@ -21,6 +21,7 @@ from wavesweep.sweep.feel import felt_over_band
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
 from wavesweep.sweep.hardware import hardware_of
 from wavesweep.sweep.interval_job import job_over
+from wavesweep.sweep.measured import distances, read_points
 from wavesweep.sweep.poles import leading
 from wavesweep.sweep.running import in_memory
 
@@ -43,11 +44,14 @@ def verdict(spec: Spec) -> dict:
 
     The numbers of `own_design`; limits: per number of the loop the stable interval that its value lies in (see `limits`);
     delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with
-    [for_all], whether it is stable for all of it, see `wavesweep.sweep.for_all.verdict`. hardware: see `hardware_of`.
+    [for_all], whether it is stable for all of it, see `wavesweep.sweep.for_all.verdict`. hardware: see `hardware_of`. measured:
+    of a spec with [measured], how far the design is from the points, see `wavesweep.sweep.measured.distances`.
     """
+    points = read_points(spec)
     found = own_design(spec) | {"limits": limits(spec), "delay": _delays(spec)}
     found |= {"hardware": _hardware(spec, found) if found["stable"] else {}}
-    return found | ({"for_all": for_all.verdict(spec)} if spec.for_all else {})
+    found |= {"for_all": for_all.verdict(spec)} if spec.for_all else {}
+    return found | ({"measured": distances(spec, points, found["stable"])} if spec.measured else {})
 
 
 def own_design(spec: Spec, loop=None) -> dict:

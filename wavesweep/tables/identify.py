@@ -79,7 +79,7 @@ def identify(
     fits it. rate_hz: of a frequency response, the rate at which its force was held.
     Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
-    from wavesweep.identification.response import is_response
+    from wavesweep.identification.points import is_response
 
     if is_response(path):
         if columns or scales or resolution is not None or friction:
@@ -94,7 +94,8 @@ def identify(
 
 def _of_response(path: str, period: float, spring: bool, delay: float | None) -> Table:
     from wavesweep.identification.model import Model
-    from wavesweep.identification.response import fitted_response, read_response
+    from wavesweep.identification.points import read_response
+    from wavesweep.identification.response import fitted_response
     from wavesweep.rows import complex_columns
 
     started = time.perf_counter()

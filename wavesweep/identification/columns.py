@@ -1,0 +1,94 @@
+"""Columns of numbers from a CSV file; what cannot be used is refused with one message."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.spec.reading import read_bytes
+
+SHOWN = 60  # letters of a file that a message repeats
+
+
+@dataclass(frozen=True, eq=False)
+class Csv:
+    """A CSV file: the names in its header, the text below it, and the SHA-256 of the file."""
+
+    path: str | Path
+    names: list[str]
+    body: str
+    sha256: str
+
+    @property
+    def listed(self) -> str:
+        """The names in the header, for a message."""
+        return ", ".join(filter(None, self.names))[:SHOWN] or "nothing"
+
+    def numbers(self, columns: Sequence[str], least: int = 1) -> np.ndarray:
+        """The finite numbers of some columns, `(rows, columns)`; other columns may hold texts.
+
+        Errors: UsageError that names the line and the column, or if there are fewer rows than `least`.
+        """
+        places = [self.names.index(name) for name in columns]
+        rows = np.empty((0, len(places)))
+        if self.body.strip():
+            try:
+                rows = np.loadtxt(StringIO(self.body), delimiter=",", ndmin=2, comments=None, usecols=places, quotechar='"')
+            except ValueError:
+                raise UsageError(self._fault(columns) or f"{self.path}: {_NONE}, found none that can be read") from None
+        # A row of another length is told by its commas, but for those within quotes.
+        suspect = self.body.count(",") != (len(self.names) - 1) * len(rows) or not np.isfinite(rows).all()
+        if suspect and (fault := self._fault(columns)):
+            raise UsageError(fault)
+        if len(rows) < least:
+            raise UsageError(f"{self.path}: expected at least {least} rows of numbers below the header, found {len(rows)}")
+        return rows
+
+    def texts(self, column: str) -> list[tuple[int, str]]:
+        """The line and the text of a column in each row."""
+        place, lines = self.names.index(column), csv.reader(self.body.splitlines())
+        return [(number, row[place].strip()) for number, row in enumerate(lines, start=2) if row]
+
+    def _fault(self, columns):
+        """What is wrong with the first row that cannot be used; empty if nothing is."""
+        width = len(self.names)
+        for number, row in enumerate(csv.reader(self.body.splitlines()), start=2):
+            line = f"{self.path}:{number}"
+            if len(row) > width and len(row) == 2 * width:
+                return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
+            if row and len(row) != width:
+                return f"{line}: expected {width} values as in the header, found {len(row)}"
+            for name in columns if row else ():
+                cell = row[self.names.index(name)].strip()[:SHOWN]
+                try:
+                    if not np.isfinite(float(cell)):
+                        return f"{line}: {name}: expected a finite number, found {cell}"
+                except ValueError:
+                    return f"{line}: {name}: expected a number, found {cell or 'nothing'}"
+        return ""
+
+
+_NONE = "expected rows of numbers below the header"
+
+
+def read_csv(path: str | Path, most: int) -> Csv:
+    """Read a CSV file of at most `most` bytes. Errors: UsageError that names the file."""
+    data = read_bytes(path, most)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are none ({error.reason})") from error
+    header, _, body = text.partition("\n")
+    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in header and "," not in header:
+            expected = "expected commas between columns and points in numbers"
+            raise UsageError(f"{path}:1: {expected}, found {word}; export it again with commas")
+    names = [name.strip() for name in next(csv.reader([header]), [])]
+    return Csv(path, names, body, hashlib.sha256(data).hexdigest())

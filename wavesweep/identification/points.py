@@ -1,0 +1,151 @@
+"""What was measured: limits of walls or walls that were tried, and a frequency response, from the files that a spec names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.identification.columns import SHOWN, Csv, read_csv
+from wavesweep.spec.checking import nearest
+from wavesweep.spec.reading import read_bytes
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+
+FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
+WALL, STABLE = ("B_VE", "K_VE"), "stable"
+LEAST_ROWS = 8  # of a response that is fitted
+MOST_BYTES = 100_000_000
+MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
+FLAGS = {"1": True, "true": True, "0": False, "false": False}
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """frequency_hz: above 0, increasing. admittance: complex (m/N). coherence: 0 to 1, 1 where the file has none."""
+
+    frequency_hz: np.ndarray
+    admittance: np.ndarray
+    coherence: np.ndarray
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Damping (N*s/m) and stiffness (N/m) of walls: limits or, with `stable`, walls that were tried."""
+
+    B_VE: np.ndarray
+    K_VE: np.ndarray
+    stable: np.ndarray | None
+    sha256: str
+
+
+def is_response(path: str | Path) -> bool:
+    """Whether a file has frequencies and not times."""
+    header = read_bytes(path, MOST_BYTES * 10).partition(b"\n")[0].decode("utf-8-sig", "replace")
+    return FREQUENCY in [name.strip() for name in header.split(",")]
+
+
+def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BYTES) -> FrequencyResponse:
+    """Read a frequency response of at least so many rows, of at most so many bytes.
+
+    Errors: UsageError that names the file and the line or column.
+    """
+    file = read_csv(path, most)
+    parts = next((p for p in (("abs", "deg"), ("re", "im")) if {f"{NAME}_{each}" for each in p} <= set(file.names)), None)
+    if parts is None or FREQUENCY not in file.names:
+        expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, beside {FREQUENCY}"
+        raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
+    names = [FREQUENCY, *(f"{NAME}_{each}" for each in parts), *([COHERENCE] if COHERENCE in file.names else [])]
+    hertz, one, two, *rest = file.numbers(names, least).T
+    if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
+        raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
+    coherence = rest[0] if rest else np.ones(len(hertz))
+    if ((coherence <= 0) | (coherence > 1)).any():
+        raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
+    if ((one <= 0) if parts[0] == "abs" else (one == 0) & (two == 0)).any():
+        raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
+    H = one * np.exp(1j * np.radians(two)) if parts[0] == "abs" else one + 1j * two
+    return FrequencyResponse(hertz, H, coherence, file.sha256)
+
+
+def read_walls(path: str | Path) -> Walls:
+    """Read walls with the columns B_VE and K_VE and perhaps `stable`: 1 or 0, true or false.
+
+    Errors: UsageError that names the file and the line or column.
+    """
+    file = read_csv(path, MOST_BYTES_OF_POINTS)
+    for name in WALL:
+        if name not in file.names:
+            meant = nearest(name, file.names)
+            hint = f"; is {meant} meant?" if meant else ""
+            raise UsageError(f"{path}: expected the columns {' and '.join(WALL)}, found {file.listed}{hint}")
+    damping, stiffness = file.numbers(WALL).T
+    for name, column in zip(WALL, (damping, stiffness), strict=True):
+        if (column < 0).any():
+            raise UsageError(f"{path}: {name}: expected numbers of at least 0, found {column.min():g}")
+    if STABLE in file.names:
+        return Walls(damping, stiffness, _flags(file), file.sha256)
+    if (stiffness == 0).any():
+        hint = "where none is stable, give a wall that was tried, in a file with a column stable"
+        raise UsageError(f"{path}: K_VE: expected limits above 0, found 0; {hint}")
+    return Walls(damping, stiffness, None, file.sha256)
+
+
+def _flags(file: Csv) -> np.ndarray:
+    for line, text in (cells := file.texts(STABLE)):
+        if text.lower() not in FLAGS:
+            raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
+    return np.array([FLAGS[text.lower()] for _, text in cells])
+
+
+def walls_of(spec: Spec) -> Walls | None:
+    """The walls that [measured] names; None if it names none. Errors: UsageError."""
+    return _bounded(read_walls(path), path) if (path := _path(spec, "z_width")) else None
+
+
+def response_of(spec: Spec) -> FrequencyResponse | None:
+    """The response that [measured] names; None if it names none. Errors: UsageError."""
+    path = _path(spec, "response")
+    return _bounded(read_response(path, 1, MOST_BYTES_OF_POINTS), path) if path else None
+
+
+def _path(spec, name):
+    return Path(spec.source or "").parent / spec.measured[name] if name in spec.measured else None
+
+
+def _bounded(found, path):
+    count = len(found.K_VE if isinstance(found, Walls) else found.frequency_hz)
+    if count > MOST_POINTS:
+        raise UsageError(f"{path}: expected at most {MOST_POINTS} points, found {count}")
+    return found
+
+
+def facts_of_points(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
+    """The points that belong into the figure of a table of that kind, as the fact `measured` of the run, if there are some.
+
+    They are kept with the table, so that `plot` draws those of its run. Errors: UsageError for a file that cannot be used.
+    """
+    found: dict[str, Mapping[str, Any]] = {}
+    for spec in specs if kind in OF_WALLS or kind in OF_RESPONSES else ():
+        walls = walls_of(spec) if kind in OF_WALLS else None
+        response = response_of(spec) if kind in OF_RESPONSES else None
+        each: dict[str, Any] = {}
+        if walls:
+            each["z_width"] = {"B_VE": walls.B_VE.tolist(), "K_VE": walls.K_VE.tolist(), "sha256": walls.sha256}
+            each["z_width"] |= {} if walls.stable is None else {"stable": walls.stable.tolist()}
+        if response:
+            parts = {"re": response.admittance.real.tolist(), "im": response.admittance.imag.tolist()}
+            each["response"] = {"frequency_hz": response.frequency_hz.tolist(), **parts, "sha256": response.sha256}
+        if each:
+            found[spec.name] = each
+    return {"measured": found} if found else {}
+
+
+OF_WALLS = ("zwidth", "zwidth-hands", "stability-region", "stability-region-hands", "compare")
+OF_RESPONSES = ("bode", "compare", "compare-bode")

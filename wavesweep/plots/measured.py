@@ -1,0 +1,116 @@
+"""What was measured, as points beside computed curves; the facts of a run have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import as_it_stands
+from wavesweep.spec.keys import SYMBOLS
+
+Facts = Mapping[str, Any]
+Walls = Mapping[bool | None, np.ndarray]
+
+_POINT = {"linestyle": "none", "marker": "o", "markersize": 4, "zorder": 6}
+_EDGE = {"markeredgecolor": "white", "markeredgewidth": 0.5}
+_OF_RESPONSE = _POINT | {"markersize": 3, "markerfacecolor": "none", "markeredgewidth": 0.8, "zorder": 3}
+_HOLLOW = {"markerfacecolor": "white", "markeredgewidth": 1.0}
+KINDS = {None: "measured limit", True: "measured stable", False: "measured unstable"}
+
+
+def _look(kind: bool | None, colour: Any) -> dict[str, Any]:
+    """The look of a point: a limit is a diamond, a wall that was tried is a disc if it was stable, otherwise a ring."""
+    if kind is False:
+        return _POINT | _HOLLOW | {"color": colour}
+    return _POINT | _EDGE | {"color": colour, "marker": "D" if kind is None else "o"}
+
+
+def walls_by_kind(facts: Facts, spec: str) -> Walls:
+    """The measured walls of a spec, `(2, points)`: damping and stiffness, by whether they were stable; None are limits."""
+    points = facts.get("measured", {}).get(spec, {}).get("z_width")
+    if not points:
+        return {}
+    walls = np.array([points["B_VE"], points["K_VE"]])
+    if "stable" not in points:
+        return {None: walls}
+    stable = np.array(points["stable"])
+    return {kind: walls[:, stable == kind] for kind in (True, False) if (stable == kind).any()}
+
+
+def walls_in_plane(facts: Facts, x: str | None, along: str) -> Walls:
+    """The same for the only spec of a run, if its figure has the wall's damping along it and its stiffness upwards."""
+    wall = facts.get("spec", {}).get("ports", {}).get("wall")
+    names = ("B_VE", "K_VE") if wall is None else (wall["damping"], wall["stiffness"])
+    if (x, along) not in (names, tuple(SYMBOLS.get(name, name) for name in names)):
+        return {}
+    return walls_by_kind(facts, str(facts.get("spec_name", "")))
+
+
+def draw_walls(axes: Any, walls: Walls, colour: Any = "black") -> None:
+    """Draw the walls within the limits of the axes, which have to be set; those on the frame are whole."""
+    for kind, points in walls.items():
+        axes.plot(*points[:, _inside(points, axes)], **_look(kind, colour), clip_on=False)
+
+
+def _inside(points: np.ndarray, axes: Any) -> np.ndarray:
+    spans = zip(points, (axes.get_xlim(), axes.get_ylim()), strict=True)
+    return np.all([(each >= low) & (each <= high) for each, (low, high) in spans], axis=0)
+
+
+def highest(walls: Walls, most: float = np.inf) -> float:
+    """The largest stiffness of walls up to `most`; 0 without any."""
+    return max((float(points[1][points[1] <= most].max(initial=0.0)) for points in walls.values()), default=0.0)
+
+
+def wall_handles(walls: Walls, x: tuple[float, float], y: tuple[float, float], colour: Any = "black") -> list[Any]:
+    """The entries of a legend, with the number of points outside of the spans x and y that a figure shows."""
+    from matplotlib.lines import Line2D
+
+    handles = []
+    for kind, points in walls.items():
+        outside = sum(not (x[0] <= B <= x[1] and y[0] <= K <= y[1]) for B, K in points.T.tolist())
+        said = f" ({outside} of {points.shape[1]} outside)" if outside else ""
+        handles.append(Line2D([], [], **_look(kind, colour), label=KINDS[kind] + said))
+    return handles
+
+
+def undrawn(facts: Facts, x: str | None, along: str) -> str:
+    """A sentence about measured walls that a figure with another plane does not show; empty if there are none."""
+    walls = walls_by_kind(facts, str(facts.get("spec_name", "")))
+    if not walls or walls_in_plane(facts, x, along):
+        return ""
+    return "The measured walls are not shown: they are of stiffness over damping of the wall."
+
+
+def response_points(facts: Facts, spec: str) -> dict[str, np.ndarray]:
+    """The measured response of a spec, with the columns of a table of responses, admittance in mm/N; empty without one."""
+    points = facts.get("measured", {}).get(spec, {}).get("response")
+    if not points:
+        return {}
+    H = np.array(points["re"]) + 1j * np.array(points["im"])
+    hertz = np.array(points["frequency_hz"])
+    return {"frequency_hz": hertz, "admittance_abs": 1e3 * np.abs(H), "admittance_deg": np.degrees(np.angle(H))}
+
+
+def response_handle() -> Any:
+    """The entry of a legend for the measured responses of several specs."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color="0.4", label="measured response", **_OF_RESPONSE)
+
+
+def draw_responses(axes: Any, facts: Facts, name: str, colours: Mapping[str, Any]) -> np.ndarray:
+    """Draw the measured responses of specs in their colours, and give their frequencies (Hz).
+
+    name: of a column; none is drawn if it is not one of admittances.
+    """
+    drawn = [np.zeros(0)]
+    for spec, colour in colours.items():
+        points = response_points(facts, spec)
+        if name in points:
+            label = "measured" if len(colours) == 1 else f"{as_it_stands(spec)}, measured"
+            axes.plot(points["frequency_hz"], points[name], color=colour, label=label, **_OF_RESPONSE)
+            drawn.append(points["frequency_hz"])
+    return np.concatenate(drawn)
