@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.plots.layout import is_logarithmic
 from wavesweep.plots.measured import (
+    coloured,
     draw_responses,
     draw_walls,
     highest,
@@ -101,16 +102,17 @@ def compare(
 
 def _measured(axes: Any, facts: Mapping[str, Any], looks: _Looks) -> list[Any]:
     """Draw the walls that were measured of each spec, and give their entries of the legend."""
-    walls = {spec: each for spec in looks.specs if (each := walls_by_kind(facts, spec))}
+    colours = coloured(facts, "z_width", {spec: looks.of(spec, ())["color"] for spec in looks.specs})
+    walls = {spec: walls_by_kind(facts, spec) for spec in colours}
     if not walls:
         return []
     axes.set_ylim(0, max(axes.get_ylim()[1], 1.06 * max(map(highest, walls.values()))))
     spans = axes.get_xlim(), axes.get_ylim()
     for spec, each in walls.items():
-        draw_walls(axes, each, looks.of(spec, ())["color"])
+        draw_walls(axes, each, colours[spec])
     kinds = dict.fromkeys(kind for each in walls.values() for kind in each)
     together = {kind: np.hstack([each[kind] for each in walls.values() if kind in each]) for kind in kinds}
-    return wall_handles(together, *spans, "0.4")
+    return wall_handles(together, *spans, "black" if len(walls) == 1 else "0.4")
 
 
 def _stiffness(columns: Columns) -> str:

@@ -94,6 +94,19 @@ def response_points(facts: Facts, spec: str) -> dict[str, np.ndarray]:
     return {"frequency_hz": hertz, "admittance_abs": 1e3 * np.abs(H), "admittance_deg": np.degrees(np.angle(H))}
 
 
+def coloured(facts: Facts, part: str, colours: Mapping[str, Any]) -> dict[str, Any]:
+    """The specs with measured points of a part, "z_width" or "response", and their colours.
+
+    Of those that have the same points there is the first alone, in black.
+    """
+    same: dict[str, list[str]] = {}
+    for spec in colours:
+        if points := facts.get("measured", {}).get(spec, {}).get(part):
+            same.setdefault(points["sha256"], []).append(spec)
+    alone = len(colours) == 1
+    return {each[0]: "black" if alone or len(each) > 1 else colours[each[0]] for each in same.values()}
+
+
 def response_handle() -> Any:
     """The entry of a legend for the measured responses of several specs."""
     from matplotlib.lines import Line2D
@@ -102,15 +115,15 @@ def response_handle() -> Any:
 
 
 def draw_responses(axes: Any, facts: Facts, name: str, colours: Mapping[str, Any]) -> np.ndarray:
-    """Draw the measured responses of specs in their colours, and give their frequencies (Hz).
+    """Draw the measured responses of specs, and give their frequencies (Hz).
 
-    name: of a column; none is drawn if it is not one of admittances.
+    name: of a column; none is drawn if it is not one of admittances. colours: of the specs, see `coloured`.
     """
     drawn = [np.zeros(0)]
-    for spec, colour in colours.items():
+    for spec, colour in coloured(facts, "response", colours).items():
         points = response_points(facts, spec)
         if name in points:
-            label = "measured" if len(colours) == 1 else f"{as_it_stands(spec)}, measured"
+            label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
             axes.plot(points["frequency_hz"], points[name], color=colour, label=label, **_OF_RESPONSE)
             drawn.append(points["frequency_hz"])
     return np.concatenate(drawn)

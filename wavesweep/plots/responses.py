@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.chosen import Curves
-from wavesweep.plots.measured import draw_responses
+from wavesweep.plots.measured import coloured, draw_responses
 from wavesweep.plots.refine import spec_of
 from wavesweep.plots.style import (
     IDEAL,
@@ -106,8 +106,8 @@ def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str,
     curves, scale = _curves(columns, x, facts)
     named = [curve for curve in curves if curve.label]
     specs = dict.fromkeys(columns["spec"].tolist()) if x == "frequency_hz" else ()
-    measured = {spec: IDEAL if len(specs) == 1 else distinct_colour(number) for number, spec in enumerate(specs)}
-    in_a_row = fitting([curve.label for curve in named], TWO_COLUMNS)
+    measured = {spec: distinct_colour(number) for number, spec in enumerate(specs)}
+    in_a_row = fitting([*(curve.label for curve in named), *coloured(facts, "response", measured)], TWO_COLUMNS)
     with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(2, len(panels) // 2, sharex=True, squeeze=False)
         for axes, (name, title) in zip(grid.flat, panels, strict=True):
