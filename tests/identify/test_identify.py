@@ -245,7 +245,12 @@ def written_response(path, H):
             {"rate_hz": 1e3, "friction": True},
             "takes --rate, --spring and --del",
         ),
-        ("frequency_hz,admittance_abs,admittance_deg", 5, {"rate_hz": 1e3}, "expected at least 8 rows of numbers below the header, found 5"),
+        (
+            "frequency_hz,admittance_abs,admittance_deg",
+            5,
+            {"rate_hz": 1e3},
+            "expected at least 8 rows of numbers below the header, found 5",
+        ),
         ("frequency_hz,abs,deg", 60, {"rate_hz": 1e3}, "expected columns admittance_abs and admittance_deg, or admittance_re"),
         ("time,force,position", 60, {"rate_hz": 1e3}, "a log has its rate in its times; leave --rate out"),
     ],

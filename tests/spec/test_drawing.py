@@ -14,6 +14,7 @@ from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
 from wavesweep.spec.block_types import TYPES as BLOCKS
 from wavesweep.spec.drawing import OF_PLANT
 from wavesweep.spec.drawing_keys import NAME
+from wavesweep.spec.drawing_tables import KNOWN
 from wavesweep.spec.expressions import value_of
 from wavesweep.tables import kind_named
 
@@ -194,7 +195,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[device]\nmass = 1\n[sweep]")],
             "27:2: device",
-            "one of the tables type, rates, numbers, block, signals, wire, ports, sweep, bode, for_all, simulate, measured, design",
+            f"one of the tables {', '.join(KNOWN)}",
             "an unknown table",
         ),
         ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),

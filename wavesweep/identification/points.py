@@ -98,10 +98,12 @@ def read_walls(path: str | Path) -> Walls:
 
 
 def _flags(file: Csv) -> np.ndarray:
-    for line, text in (cells := file.texts(STABLE)):
-        if text.lower() not in FLAGS:
-            raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
-    return np.array([FLAGS[text.lower()] for _, text in cells])
+    cells = file.texts(STABLE)
+    found = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
+    if None in found:
+        line, text = cells[found.index(None)]
+        raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
+    return np.array(found)
 
 
 def walls_of(spec: Spec) -> Walls | None:

@@ -115,15 +115,15 @@ def response_handle() -> Any:
 
 
 def draw_responses(axes: Any, facts: Facts, name: str, colours: Mapping[str, Any]) -> np.ndarray:
-    """Draw the measured responses of specs, and give their frequencies (Hz).
+    """Draw the measured responses of specs, and give their frequencies (Hz), which all panels at the hand show.
 
     name: of a column; none is drawn if it is not one of admittances. colours: of the specs, see `coloured`.
     """
-    drawn = [np.zeros(0)]
+    places = [np.zeros(0)]
     for spec, colour in coloured(facts, "response", colours).items():
         points = response_points(facts, spec)
         if name in points:
             label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
             axes.plot(points["frequency_hz"], points[name], color=colour, label=label, **_OF_RESPONSE)
-            drawn.append(points["frequency_hz"])
-    return np.concatenate(drawn)
+        places += [points["frequency_hz"]] if name.startswith(("admittance", "impedance")) else []
+    return np.concatenate(places)

@@ -19,6 +19,7 @@ from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # times the largest stiffness that was measured, up to which limits are looked for
 CLOSE = 0.1  # of their median: limits without repetition are explained if the model is off by less, rms
+REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
 LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
 COHERENT = 0.5  # coherence, below which a point of a response tells too little
 WORST = 3  # walls on the wrong side that are told one by one
@@ -105,9 +106,9 @@ def _far(ratio: float) -> float:
 def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
     """rms of computed minus measured (N/m), its share of the median limit, and whether the model explains the limits.
 
-    If limits were measured again at the same damping, their scatter (N/m) is what the model is held against: it explains them
-    if the means are off by no more than repetitions are, by an F test at LEVEL with no number fitted. Otherwise the rms is held
-    against CLOSE of the median.
+    If limits were measured again at the same damping, REPEATED times or more in all, their scatter (N/m) is what the model is
+    held against: it explains them if the means are off by no more than repetitions are, by an F test at LEVEL with no number
+    fitted. Otherwise the rms is held against CLOSE of the median.
     """
     if not known:
         return {"rms": None, "share": None, "scatter": None, "explained": None}
@@ -118,7 +119,7 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
     repeats = np.bincount(place)
     means = np.bincount(place, off) / repeats
     spare = len(off) - len(means)
-    if spare == 0:
+    if spare < REPEATED:
         return {"rms": rms, "share": share, "scatter": None, "explained": share <= CLOSE}
     from scipy.special import fdtri
 
