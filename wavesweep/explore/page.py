@@ -7,7 +7,7 @@ import hashlib
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html import escape
 from importlib.resources import files
 from io import BytesIO
@@ -29,6 +29,7 @@ from wavesweep.explore.answers import (
 )
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, sliders_of, text_of
+from wavesweep.identification.points import facts_of_points
 from wavesweep.spec import Spec
 
 FIRST_CELLS, MOST_CELLS, MOST_COLUMNS = 12, 40, 16
@@ -73,6 +74,7 @@ class Page:
             "hand": self.first["response"] is not None,
             "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
             "first": self.first,
+            "measured": facts_of_points([spec], "compare").get("measured", {}).get(spec.name, {}),
         }
 
     def _said(self, answer):
@@ -183,7 +185,8 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     for done, (title, make) in enumerate(TABLES.items(), len(asked)):
         report(done, total)
         try:
-            tables.append(_table(title, make(spec)))
+            table = make(spec)
+            tables.append(_table(title, replace(table, facts={**table.facts, **facts_of_points([spec], table.kind)})))
         except WavesweepError as error:
             text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves its folder
             tables.append({"title": title, "error": _sentence(text)})
