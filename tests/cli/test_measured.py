@@ -16,7 +16,7 @@ def test_check_says_how_far_the_model_is_and_on_which_side(wavesweep):
     lines = wavesweep("check", BENCH)[1].splitlines()
     (first,) = [line for line in lines if line.startswith("  measured walls (bench-walls.csv): 19 of 42 on the wrong side; ")]
     assert "unstable though computed stable, the dangerous side: 19; stable though computed unstable: 0" in first
-    assert "    unstable at B_VE = 2 N*s/m, K_VE = 750 N/m: the model's nearest end is at 1731 N/m, 2.31 of it" in lines
+    assert "    unstable at B_VE = 2 N*s/m, K_VE = 750 N/m: the model's nearest end is at 1731 N/m, 2.31 times that" in lines
     assert any("admittance is 0.996 in the median, 0.65 at worst, at 9.1 Hz" in line for line in lines)
 
 

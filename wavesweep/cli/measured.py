@@ -71,7 +71,7 @@ def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
         seen = "stable" if each["stable"] else "unstable"
         ends = f"the model is {'stable at no' if each['stable'] else 'stable at every'} stiffness searched"
         if each["ratio"] is not None:
-            ends = f"the model's nearest end is at {_short(each['computed'])}{stiffness}, {each['ratio']:.3g} of it"
+            ends = f"the model's nearest end is at {_short(each['computed'])}{stiffness}, {each['ratio']:.3g} times that"
         yield f"  {seen} at B_VE = {each['B_VE']:g}{damping}, K_VE = {_short(each['K_VE'])}{stiffness}: {ends}"
 
 
