@@ -250,3 +250,17 @@ def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
     assert (tmp_path / "mine.html").read_text() == first
     assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2", "--overwrite"]) == 0
     assert data_of((tmp_path / "mine.html").read_text())["sliders"] != data_of(first)["sliders"]
+
+
+@pytest.mark.slow
+def test_a_page_has_what_was_measured_and_so_have_its_figures(tmp_path):
+    (tmp_path / "walls.csv").write_text("B_VE,K_VE,stable\n1,500,1\n1,3000,0\n")
+    (tmp_path / "response.csv").write_text("frequency_hz,admittance_re,admittance_im\n1,0,-2\n")
+    files = {name: str(tmp_path / f"{file}.csv") for name, file in (("z_width", "walls"), ("response", "response"))}
+    sweep = {"K_VE": {"start": 0, "stop": 6000}, "B_VE": [0, 1, 2]}
+    text = saved_page(load(HOLE | {"measured": files, "sweep": sweep, "bode": {"frequency_hz": [1.0, 2.0]}}))
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
+    walls = {"stiffness": "environment.K_VE", "damping": "environment.B_VE", "points": [[1, 500, True], [1, 3000, False]]}
+    assert data["measured"]["walls"] == walls
+    assert data["measured"]["response"]["admittance_deg"] == [-90]
+    assert [[*table["facts"]["measured"]["spec"]] for table in data["report"]] == [["z_width"], ["response"]]

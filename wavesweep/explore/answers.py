@@ -22,6 +22,7 @@ from wavesweep.stability.plane import quick_columns, refined_curve
 from wavesweep.sweep.drawn_loops import loop_at_hand
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import cost_of, job_over
+from wavesweep.sweep.measured import read_points
 from wavesweep.sweep.open_loops import wall_cut
 from wavesweep.sweep.response_job import doubt_of
 from wavesweep.sweep.running import in_memory
@@ -231,6 +232,20 @@ def frequencies(spec: Spec) -> np.ndarray:
     rate = spec.drawing.rate(spec.values) if spec.drawing else spec.values["rates.fast_hz"]
     wanted = [each for each in spec.frequency_hz if 0 < each <= rate / 2] or [rate / 1e4, rate / 2]
     return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), POINTS), None, rate / 2))
+
+
+def measured(spec: Spec) -> dict:
+    """What [measured] names: the walls as (damping, stiffness, whether stable, None of a limit), and the response; if any."""
+    walls, response = read_points(spec)
+    found: dict[str, object] = {}
+    if walls is not None:
+        kinds = [None] * len(walls.K_VE) if walls.stable is None else walls.stable.tolist()
+        points = list(zip(walls.B_VE.tolist(), walls.K_VE.tolist(), kinds, strict=True))
+        found["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
+    if response is not None:
+        columns = {"frequency_hz": response.frequency_hz} | complex_columns("admittance", response.admittance)
+        found["response"] = {name: column.tolist() for name, column in columns.items()}
+    return found
 
 
 def first_plane(spec: Spec, sliders) -> Plane | None:

@@ -24,6 +24,7 @@ from wavesweep.explore.answers import (
     certified_columns,
     certified_plane,
     first_plane,
+    measured,
     quick,
     stable_ranges,
 )
@@ -74,7 +75,7 @@ class Page:
             "hand": self.first["response"] is not None,
             "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
             "first": self.first,
-            "measured": facts_of_points([spec], "compare").get("measured", {}).get(spec.name, {}),
+            "measured": measured(spec),
         }
 
     def _said(self, answer):
