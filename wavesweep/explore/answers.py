@@ -34,6 +34,7 @@ SECONDS = 0.4  # that these may take
 POINTS = 90  # frequencies of a response
 ROUNDS = 6  # of false position for the intervals through the design
 EDGE = 0.05  # of a plane that is left beyond the design
+ROOM, WIDER = 1.25, 8.0  # times the highest limit; times the range in which none is found
 JUMP = 0.5  # of the plane, between two points of a curve that no line joins
 OUTSIDE = 4.0  # sizes of the plane, beyond which a point of a curve does not count
 PIXELS = (800, 400)  # of the plane
@@ -72,7 +73,6 @@ def quick(
 
     cells: samples along each side of a plane that has no curve; without any this plane is left out. search: path -> range of
     the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.
-    A plane of columns is `apart`: `certified_plane` knows more of it.
     """
     cut = None if spec.drawing or plane is None else wall_cut(spec.values)
     loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
@@ -82,8 +82,9 @@ def quick(
     if cut is not None and {plane.x, plane.y} == set(WALL):
         return found | _by_curve(spec, cut, plane, search)
     if cut is not None and plane.y in WALL:
-        columns = certified_columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2))
-        return found | {"plane": columns | {"apart": True}}
+        curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
+        gaps = known_gaps(curve.columns, view, ROUGH * (plane.y_span[1] - plane.y_span[0]) / view.high)
+        return found | {"plane": plane_of(Curve(curve.columns, gaps), view) | {"how": "columns"}}
     return found | ({"plane": _cell_plane(spec, plane, cells)} if cells else {})
 
 
@@ -148,29 +149,21 @@ def _axis(spec, path, values, span=None) -> Axis:
 
 
 def certified_plane(spec: Spec, plane: Plane) -> dict:
-    """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure (see `refine`).
-
-    If y is no single gain of a frame, columns take too long for that: then the answer has no columns but the word "single", see
-    `certified_columns`.
-    """
+    """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure."""
     along = _axis(spec, plane.y, (), plane.y_span)
     seconds, exact = cost_of(spec, along)
-    if not exact:
-        return {"how": "single"}
-    across = _axis(spec, plane.x, np.linspace(*plane.x_span, int(np.clip(SECONDS / seconds, FEWEST, COLUMNS))))
+    count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS)) if exact else FEWEST
+    across = _axis(spec, plane.x, np.linspace(*plane.x_span, count))
     sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
-    facts = {"spec": {**spec.tables(), "sweep": sweep}}
-    rows = in_memory(job_over(make_grid(spec, (across,), plane.y), along))
-    view = View(across.name, False, *PIXELS)
-    return plane_of(curves_of([rows], view, facts)[0], view)
+    return plane_of(*_columns(spec, plane, across.values, {"spec": {**spec.tables(), "sweep": sweep}}))
 
 
-def certified_columns(spec: Spec, plane: Plane, x) -> dict:
-    """The stable intervals along y at some values of x; nothing is said of the values between them."""
+def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[Curve, View]:
+    """The stable intervals along y at some values of x and, with facts, where a figure of these asks for more."""
     axes = _axis(spec, plane.x, x), _axis(spec, plane.y, (), plane.y_span)
     rows = in_memory(job_over(make_grid(spec, axes[:1], plane.y), axes[1]))
     view = View(axes[0].name, False, *PIXELS)
-    return plane_of(curves_of([rows], view, {})[0], view)
+    return curves_of([rows], view, facts)[0], view
 
 
 def plane_of(curve: Curve, view: View) -> dict:
@@ -249,10 +242,7 @@ def measured(spec: Spec) -> dict:
 
 
 def first_plane(spec: Spec, sliders) -> Plane | None:
-    """The plane that a page begins with: the wall's, or of a drawn loop that of its [sweep]; None if it has no two numbers.
-
-    The range of y ends a little above the highest limit of stability, if there is one within the range that is searched.
-    """
+    """The plane that a page begins with: the wall's, or of a drawn loop that of its [sweep]; None if it has no two numbers."""
     smooth = {slider.path: slider for slider in sliders if slider.search}
     if len(smooth) < 2:
         return None
@@ -260,14 +250,36 @@ def first_plane(spec: Spec, sliders) -> Plane | None:
     swept = [axis.path for axis in spec.sweep if axis.path in smooth]
     order = dict.fromkeys([*spec.wall, *([along.path] if along else []), *swept, *smooth])
     y, x, *_ = [path for path in order if path in smooth]
-    slider = smooth[x]
-    x_span = slider.search if slider.values else (slider.low, slider.high)
-    x_span = (x_span[0], max(x_span[1], slider.value + EDGE * (x_span[1] - x_span[0])))  # the design is seen, with space beyond
-    plane = Plane(x, y, x_span, smooth[y].search)
-    try:
-        few = certified_columns(spec, plane, np.linspace(*x_span, FEWEST))
-    except WavesweepError:  # somewhere in the range there is no loop
-        return plane
-    tops = [row[1] for column in few["columns"] for row in column if row[1] < plane.y_span[1]]
-    top = max([*tops, smooth[y].value]) * 1.25 if tops else plane.y_span[1]
-    return Plane(x, y, x_span, (plane.y_span[0], min(top, plane.y_span[1]))) if top > plane.y_span[0] else plane
+    across = smooth[x]
+    return fitted(spec, smooth, x, y, across.search if across.values else (across.low, across.high))
+
+
+def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], widest: float = 1.0) -> Plane:
+    """The plane of two numbers with ranges that show the boundary, if it has one, and the design.
+
+    sliders: by their paths. The range of y ends a little above the highest limit of stability, if there is one within the range
+    that is searched, or within up to `widest` times this.
+    """
+    up, (low, high) = sliders[y], x_span
+    x_span = _with(low, high, sliders[x].value)
+    whole = Plane(x, y, x_span, _with(min(up.search[0], up.low), up.search[1], up.value))
+    (low, high), factor = whole.y_span, 1.0
+    while factor <= widest:
+        plane = Plane(x, y, x_span, (low, low + factor * (high - low)))
+        try:
+            columns = _columns(spec, plane, np.linspace(*x_span, FEWEST))[0].slices()
+        except WavesweepError:  # somewhere in the range there is no loop
+            return whole
+        limits = [each.high for _, column, _ in columns for each in column if each.high < plane.y_span[1]]
+        if limits:
+            top = low + ROOM * (max(*limits, up.value) - low)
+            return Plane(x, y, x_span, (low, min(top, plane.y_span[1])))
+        if not all(column for _, column, _ in columns):
+            return whole
+        factor *= WIDER
+    return whole
+
+
+def _with(low, high, value):
+    """A range with a value in it, and space beyond this."""
+    return min(low, value), max(high, value + EDGE * (max(high, value) - low))

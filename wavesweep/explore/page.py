@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -18,12 +17,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from wavesweep.controllers import WALL
-from wavesweep.errors import WavesweepError
+from wavesweep.errors import SpecError, WavesweepError
 from wavesweep.explore.answers import (
     Plane,
-    certified_columns,
     certified_plane,
     first_plane,
+    fitted,
     measured,
     quick,
     stable_ranges,
@@ -33,7 +32,9 @@ from wavesweep.explore.sliders import changed, sliders_of, text_of
 from wavesweep.identification.points import facts_of_points
 from wavesweep.spec import Spec
 
-FIRST_CELLS, MOST_CELLS, MOST_COLUMNS = 12, 40, 16
+FIRST_CELLS, MOST_CELLS = 12, 40
+WIDEST = 64.0  # times the range of a number that is searched for a limit, if the axes are to show one
+SCRIPTS = ("state.js", "asking.js", "drawing.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_ROWS = 5000  # of its table
 
@@ -58,7 +59,8 @@ class Page:
     @property
     def answers(self) -> Mapping[str, Answer]:
         """The questions of the page."""
-        return {"quick": self._said(self._quick), "certified": self._said(self._certified), "toml": self._said(self._toml)}
+        answers = {"quick": self._quick, "certified": self._certified, "fit": self._fit, "toml": self._toml}
+        return {name: self._said(answer) for name, answer in answers.items()}
 
     def _data(self) -> dict:
         from wavesweep import __version__
@@ -79,11 +81,15 @@ class Page:
         }
 
     def _said(self, answer):
-        """The function, whose errors about the numbers of a design are part of its answer."""
+        """The function, whose errors about a design are part of its answer, with the keys or fields that they are about."""
 
         def answered(question):
             try:
                 return answer(question)
+            except SpecError as error:
+                mistakes = "; ".join(str(replace(each, location="")) for each in error.mistakes)
+                at = getattr(error, "at", [each.key for each in error.mistakes])
+                return {"error": _sentence(mistakes), "at": at}
             except WavesweepError as error:
                 return {"error": _sentence(str(error))}
             except (np.linalg.LinAlgError, FloatingPointError, OverflowError) as error:
@@ -104,16 +110,24 @@ class Page:
             path, span = self._smooth(question["along"]), _span(question["span"])
             _refuse_ends(spec, path, span)
             return stable_ranges(spec, path, span)
-        plane = self._plane(spec, question["plane"])
-        if "x" in question:
-            return certified_columns(spec, plane, _inside(question["x"], plane.x_span))
-        return certified_plane(spec, plane)
+        return certified_plane(spec, self._plane(spec, question["plane"]))
+
+    def _fit(self, question):
+        spec = self._changed(question)
+        x, y = (self._smooth(question[name]) for name in ("x", "y"))
+        sliders = {slider.path: slider for slider in sliders_of(spec)}
+        return {"plane": asdict(fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST))}
 
     def _plane(self, spec, given):
-        """A plane whose corners are designs. Errors: SpecError if they are none, KeyError for other keys."""
+        """A plane whose corners are designs. Errors: SpecError `at` the field of an end that is none, KeyError for other keys."""
         plane = Plane.of(given)
-        for path, span in ((plane.x, plane.x_span), (plane.y, plane.y_span)):
-            _refuse_ends(spec, self._smooth(path), span)
+        for axis, path, span in (("x", plane.x, plane.x_span), ("y", plane.y, plane.y_span)):
+            for end, value in enumerate(span):
+                try:
+                    changed(spec, {self._smooth(path): value})
+                except SpecError as error:
+                    error.at = [f"{axis}{end}"]
+                    raise
         return plane
 
     def _toml(self, question):
@@ -132,13 +146,6 @@ class Page:
         if not all(isinstance(value, (int, float)) for value in values.values()):
             raise TypeError("values")
         return changed(self.spec, values)
-
-
-def _inside(given, span):
-    places = [float(x) for x in given]
-    if not 1 <= len(places) <= MOST_COLUMNS or not all(span[0] <= x <= span[1] for x in places):
-        raise ValueError("expected values within the plane")
-    return places
 
 
 def _refuse_ends(spec, path, span):
@@ -204,11 +211,7 @@ def _design(page, values):
     found = quick(spec, None) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
     if plane:
-        full = certified_plane(spec, plane)
-        if full["how"] == "single":
-            steps = [plane.x_span[0] + k * (plane.x_span[1] - plane.x_span[0]) / MOST_COLUMNS for k in range(MOST_COLUMNS + 1)]
-            full = certified_columns(spec, plane, steps)
-        found["plane"] = full
+        found["plane"] = certified_plane(spec, plane)
     along = _axes(plane) if plane else [path for path, span in search.items() if span][:1]
     return found | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
 
@@ -269,10 +272,13 @@ class _Head(BytesIO):
 
 def page_text(data: Mapping[str, object]) -> str:
     """The text of a page with data in it; a policy in it lets its own script run, and nothing be fetched from elsewhere."""
-    text = (files(__package__) / "page.html").read_text(encoding="utf-8")
-    script = re.search(r"<script>(.*?)</script>", text, re.DOTALL)[1]
+    text, style, *scripts = (
+        (files(__package__) / name).read_text(encoding="utf-8") for name in ("page.html", "page.css", *SCRIPTS)
+    )
+    script = "".join(scripts)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
     policy += "base-uri 'none'; form-action 'none'"
     inside = as_json(data).replace("<", "\\u003c")
-    return text.replace("{{policy}}", policy).replace("{{title}}", escape(str(data["name"]))).replace("{{data}}", inside)
+    text = text.replace("{{style}}", style).replace("{{script}}", script).replace("{{policy}}", policy)
+    return text.replace("{{title}}", escape(str(data["name"]))).replace("{{data}}", inside)

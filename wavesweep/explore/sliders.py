@@ -16,6 +16,7 @@ from wavesweep.sweep.grid import is_plain
 from wavesweep.sweep.verdict import FAR, USUAL
 
 FACTOR = 4.0  # of a gain's value, to which its slider goes
+HALVINGS = 12  # towards an end that the spec takes
 HAND = {"operator.mass": 0.5, "operator.damping": 5.0, "operator.stiffness": 500.0}  # usual numbers of keys that are often 0
 
 
@@ -77,13 +78,13 @@ def _slider(spec: Spec, key: Key) -> Slider:
     low, high, scale = _range(key, value, axis, most)
     plain = is_plain(spec, key.path)
     stepped = key.type == "integer" or (spec.drawing and not plain and key.path != "rates.tick_hz")
-    if spec.drawing and value > low and not _accepts(spec, key.path, low):  # such as a mass of 0, which its block refuses
-        least_whole = next(each for each in (1, 2, value) if _accepts(spec, key.path, each))
-        whole = stepped and float(value).is_integer()
-        low = least_whole if whole else min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
-        scale = "log" if low > 0 and not stepped else "linear"
     if spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
         stepped, scale = True, "linear"  # other rates are hardly ever in step again
+    whole = stepped and float(value).is_integer()
+    if spec.drawing and not whole and value > low and not _accepts(spec, key.path, low):  # a mass of 0, which its block refuses
+        low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
+        scale = "log" if low > 0 and not stepped else "linear"
+    low, high = (_taken(spec, key.path, value, end, whole) for end in (low, high))
     return Slider(
         path=key.path,
         name=names.get(key.path, key.path),
@@ -95,7 +96,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
         least=least,
         most=most,
         scale=scale,
-        step=1 if stepped and float(value).is_integer() else None,
+        step=1 if whole else None,
         search=_search(spec, key, value, axis, (low, high)) if plain else None,
         values=tuple(map(float, axis.values)) if axis else (),
     )
@@ -103,10 +104,21 @@ def _slider(spec: Spec, key: Key) -> Slider:
 
 def _accepts(spec, path, value):
     try:
-        spec.with_values({path: value})
+        changed(spec, {path: value})
     except SpecError:
         return False
     return True
+
+
+def _taken(spec, path, value, end, whole):
+    """The end of a slider or, if other numbers rule it out, one near the last that the spec takes."""
+    if _accepts(spec, path, end):
+        return end
+    for _ in range(HALVINGS):
+        middle = (value * end) ** 0.5 if value * end > 0 else (value + end) / 2
+        middle = round(middle) if whole else middle
+        value, end = (middle, end) if _accepts(spec, path, middle) else (value, middle)
+    return value
 
 
 def number_of(spec: Spec, path: str) -> float:

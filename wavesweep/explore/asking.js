@@ -1,0 +1,135 @@
+// The questions to the server: a preview while something moves, and the certified answer if all rests.
+const REST = 220, SLOW = 60, QUICK = 25;
+let visible = saved, moves = 0, busy = false, again = false, timer = 0, cells = 12, stamps = [], refused = null, proving = Promise.resolve();
+
+async function ask(name, question) {
+  const reply = await fetch(name, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(question)});
+  if (!reply.ok) throw new Error(`the server answered ${reply.status}`);
+  return reply.json();
+}
+function moved() {  // a step
+  record();
+  changed();
+}
+function changed() {
+  moves++;
+  buttons();
+  if (saved) return chosen();
+  waiting(true);
+  clearTimeout(timer);
+  timer = setTimeout(certify, REST, moves);
+  if (busy) again = true; else follow();
+}
+function waiting(on) {  // the numbers shown are those of an earlier design
+  document.body.classList.toggle("waiting", on);
+  if (on) chip("proof", "… preview", "preview");
+}
+function chip(id, words, look) { $(id).textContent = words; $(id).className = "chip " + look; }
+function send() {
+  again = false;
+  const key = pictureKey(), drawn = picture && picture.key === key;
+  const search = plane ? {[plane.y]: reach(plane.y), [plane.x]: reach(plane.x)} : {};
+  const question = {values: changedValues(), plane, cells: drawn ? 0 : cells, search, response: visible};
+  return {key, drawn, started: performance.now(), reply: ask("quick", question).catch(error => ({lost: error}))};
+}
+async function follow() {
+  busy = true;
+  for (let sent = send(); sent;) {
+    const {key, drawn, started, reply} = sent, found = await reply, now = performance.now(), spent = now - started;
+    sent = again && !found.lost ? send() : null;  // the server is at work while this answer is drawn
+    if (found.lost) { lost(found.lost); again = false; break; }
+    if (refuse(found)) continue;
+    if (!drawn && found.plane && found.plane.how === "cells") cells = Math.round(Math.max(6, Math.min(36, cells * (spent > SLOW ? 0.8 : spent < QUICK ? 1.25 : 1))));
+    if (drawn) delete found.plane;
+    stamps = [...stamps, now];
+    setTimeout(how, 1010);
+    take(found, key);
+  }
+  busy = false;
+  if (again) follow();
+}
+function take(found, key) {
+  answer = found;
+  if (found.plane) picture = {...found.plane, key};
+  if (key === pictureKey() && !away() && found.response && !ghost.response) ghost.response = found.response;
+  if (!again) waiting(false);
+  if (!("response" in found)) {
+    answer.response = null;
+    if (visible && data.hand) changed();  // it came into view after the question
+  }
+  ranges = Object.fromEntries((found.ranges || []).map(each => [each.path, each]));
+  draw();
+}
+function certify(at) {  // one after another: a proof that nobody waits for any more keeps the server from the next
+  proving = proving.then(() => certified(() => at !== moves)).catch(lost);
+}
+async function certified(stale) {
+  while (busy) await new Promise(done => setTimeout(done, 15));
+  if (stale() || !answer || await refit(stale) || refused) return;
+  const set = {values: changedValues()}, along = plane ? [plane.y, plane.x] : data.sliders.filter(s => s.search).slice(0, 1).map(s => s.path);
+  for (const path of along) {
+    if (ranges[path] && "certified" in ranges[path]) continue;
+    const found = await ask("certified", {...set, along: path, span: reach(path)});
+    if (stale()) return;
+    ranges[path] = found.error ? {path, span: reach(path), intervals: [], certified: false, doubt: found.error} : found;
+    draw();
+  }
+  if (plane && !(picture?.key === pictureKey() && picture.how === "certified")) {
+    const key = pictureKey(), found = await ask("certified", {...set, plane});
+    if (stale() || refuse(found)) return;
+    picture = {...found, key};
+    draw();
+    if (await refit(stale)) return;
+  }
+  if (!plane || ghost.key === axesKey()) return;
+  const start = away() ? await ask("certified", {values: {}, plane}) : picture;
+  if (!stale() && !start.error) { Object.assign(ghost, {plane: start, key: axesKey()}); draw(); }
+}
+async function refit(stale) {  // other axes, if these show no boundary or not the design, unless somebody has set them
+  const start = !away() && axesKey() === startAxes;
+  if (!plane || chosenAxes || start || !(refused ? refused.at?.some($) : blind())) return false;
+  if (!await fit(stale)) return stale();
+  here.state = snapshot();
+  changed();
+  return true;
+}
+async function fit(stale) {  // whether there are better axes
+  const before = axesKey(), {x, y} = plane, found = await ask("fit", {values: changedValues(), x, y});
+  if (found.error || stale()) return false;
+  plane = found.plane;
+  spans();
+  return axesKey() !== before;
+}
+function blind() {  // whether the picture has not the design or no boundary, or that only near its lower edge
+  if (!within(plane.x) || !within(plane.y)) return true;
+  if (picture?.key !== pictureKey()) return false;
+  const [low, high] = plane.y_span, {whole, top} = extent(picture, low, high);
+  return whole || top < low + 0.2 * (high - low);
+}
+function extent(p, low, high) {  // of the stable set: whether it is all of the picture, and its lowest and highest place
+  const cells = p.how === "cells", columns = cells ? p.stable : p.columns;
+  const whole = columns.every(column => cells ? column.every(Boolean) : column.some(each => each[0] <= low && each[1] >= high));
+  const place = at => low + (high - low) * at / columns[0].length;
+  const bottoms = columns.map(column => cells ? column.includes(1) ? place(column.indexOf(1)) : high : Math.min(high, ...column.map(each => each[0])));
+  const tops = columns.map(column => cells ? place(column.lastIndexOf(1) + 1) : Math.max(low, ...column.map(each => each[1])));
+  return {whole, bottom: Math.min(...bottoms), top: Math.max(...tops)};
+}
+function reach(path) {  // where stable intervals are searched: the range of the spec, with the design and the axes in it
+  const {search, low, high} = sliders.get(path), more = plane && (path === plane.x || path === plane.y) ? span(path) : [];
+  const ends = [...(search || [low, high]), values[path], ...more];
+  return [Math.min(...ends), Math.max(...ends)];
+}
+function lost(error) {
+  $("gone").hidden = false;
+  $("gone").textContent = `No answer: ${error.message}. The numbers on this page are the last ones; start wavesweep explore again to go on.`;
+}
+
+// ---- a saved page: the designs of the sweep
+function chosen() {
+  const design = data.designs.find(d => Object.entries(d.values).every(([path, value]) => value === values[path]));
+  if (refuse({error: design ? "" : "this combination of the sweep makes no loop"})) return;
+  answer = design;
+  picture = design.plane ? {...design.plane, key: "saved"} : null;
+  ranges = Object.fromEntries(design.ranges.map(r => [r.path, r]));
+  draw();
+}

@@ -1,0 +1,203 @@
+// The pictures and the numbers.
+function nice(low, high, count) {
+  const raw = (high - low) / Math.max(1, count), power = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].find(m => m * power >= raw * 0.999) * power;
+  const first = Math.ceil(low / step - 1e-9);
+  return [...Array(Math.max(0, Math.floor(high / step + 1e-9) - first + 1)).keys()].map(k => Number(((first + k) * step).toPrecision(12)));
+}
+function decades(low, high) {
+  const found = [];
+  for (let e = Math.floor(Math.log10(low)); e <= Math.ceil(Math.log10(high)); e++) for (const m of high / low > 200 ? [1] : [1, 2, 5]) found.push(Number((m * 10 ** e).toPrecision(3)));
+  return found.filter(v => v >= low * 0.999 && v <= high * 1.001);
+}
+function room(svg, left, right, top, bottom) {
+  const box = svg.getBoundingClientRect(), w = Math.max(120, box.width), h = Math.max(80, box.height);
+  svg.setAttribute("viewBox", `0 0 ${w} ${h}`);
+  return {left, top, right: w - right, bottom: h - bottom, w, h};
+}
+const scale = (low, high, from, to, log) => log ? v => from + (to - from) * Math.log(v / low) / Math.log(high / low) : v => from + (to - from) * (v - low) / (high - low);
+const path = points => points.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join("");
+function axes(r, X, Y, xs, ys, xName, yName) {
+  const g = element("svg:g");
+  for (const v of xs) g.append(element("svg:path", {class: "grid", d: `M${X(v)},${r.top}V${r.bottom}`}), element("svg:text", {x: X(v), y: r.bottom + 15, "text-anchor": "middle"}, text(v, 4)));
+  for (const v of ys) g.append(element("svg:path", {class: "grid", d: `M${r.left},${Y(v)}H${r.right}`}), element("svg:text", {x: r.left - 6, y: Y(v) + 4, "text-anchor": "end"}, text(v, 4)));
+  g.append(element("svg:path", {class: "frame", d: `M${r.left},${r.top}H${r.right}V${r.bottom}H${r.left}Z`}));
+  if (xName) g.append(element("svg:text", {class: "title", x: r.right, y: r.h - 4, "text-anchor": "end"}, xName));
+  if (yName) g.append(element("svg:text", {class: "title", x: r.left, y: r.top - 7}, yName));
+  return g;
+}
+
+// ---- the plane: filled is what is proved stable between proved columns, dotted a preview, hatched what nobody knows
+const isKnown = p => p.how === "cells" || p.known.some(Boolean);
+function region(p, r, X, Y, ghostly) {
+  const g = element("svg:g"), proved = p.how === "certified";
+  const add = (name, parts) => { if (parts.length) g.append(element("svg:path", {class: name, d: parts.join("")})); };
+  const line = points => path(points.map(([x, y]) => [X(x), Y(y)]));
+  if (p.how === "cells") {
+    if (!ghostly) add("point", p.x.flatMap((x, i) => p.y.map((y, k) => p.stable[i][k] ? `M${X(x).toFixed(1)},${Y(y).toFixed(1)}h0` : "")));
+    return g;
+  }
+  if (ghostly) { add("ghost", [...p.lines, ...p.doubtful].map(line)); return g; }
+  const open = isKnown(p) ? p.unknown : p.x.slice(1).map((x, i) => [p.x[i], x]);  // single columns
+  add("unknown", open.map(([from, to]) => `M${X(from).toFixed(1)},${r.top}H${X(to).toFixed(1)}V${r.bottom}H${X(from).toFixed(1)}z`));
+  if (open.length) add("clear", p.areas.map(points => line(points) + "Z"));
+  add(proved ? "stable" : "quick", p.areas.map(points => line(points) + "Z"));
+  const bars = certain => p.bars.filter(bar => bar[3] === certain).map(([x, low, high]) => line([[x, low], [x, high]]));
+  if (p.curve) { add("quickedge", p.curve.map(piece => line(piece.x.map((x, i) => [x, piece.y[i]])))); return g; }
+  add("bar", bars(true));
+  add("doubt", [...p.doubtful.map(line), ...bars(false)]);
+  add(proved ? "edge" : "quickedge", p.lines.map(line));
+  return g;
+}
+const nearest = (list, v) => list.reduce((best, each, i) => Math.abs(each - v) < Math.abs(list[best] - v) ? i : best, 0);
+function isStable(p, x, y) {  // null if it is not known
+  if (p.how === "cells") return Boolean(p.stable[nearest(p.x, x)][nearest(p.y, y)]);
+  const at = nearest(p.x, x), gap = x < p.x[at] ? at - 1 : at;
+  if (p.x[at] !== x && !p.known[gap]) return null;
+  return p.columns[at].some(([low, high]) => y >= low && y <= high) || (p.partly[at] ? null : false);
+}
+function labels(p, r, X, Y) {
+  const g = element("svg:g"), seen = {}, at = (u, v) => [plane.x_span[0] + u * (plane.x_span[1] - plane.x_span[0]), plane.y_span[0] + v * (plane.y_span[1] - plane.y_span[0])];
+  for (const v of [0.5, 0.25, 0.75, 0.9, 0.1]) for (const u of [0.5, 0.3, 0.7, 0.15, 0.85]) {
+    const here = isStable(p, ...at(u, v)), alike = [[u - .07, v], [u + .07, v], [u, v - .06], [u, v + .06]].every(q => isStable(p, ...at(...q)) === here);
+    const x = X(at(u, v)[0]), y = Y(at(u, v)[1]), far = Math.hypot(x - X(values[plane.x]), y - Y(values[plane.y])) > 34;
+    const clear = Object.values(seen).every(([a, b]) => Math.abs(a - x) > 80 || Math.abs(b - y) > 22);
+    if (here === null || !alike || !far || !clear || seen[here]) continue;
+    seen[here] = [x, y];
+    g.append(element("svg:text", {class: "label", x, y: y + 4, "text-anchor": "middle"}, here ? "stable" : "unstable"));
+  }
+  return g;
+}
+let corner = null;
+function drawPlane() {
+  const svg = $("plane"), r = corner = room(svg, 58, 14, 22, 36);
+  const X = scale(...plane.x_span, r.left, r.right), Y = scale(...plane.y_span, r.bottom, r.top);
+  const inside = element("svg:g", {"clip-path": "url(#inside)"});
+  if (picture) inside.append(region(picture, r, X, Y, false));
+  const x = X(values[plane.x]), y = Y(values[plane.y]), x0 = X(own[plane.x]), y0 = Y(own[plane.y]);
+  if (away() && ghost.plane && ghost.key === axesKey()) inside.append(region(ghost.plane, r, X, Y, true));
+  if (away()) inside.append(element("svg:path", {class: "ghostmark", d: `M${x0},${y0 - 7}l7,7l-7,7l-7,-7z`}, element("svg:title", {}, "the design at the start")));
+  inside.append(element("svg:path", {class: "cross", d: `M${x},${r.top}V${r.bottom}M${r.left},${y}H${r.right}`}), element("svg:path", {class: "mark", d: `M${x - 8},${y}h16M${x},${y - 8}v16`}));
+  if (picture) inside.append(labels(picture, r, X, Y));
+  const clip = element("svg:clipPath", {id: "inside"}, element("svg:rect", {x: r.left, y: r.top, width: r.right - r.left, height: r.bottom - r.top}));
+  const ticks = Math.max(3, Math.min(9, (r.right - r.left) / 80)), up = Math.max(3, (r.bottom - r.top) / 55);
+  fill(svg, clip, axes(r, X, Y, nice(...plane.x_span, ticks), nice(...plane.y_span, up), axisName(plane.x), axisName(plane.y)), inside);
+  svg.setAttribute("aria-label", `${title(plane.y)} over ${title(plane.x)}; the design is at ${text(values[plane.x])} and ${text(values[plane.y])}.${saved ? "" : " Arrow keys move it."}`);
+}
+const KEYS = {stable: "stable", quick: "stable, preview", point: "stable here, preview", bar: "stable at this value", doubt: "not certified", unknown: "not known", ghost: "at the start", ghostmark: "design at the start"};
+function legend() {  // of what is in the picture
+  const shapes = {point: "M3,6h0M9,6h0M15,6h0", bar: "M9,0V12", ghost: "M0,6H18", doubt: "M0,6H18", ghostmark: "M9,1l5,5l-5,5l-5,-5z"};
+  const there = Object.keys(KEYS).filter(name => $("plane").querySelector("." + name));
+  fill($("legend"), ...there.map(name => element("span", {}, [element("svg:svg", {viewBox: "0 0 18 12"}, element("svg:path", {class: name, d: shapes[name] || "M0,0H18V12H0z"})), KEYS[name]])));
+}
+function how() {
+  if (!answer) return;
+  const now = performance.now();
+  stamps = stamps.filter(at => now - at < 1000);
+  const rate = stamps.length, p = picture, parts = [], say = (word, rest) => parts.push(element("b", {}, word), rest);
+  if (!plane) parts.push("This loop has a single number that varies smoothly: no plane.");
+  else if (!p || (p.how === "certified" && p.key !== pictureKey())) parts.push("…");
+  else if (p.how === "curve") say("Preview: ", `the boundary's explicit curve at ${p.angles} angles, not certified.`);
+  else if (p.how === "cells") say("Preview: ", `eigenvalues of ${p.x.length} × ${p.y.length} designs, not certified.`);
+  else {
+    const all = p.known.every(Boolean), proved = p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2]));
+    say(p.how === "columns" ? "Preview: " : proved ? "Certified: " : "Not all certified: ", `${p.x.length} values of ${title(plane.x)}; ` +
+      (isKnown(p) ? `lines between them are right to ${p.how === "columns" ? "two pixels" : "half a pixel"}${all ? "." : ", or nothing is known there."}` : "nothing is known between them."));
+  }
+  if (plane && p && p.key === pictureKey()) parts.push(...beyond(p));
+  if (rate > 3) parts.push(` ${rate} updates in the last second.`);
+  $("how").dataset.updates = rate;
+  fill($("how"), ...parts);
+}
+function beyond(p) {  // what is known outside the axes, and what is not
+  const [low, high] = plane.y_span, {whole, bottom, top} = extent(p, low, high), parts = [], least = sliders.get(plane.y).least;
+  const edges = [top >= high ? "upper" : "", bottom <= low && low !== least ? "lower" : ""].filter(Boolean).join(" and the ");
+  if (whole) parts.push(" All within the axes is stable; zoom out to see more.");
+  else if (top <= low) parts.push(" Nothing within the axes is stable.");
+  else if (edges) parts.push(` Stable designs reach the ${edges} edge; what lies beyond is not shown.`);
+  for (const each of [plane.y, plane.x]) {
+    const [a, b] = span(each), found = (ranges[each]?.intervals || []).flatMap(i => [[i.low, Math.min(i.high, a)], [Math.max(i.low, b), i.high]]).filter(([from, to]) => from < to);
+    if (found.length) parts.push(` Outside the axes, ${title(each)} through the design is stable in ${found.map(([from, to]) => `${text(from)} to ${text(to)}`).join(" and ")}${unit(each)}.`);
+    if (!within(each)) parts.push(` The design lies outside: ${title(each)} is ${text(values[each])}.`);
+  }
+  return parts;
+}
+function chart(id, name, column, log, factor = 1) {
+  const svg = $(id), found = answer.response, old = ghost.response, r = room(svg, 56, 10, 20, 22);
+  const f = found.frequency_hz, many = [found, old].filter(Boolean), flat = many.flatMap(each => each[column]).filter(v => v !== null && (!log || v > 0)).map(v => v * factor);
+  let low = Math.min(...flat), high = Math.max(...flat);
+  if (column.endsWith("deg")) [low, high] = [-180, 180];
+  else if (log) [low, high] = high / low < 3 ? [low / 2, high * 2] : [low / 1.2, high * 1.2];
+  if (!flat.length || !(low < high)) return fill(svg, element("svg:text", {x: 10, y: 40}, "not known"));
+  const X = scale(f[0], f[f.length - 1], r.left, r.right, true), Y = scale(low, high, r.bottom, r.top, log);
+  const g = axes(r, X, Y, decades(f[0], f[f.length - 1]), column.endsWith("deg") ? [-180, -90, 0, 90, 180] : decades(low, high).length > 1 ? decades(low, high) : nice(low, high, 3), "", name);
+  const lines = each => {
+    const parts = [];
+    let part = [];
+    each[column].forEach((v, i) => {
+      const last = part.length ? each[column][i - 1] : null;
+      if (v === null || (last !== null && column.endsWith("deg") && Math.abs(v - last) > 180)) { parts.push(part); part = []; }
+      if (v !== null) part.push([X(each.frequency_hz[i]), Y(v * factor)]);
+    });
+    return [...parts, part].map(path).join("");
+  };
+  if (found.slow_nyquist_hz && found.slow_nyquist_hz < f[f.length - 1] && found.slow_nyquist_hz > f[0]) g.append(element("svg:path", {class: "thin", d: `M${X(found.slow_nyquist_hz)},${r.top}V${r.bottom}`}));
+  if (old && old !== found) g.append(element("svg:path", {class: "ghost", d: lines(old)}));
+  g.append(element("svg:path", {class: "curve", d: lines(found)}));
+  fill(svg, g);
+  svg.classList.toggle("dim", !answer.own.stable);
+  svg.setAttribute("aria-label", `${name.replace(" over Hz", "")} over frequency in Hz, from ${text(f[0])} to ${text(f[f.length - 1])}`);
+}
+
+// ---- the numbers
+function numbers() {
+  const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
+  const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
+  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness), item("n-damping", "felt damping", o.stable ? text(o.felt.damping, 4) + " " + data.units.felt[1] : "none: unstable", o.felt.damping));
+  if (o.slowest) rows.push(item("n-slow", "slowest mode falls to 1/e in", text(o.slowest.time_constant_s, 4) + " s", o.slowest.time_constant_s), item("n-ratio", "its damping ratio", text(o.slowest.damping_ratio, 3), o.slowest.damping_ratio));
+  if (o.channel_norm !== null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
+  fill($("own"), ...rows);
+  $("assumes").textContent = o.assumes ? "Assumes: " + o.assumes : "";
+  if (!refused) chip("state", o.stable ? "● stable" : "✕ unstable", o.stable ? "yes" : "no");
+}
+const HEADS = ["along", "from", "to", "oscillation there", "felt at the ends", "proof"];
+function intervals() {
+  const rows = [], row = (attributes, ...cells) => {
+    const made = [];
+    cells.forEach((cell, k) => { if (cell === null) { made.at(-1).colSpan++; made.at(-1).dataset.name = ""; } else made.push(element("td", {"data-name": HEADS[k]}, cell)); });
+    rows.push(element("tr", attributes, made));
+  };
+  for (const each of plane ? [plane.y, plane.x] : Object.keys(ranges)) {
+    const found = ranges[each];
+    if (!found) { row({}, title(each), "follows when the sliders rest", null, null, null, null); continue; }
+    const proof = !("certified" in found) ? "… preview" : found.certified ? "✓ certified" : `not certified (${found.doubt || "see the README"})`, names = {"data-along": each, "data-certified": found.certified};
+    if (!found.intervals.length) row(names, title(each), `nowhere stable in ${text(found.span[0])} to ${text(found.span[1])}${unit(each)}`, null, null, null, proof);
+    for (const i of found.intervals) {
+      const hz = [i.low_omega, i.high_omega].map(w => (w ?? null) === null ? "–" : text(w / 2 / Math.PI, 4)).join(" / "), ends = omega => omega === null ? " (range ends)" : "";
+      const felt = (i.felt_low ?? i.felt_high ?? null) === null ? "–" : `${text(i.felt_low, 4)} / ${text(i.felt_high, 4)} ${data.units.felt[0]}`;
+      row({...names, "data-low": i.low, "data-high": i.high, class: values[each] >= i.low && values[each] <= i.high ? "own" : null}, title(each),
+        text(i.low) + unit(each) + ends(i.low_omega), text(i.high) + unit(each) + ends(i.high_omega), hz === "– / –" ? "–" : hz + " Hz", felt, proof);
+    }
+  }
+  fill($("intervals"), ...rows);
+}
+function proof() {
+  if (refused || document.body.classList.contains("waiting")) return;
+  const p = picture && picture.key === pictureKey() && picture.how === "certified" ? picture : null;
+  const ended = Object.values(ranges).filter(each => "certified" in each).length >= (plane ? 2 : 1) && (!plane || p);
+  const done = ended && Object.values(ranges).every(each => each.certified) && (!plane || p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2])));
+  chip("proof", done ? "✓ certified" : ended ? "not all certified" : "… preview", done ? "yes" : ended ? "no" : "preview");
+}
+function draw() {
+  if (!answer) return;
+  numbers(); intervals(); proof();
+  $("picture").querySelectorAll("svg, #choice").forEach(each => each.toggleAttribute("hidden", !plane));
+  if (plane) { drawPlane(); legend(); }
+  how();
+  $("responses").hidden = !data.hand;
+  if (answer.response && visible) {
+    chart("c0", `admittance (m${data.units.admittance}) over Hz`, "admittance_abs", true, 1e3); chart("c1", `impedance (${data.units.impedance}) over Hz`, "impedance_abs", true);
+    chart("c2", "admittance phase (deg)", "admittance_deg", false); chart("c3", "impedance phase (deg)", "impedance_deg", false);
+    const r = answer.response;
+    $("bound").textContent = answer.own.stable ? `Relative error at most ${text(r.error, 2)}${r.doubt.length ? "; doubt: " + r.doubt.join(", ") : ""}.${r.slow_nyquist_hz ? " Dotted: half the slow rate." : ""}` : "An unstable loop has no steady response: the numbers are those of its equations.";
+  }
+}
