@@ -6,6 +6,7 @@ import shutil
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from wavesweep.explore.page import Page, saved_page
 from wavesweep.explore.server import GRACE, Server
 from wavesweep.spec import load
 
+ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FIRST_PAINT = "performance.getEntriesByName('first-contentful-paint')[0].startTime"
@@ -93,6 +95,18 @@ def move(page, path, share):
     return page
 
 
+def enter(page, path, value):
+    """Type a number into the field of a key."""
+    field = page.locator(f"[id='s-{path}-number']")
+    field.fill(str(value))
+    field.press("Enter")
+
+
+def fault(page, path):
+    """What is said at the field of a key."""
+    return page.text_content(f"[id='s-{path}-fault']")
+
+
 def test_the_intervals_on_the_page_are_those_of_zwidth(opened, client):
     page = settled(opened(client.server.address))
     table = wavesweep.zwidth(HOLE | {"sweep": HOLE["sweep"] | {"B_VE": [1.0], "b": [25]}})
@@ -168,7 +182,12 @@ def test_the_page_can_be_used_by_the_keyboard_alone(opened, client):
     assert page.evaluate("values['controller.b']") == 44.5
     number.fill("nonsense")
     number.press("Enter")
-    assert number.input_value() == "44.5"
+    assert fault(page, "controller.b") == "expected a number > 0, found nonsense; the design still has 44.5"
+    assert number.get_attribute("aria-invalid") == "true"
+    assert page.evaluate("values['controller.b']") == 44.5
+    number.fill("45")
+    number.press("Enter")
+    assert (fault(page, "controller.b"), page.evaluate("values['controller.b']")) == ("", 45)
     controls = "[...document.querySelectorAll('button, select, input')]"
     unnamed = f"{controls}.filter(e => !(e.labels?.length || e.ariaLabel || e.textContent.trim()))"
     assert page.evaluate(f"{unnamed}.map(e => e.outerHTML)") == []
@@ -176,22 +195,205 @@ def test_the_page_can_be_used_by_the_keyboard_alone(opened, client):
 
 def test_a_design_that_cannot_be_is_said_and_left_again(opened, client):
     page = settled(opened(client.server.address))
-    page.evaluate("set('rates.ratio', 20); set('environment.delay', 20)")
+    enter(page, "environment.delay", 20)
     settled(page)
-    page.evaluate("set('rates.ratio', 10)")
-    page.wait_for_selector("#fault:not([hidden])")
-    assert "environment.delay: expected a whole number <= 10" in page.inner_text("#fault")
-    page.evaluate("set('environment.delay', 4)")
+    enter(page, "rates.ratio", 10)
+    page.wait_for_selector("#fault")
+    for path in ("rates.ratio", "environment.delay"):  # that which was changed, and that which is named
+        assert fault(page, path) == "environment.delay: expected a whole number <= 10 (rates.ratio), found 20"
+    assert "see rates.ratio, environment.delay" in page.inner_text("#fault")
+    assert page.inner_text("#state") == "✕ not possible"
+    page.wait_for_timeout(600)  # the proof is not begun
+    assert page.inner_text("#proof") == ""
+    enter(page, "environment.delay", 4)
     page.wait_for_selector("#fault", state="hidden")
     settled(page)
+    assert page.locator(".fault:not(:empty), [aria-invalid]").count() == 0
 
 
-def test_the_plane_can_be_chosen(opened, client):
+def test_an_end_of_an_axis_that_cannot_be_is_said_beside_it(opened, client):
+    page = settled(opened(client.server.address))
+    page.fill("#y0", "7000")
+    page.press("#y0", "Enter")
+    assert page.inner_text("#axesfault") == "K_VE: expected a number below 6000, found 7000"
+    page.fill("#y0", "100")
+    page.press("#y0", "Enter")
+    assert page.inner_text("#axesfault") == ""
+    page.select_option("#x", "filters.lp1.cutoff_hz")
+    page.fill("#x1", "600")
+    page.press("#x1", "Enter")
+    until(page, "document.getElementById('axesfault').textContent.includes('expected a number < 500')")
+    assert page.get_attribute("#x1", "aria-invalid") == "true"
+    page.fill("#x1", "60")
+    page.press("#x1", "Enter")
+    settled(page)
+    assert page.locator("[aria-invalid]").count() == 0
+
+
+def test_the_plane_can_be_chosen_and_is_filled(opened, client):
     page = settled(opened(client.server.address))
     page.select_option("#x", "controller.b")
     settled(page)
     assert "values of b" in page.inner_text("#how")
     assert page.evaluate("picture.columns.flat().every(each => each[2])")
+    page.select_option("#y", "device.mass")  # neither is the wall's
+    settled(page)
+    counts = "name => document.querySelectorAll('#plane .' + name).length"
+    assert [page.evaluate(counts, name) for name in ("stable", "unknown", "bar", "point", "quick")] == [1, 0, 0, 0, 0]
+    assert page.inner_text("#legend").split() == ["stable"]
+
+
+def test_a_preview_and_what_is_not_known_are_not_filled(opened, client):
+    """Dots are a preview; a gap in which nothing is known is hatched, and no label says what it is."""
+    page = settled(opened(client.server.address))
+    page.evaluate("picture = {...picture, known: picture.known.map(() => false), areas: [], lines: [], unknown: []}; draw()")
+    assert page.locator("#plane .stable, #plane .label, #plane .edge").count() == 0
+    assert page.locator("#plane .unknown").count() == 1
+    assert "nothing is known between them" in page.inner_text("#how")
+    page.route("**/certified", lambda _: None)  # it is never answered
+    page.select_option("#x", "controller.b")
+    until(page, "picture.how === 'columns'")
+    assert page.locator("#plane .quick").count() == 1
+    assert page.locator("#plane .stable, #plane .edge").count() == 0
+    assert "url" in page.evaluate("getComputedStyle(document.querySelector('#plane .quick')).fill")
+    page.select_option("#y", "device.mass")
+    until(page, "picture.how === 'cells'")
+    assert page.locator("#plane .point").count() == 1
+    assert page.evaluate("getComputedStyle(document.querySelector('#plane .point')).fill") == "none"
+
+
+def test_axes_are_fitted_again_when_the_boundary_has_left_them(opened, client):
+    page = settled(opened(client.server.address))
+    enter(page, "rates.ratio", 4)  # all walls up to 6000 N/m are stable
+    settled(page)
+    top = page.evaluate("plane.y_span[1]")
+    assert top > 6000
+    assert float(page.input_value("#y1")) == top
+    highs = "picture.columns.flat().filter(each => each[1] < plane.y_span[1]).length"
+    assert page.evaluate(highs) > 0
+    enter(page, "environment.K_VE", 2 * top)
+    settled(page)
+    assert page.evaluate("plane.y_span[1]") > 2 * top
+    page.click("#undo")
+    page.click("#undo")
+    settled(page)
+    assert page.evaluate("[values['rates.ratio'], plane.y_span[1]]") == [20, 6000]
+
+
+def test_the_axes_are_zoomed_and_what_lies_outside_is_said(opened, client):
+    page = settled(opened(client.server.address))
+    page.click("#in")
+    page.click("#in")
+    settled(page)
+    assert page.evaluate("[plane.x_span, plane.y_span]") == [[0.75, 2], [375, 1875]]
+    enter(page, "environment.B_VE", 4)  # axes that somebody has set stay
+    settled(page)
+    assert page.input_value("#x1") == "2"
+    said = page.inner_text("#how")
+    assert "Stable designs reach the lower edge; what lies beyond is not shown." in said
+    assert "The design lies outside: B_VE is 4." in said
+    assert re.search(r"Outside the axes, K_VE through the design is stable in 0 to 375 and 1875 to 4748\.\d+ N/m", said)
+    page.click("#out")
+    settled(page)
+    assert page.evaluate("plane.x_span[1] - plane.x_span[0]") == pytest.approx(2.5)
+    page.click("#fit")
+    until(page, "!chosenAxes && plane.x_span[1] === 5")
+    settled(page)
+    assert page.evaluate("[plane.x_span, plane.y_span]") == [[0, 5], [0, 6000]]
+    assert "outside" not in page.inner_text("#how").lower()
+
+
+def test_steps_are_taken_back_and_done_again(opened, client):
+    """A drag is one step, and so is a number that is typed."""
+    page = settled(opened(client.server.address))
+    assert page.locator("#undo:disabled, #redo:disabled, #reset:disabled").count() == 3
+    move(page, "device.mass", 0.8).mouse.up()
+    dragged = page.evaluate("values['device.mass']")
+    enter(page, "controller.b", 31)
+    state = "[values['device.mass'], values['controller.b'], plane.y_span[1]]"
+    assert page.evaluate(state) == [dragged, 31, 6000]
+    page.click("#plane")
+    settled(page)
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    assert page.evaluate(state)[:2] == [dragged, 25]
+    page.click("#undo")
+    assert page.evaluate(state) == [0.1, 25, 6000]
+    assert page.locator("#undo:disabled").count() == 1
+    page.keyboard.press("Control+Shift+z")
+    page.click("#redo")
+    assert page.evaluate(state)[:2] == [dragged, 31]
+    assert page.input_value("[id='s-controller.b-number']") == "31"
+    settled(page)
+    table = wavesweep.zwidth(
+        HOLE
+        | {
+            "device": {"mass": dragged},
+            "controller": {"kind": "pmw", "b": 31.0},
+            "sweep": HOLE["sweep"] | {"B_VE": [1.0], "b": [31]},
+        }
+    )
+    assert_ends_of(page, table)
+
+
+def test_fields_show_all_digits_of_their_numbers(opened, client):
+    page = settled(opened(client.server.address))
+    for path in ("device.damping", "environment.K_VE"):
+        enter(page, path, "0.0001234567890123456")
+    settled(page)
+    fields = page.locator("input[type=text]").all()
+    assert [field.input_value() for field in fields if field.evaluate("each => each.scrollWidth > each.clientWidth")] == []
+    assert page.input_value("[id='s-device.damping-number']") == "0.0001234567890123456"
+
+
+def test_the_count_of_updates_is_that_of_the_last_second(opened, client):
+    page = settled(opened(client.server.address))
+    move(page, "controller.b", 0.9).mouse.up()
+    assert page.evaluate("Number(document.getElementById('how').dataset.updates)") > 0
+    settled(page).wait_for_timeout(1500)
+    assert page.get_attribute("#how", "data-updates") == "0"
+    assert "updates" not in page.inner_text("#how")
+
+
+def test_what_a_slider_offers_at_its_ends_is_possible(opened, serving):
+    """A notch at 80 Hz needs a rate above 160 Hz."""
+    page = settled(opened(serving(ROOT / "sweeps/recipes/notch.toml").server.address))
+    for path in page.evaluate("data.sliders.map(s => s.path)"):
+        for key in ("Home", "End"):
+            page.focus(f"[id='s-{path}']")
+            page.keyboard.press(key)
+            until(
+                page, "!busy && !refused && !document.body.classList.contains('waiting')"
+            )  # axes that it rules out are fitted
+            assert page.locator(".fault:not(:empty)").count() == 0, (path, key)
+            page.keyboard.press("Control+z")
+
+
+def test_every_control_that_is_shown_does_something(opened, tmp_path):
+    """In a saved page there is no slider without stops, and a row of the intervals has no mark that looks like a control."""
+    (tmp_path / "page.html").write_text(saved_page(load(HOLE)), encoding="utf-8")
+    page = settled(opened((tmp_path / "page.html").as_uri()))
+    assert page.locator("input[type=range]").count() == 1
+    assert page.locator("button:visible").all_inner_texts()[:4] == ["Undo", "Redo", "Back to the start", "Copy spec as TOML"]
+    page.click("#plane", position={"x": 200, "y": 100})
+    assert page.evaluate("values['environment.K_VE']") == 500  # its numbers are those of the spec's design
+    page.focus("[id='s-controller.b']")
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate("values['controller.b']") == 20
+    page.click("#undo")
+    assert page.evaluate("values['controller.b']") == 25
+    assert "▸" not in page.inner_text("#intervals")
+
+
+def test_on_a_phone_all_columns_of_the_intervals_are_seen(opened, client):
+    page = settled(opened(client.server.address, viewport={"width": 390, "height": 844}))
+    cells = "[...document.querySelectorAll('#intervals td')].map(cell => cell.getBoundingClientRect())"
+    assert page.evaluate(f"Math.max(...{cells}.map(box => box.right))") <= 390
+    assert page.evaluate(f"{cells}.length") == 18
+    names = "[...document.querySelectorAll('#intervals td')].map(cell => getComputedStyle(cell, '::before').content)"
+    assert '"felt at the ends"' in page.evaluate(names)
+    columns = page.evaluate("[...document.querySelectorAll('main .card')].map(card => card.getBoundingClientRect().left)")
+    assert len(set(columns)) == 1
 
 
 def test_the_button_copies_the_spec(opened, client):

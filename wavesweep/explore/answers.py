@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
+from wavesweep.explore.sliders import taken
 from wavesweep.monodromy.cut import Cut
 from wavesweep.plots.planes import region_of
 from wavesweep.plots.refine import NARROW, Curve, Interval, View, curves_of, known_gaps
@@ -260,9 +261,9 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
     sliders: by their paths. The range of y ends a little above the highest limit of stability, if there is one within the range
     that is searched, or within up to `widest` times this.
     """
-    up, (low, high) = sliders[y], x_span
-    x_span = _with(low, high, sliders[x].value)
-    whole = Plane(x, y, x_span, _with(min(up.search[0], up.low), up.search[1], up.value))
+    up = sliders[y]
+    x_span = _with(spec, sliders[x], *x_span)
+    whole = Plane(x, y, x_span, _with(spec, up, min(up.search[0], up.low), up.search[1]))
     (low, high), factor = whole.y_span, 1.0
     while factor <= widest:
         plane = Plane(x, y, x_span, (low, low + factor * (high - low)))
@@ -280,6 +281,8 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
     return whole
 
 
-def _with(low, high, value):
-    """A range with a value in it, and space beyond this."""
-    return min(low, value), max(high, value + EDGE * (max(high, value) - low))
+def _with(spec, slider, low, high):
+    """A range with the slider's value in it, and space beyond this, as far as the spec takes it."""
+    value = slider.value
+    ends = min(low, value), max(high, value + EDGE * (max(high, value) - low))
+    return tuple(taken(spec, slider.path, value, end) for end in ends)

@@ -31,7 +31,7 @@ function refuse(found) {  // say what a design or its axes cannot be: at the fie
   if (refused && found.error !== refused.error) calm($("axesfault"), ["x0", "x1", "y0", "y1"].map($));
   refused = found.error ? found : null;
   $("plane").classList.toggle("dim", Boolean(refused));
-  $("fault").hidden = !refused;
+  fill($("fault"));
   if (!refused) return false;
   const ends = (found.at || []).filter(place => $(place)), at = (found.at || []).filter(path => sliders.has(path));
   if (ends.length) complain($("axesfault"), found.error, ends.map($));
@@ -130,7 +130,7 @@ function spans() {
 }
 function zoom(factor) {  // about the design if it is there
   for (const axis of ["x", "y"]) {
-    const s = sliders.get(plane[axis]), [a, b] = plane[axis + "_span"], wide = (b - a) * factor, step = 10 ** Math.floor(Math.log10(wide) - 2);
+    const s = sliders.get(plane[axis]), [a, b] = plane[axis + "_span"], wide = (b - a) * factor, step = 10 ** Math.floor(Math.log10(wide) - 3);
     const about = within(plane[axis]) ? values[plane[axis]] : (a + b) / 2, from = about + (a - about) * factor;
     const [low, high] = [from, from + wide].map(v => Number((Math.round(v / step) * step).toPrecision(12)));
     plane = {...plane, [axis + "_span"]: [Math.max(low, positive(s) ? a / 4 : s.least ?? -Infinity), Math.min(high, s.most ?? Infinity)]};

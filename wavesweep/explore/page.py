@@ -119,7 +119,7 @@ class Page:
         return {"plane": asdict(fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST))}
 
     def _plane(self, spec, given):
-        """A plane whose corners are designs. Errors: SpecError `at` the field of an end that is none, KeyError for other keys."""
+        """A plane whose corners are designs. Errors: SpecError `at` the field of another end, KeyError for other keys."""
         plane = Plane.of(given)
         for axis, path, span in (("x", plane.x, plane.x_span), ("y", plane.y, plane.y_span)):
             for end, value in enumerate(span):

@@ -84,7 +84,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
     if spec.drawing and not whole and value > low and not _accepts(spec, key.path, low):  # a mass of 0, which its block refuses
         low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
         scale = "log" if low > 0 and not stepped else "linear"
-    low, high = (_taken(spec, key.path, value, end, whole) for end in (low, high))
+    low, high = (taken(spec, key.path, value, end, whole) for end in (low, high))
     return Slider(
         path=key.path,
         name=names.get(key.path, key.path),
@@ -110,8 +110,8 @@ def _accepts(spec, path, value):
     return True
 
 
-def _taken(spec, path, value, end, whole):
-    """The end of a slider or, if other numbers rule it out, one near the last that the spec takes."""
+def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) -> float:
+    """The end of a range or, if other numbers rule it out, one near the last that the spec takes."""
     if _accepts(spec, path, end):
         return end
     for _ in range(HALVINGS):
