@@ -36,8 +36,6 @@ POINTS = 90  # frequencies of a response
 ROUNDS = 6  # of false position for the intervals through the design
 EDGE = 0.05  # of a plane that is left beyond the design
 ROOM, WIDER = 1.25, 8.0  # times the highest limit; times the range in which none is found
-JUMP = 0.5  # of the plane, between two points of a curve that no line joins
-OUTSIDE = 4.0  # sizes of the plane, beyond which a point of a curve does not count
 PIXELS = (800, 400)  # of the plane
 ROUGH, FINER = 2, 8  # pixels to which a preview is right, and parts of its cells where lines are not
 
@@ -98,10 +96,8 @@ def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
         at, other = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
         pairs = quick_columns(cut, theta, walls, at, other, span, ROUNDS)[0]
         ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
-    shown = _pieces(walls[[1 - solved, solved]], plane, theta / float(cut.period))
-    found = {"how": "curve", "angles": theta.size, "curve": shown}
     shape = _preview(plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span))
-    return {"plane": shape | found, "ranges": ranges}
+    return {"plane": shape | {"how": "curve", "angles": theta.size}, "ranges": ranges}
 
 
 def _preview(plane, columns_at) -> dict:
@@ -120,18 +116,6 @@ def _preview(plane, columns_at) -> dict:
         places = [x for points in cells for x in points[1:-1]]
     gaps |= {gap: NARROW for gap in pairwise(sorted(found)) if gap not in gaps}
     return plane_of(Curve(found, gaps), view)
-
-
-def _pieces(points, plane, omega) -> list[dict]:
-    """The parts of a curve near the plane: x, y and the oscillation (rad/s) of their points; it is cut where it jumps."""
-    low, high = (np.array([span[at] for span in (plane.x_span, plane.y_span)])[:, None] for at in (0, 1))
-    with np.errstate(all="ignore"):
-        place = (points - low) / (high - low)
-        good = (np.abs(place - 0.5) < OUTSIDE).all(0)
-        cuts = np.flatnonzero(~(np.abs(np.diff(place)).max(0) < JUMP) | ~(good[1:] & good[:-1])) + 1
-    parts = [part for part in np.split(np.arange(omega.size), cuts) if part.size > 1 and good[part].all()]
-    shown = [part for part in parts if (np.abs(place[:, part] - 0.5) < 0.75).all(0).any()]
-    return [{"x": points[0, part].tolist(), "y": points[1, part].tolist(), "omega": omega[part].tolist()} for part in shown]
 
 
 def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:

@@ -42,10 +42,9 @@ function region(p, r, X, Y, ghostly) {
   if (open.length) add("clear", p.areas.map(points => line(points) + "Z"));
   add(proved ? "stable" : "quick", p.areas.map(points => line(points) + "Z"));
   const bars = certain => p.bars.filter(bar => bar[3] === certain).map(([x, low, high]) => line([[x, low], [x, high]]));
-  if (p.curve) { add("quickedge", p.curve.map(piece => line(piece.x.map((x, i) => [x, piece.y[i]])))); return g; }
+  if (!proved) add("quickedge", [...p.lines, ...p.doubtful].map(line));
+  else { add("edge", p.lines.map(line)); add("doubt", [...p.doubtful.map(line), ...bars(false)]); }
   add("bar", bars(true));
-  add("doubt", [...p.doubtful.map(line), ...bars(false)]);
-  add(proved ? "edge" : "quickedge", p.lines.map(line));
   return g;
 }
 const nearest = (list, v) => list.reduce((best, each, i) => Math.abs(each - v) < Math.abs(list[best] - v) ? i : best, 0);
