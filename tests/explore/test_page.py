@@ -166,7 +166,7 @@ def test_axes_are_fitted_to_the_boundary_and_the_design(client):
     table = wavesweep.compile(HOLE | {"environment": {"integration": "explicit", "delay": 20}}).stable_intervals(
         span=(0, 6000), B_VE=np.linspace(0, 5, 9)
     )
-    assert lower["y_span"] == pytest.approx([0, 1.25 * table.high.max()])
+    assert lower["y_span"] == pytest.approx([0, 1.25 * table.high.max()], rel=0.05)  # of two digits
 
 
 def test_what_makes_no_loop_is_said_in_the_answer(client):
@@ -183,7 +183,7 @@ def test_a_plane_beyond_the_limits_of_a_key_is_said_in_the_answer(client):
         assert "filters.lp1.cutoff_hz: expected a number < 500" in found["error"]
         assert found["at"] == ["x1"]
     found = client.ask("certified", along="filters.lp1.cutoff_hz", span=[1, 600])
-    assert "filters.lp1.cutoff_hz: expected a number < 500" in found["error"]
+    assert found["span"] == [1, 499]  # as far as the spec goes
 
 
 def test_the_text_of_a_design_loads_to_it(client):

@@ -35,7 +35,7 @@ SECONDS = 0.4  # that these may take
 POINTS = 90  # frequencies of a response
 ROUNDS = 6  # of false position for the intervals through the design
 EDGE = 0.05  # of a plane that is left beyond the design
-ROOM, WIDER = 1.25, 8.0  # times the highest limit; times the range in which none is found
+ROOM, WIDER = 1.25, 8.0  # times the highest limit, in two digits; times the range in which none is found
 PIXELS = (800, 400)  # of the plane
 ROUGH, FINER = 2, 8  # pixels to which a preview is right, and parts of its cells where lines are not
 
@@ -257,7 +257,7 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
             return whole
         limits = [each.high for _, column, _ in columns for each in column if each.high < plane.y_span[1]]
         if limits:
-            top = low + ROOM * (max(*limits, up.value) - low)
+            top = low + float(f"{ROOM * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, plane.y_span[1])))
         if not all(column for _, column, _ in columns):
             return whole

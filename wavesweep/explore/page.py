@@ -28,7 +28,7 @@ from wavesweep.explore.answers import (
     stable_ranges,
 )
 from wavesweep.explore.server import Answer, as_json
-from wavesweep.explore.sliders import changed, sliders_of, text_of
+from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.identification.points import facts_of_points
 from wavesweep.spec import Spec
 
@@ -108,8 +108,8 @@ class Page:
         spec = self._changed(question)
         if "along" in question:
             path, span = self._smooth(question["along"]), _span(question["span"])
-            _refuse_ends(spec, path, span)
-            return stable_ranges(spec, path, span)
+            low, high = (taken(spec, path, number_of(spec, path), end) for end in span)
+            return stable_ranges(spec, path, (low, high))
         return certified_plane(spec, self._plane(spec, question["plane"]))
 
     def _fit(self, question):
@@ -146,11 +146,6 @@ class Page:
         if not all(isinstance(value, (int, float)) for value in values.values()):
             raise TypeError("values")
         return changed(self.spec, values)
-
-
-def _refuse_ends(spec, path, span):
-    for end in span:
-        changed(spec, {path: end})
 
 
 def _span(given):

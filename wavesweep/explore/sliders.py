@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 from wavesweep.errors import SpecError
 from wavesweep.loops.controllers import keys_of_page
@@ -16,7 +17,7 @@ from wavesweep.sweep.grid import is_plain
 from wavesweep.sweep.verdict import FAR, USUAL
 
 FACTOR = 4.0  # of a gain's value, to which its slider goes
-HALVINGS = 12  # towards an end that the spec takes
+HALVINGS, DIGITS = 12, 3  # towards an end that the spec takes, and of this
 HAND = {"operator.mass": 0.5, "operator.damping": 5.0, "operator.stiffness": 500.0}  # usual numbers of keys that are often 0
 
 
@@ -111,14 +112,17 @@ def _accepts(spec, path, value):
 
 
 def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) -> float:
-    """The end of a range or, if other numbers rule it out, one near the last that the spec takes."""
+    """The end of a range or, if other numbers rule it out, one near the last that the spec takes, of few digits."""
     if _accepts(spec, path, end):
         return end
+    start, rounding = value, ROUND_CEILING if end < value else ROUND_FLOOR
     for _ in range(HALVINGS):
         middle = (value * end) ** 0.5 if value * end > 0 else (value + end) / 2
         middle = round(middle) if whole else middle
         value, end = (middle, end) if _accepts(spec, path, middle) else (value, middle)
-    return value
+    short = float(Context(prec=DIGITS, rounding=rounding).create_decimal(value))
+    fits = not whole and min(start, value) <= short <= max(start, value) and _accepts(spec, path, short)
+    return short if fits else value
 
 
 def number_of(spec: Spec, path: str) -> float:
