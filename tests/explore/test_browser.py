@@ -253,6 +253,13 @@ def test_a_preview_and_what_is_not_known_are_not_filled(opened, client):
     assert page.locator("#plane .stable, #plane .label, #plane .edge").count() == 0
     assert page.locator("#plane .unknown").count() == 1
     assert "nothing is known between them" in page.inner_text("#how")
+    page.reload()
+    settled(until(page, "window.ready")).evaluate(
+        "picture.columns.flat().forEach(each => { each[2] = false; }); picture.unproved = picture.areas; draw()"
+    )
+    assert page.locator("#plane .unproved").count() == 1
+    assert "not certified" in page.inner_text("#legend")
+    assert page.locator("#plane .label").all_text_contents() == ["unstable"]
     page.route("**/certified", lambda _: None)  # it is never answered
     page.select_option("#x", "controller.b")
     until(page, "picture.how === 'columns'")

@@ -159,6 +159,16 @@ def test_a_plane_without_the_walls_numbers_is_filled_as_in_a_figure(client):
     assert 20 < filled.sum() < 130
 
 
+def test_what_is_not_certified_is_not_drawn_as_stable():
+    from wavesweep.explore.answers import plane_of
+    from wavesweep.plots.refine import KNOWN, Curve, Interval, View
+
+    columns = {float(x): ((Interval(0.0, 1.0 + x, True, True, x < 2),), False) for x in range(4)}
+    found = plane_of(Curve(columns, {(float(x), x + 1.0): KNOWN for x in range(3)}), View("b", False, 800, 400))
+    assert found["areas"] == [[(0, 1), (1, 2), (2, 3), (3, 4), (3, 0), (2, 0), (1, 0), (0, 0)]]
+    assert found["unproved"] == [[(1, 2), (2, 3), (3, 4), (3, 0), (2, 0), (1, 0)]]
+
+
 def test_axes_are_fitted_to_the_boundary_and_the_design(client):
     found = client.ask("fit", values={"environment.K_VE": 9000.0}, x=PLANE["x"], y=PLANE["y"])["plane"]
     assert (found["x_span"], found["y_span"]) == ([0, 5], [0, 9450])

@@ -166,6 +166,7 @@ def plane_of(curve: Curve, view: View) -> dict:
         "known": [gap in curve.gaps for gap in pairwise(places)],
         "partly": [partly for *_, partly in slices],
         "areas": region.areas,
+        "unproved": region.unproved,
         "lines": region.certain,
         "doubtful": region.doubtful,
         "bars": [(x, each.low, each.high, each.certified) for x, each in region.bars],

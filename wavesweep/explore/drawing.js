@@ -41,6 +41,7 @@ function region(p, r, X, Y, ghostly) {
   add("unknown", open.map(([from, to]) => `M${X(from).toFixed(1)},${r.top}H${X(to).toFixed(1)}V${r.bottom}H${X(from).toFixed(1)}z`));
   if (open.length) add("clear", p.areas.map(points => line(points) + "Z"));
   add(proved ? "stable" : "quick", p.areas.map(points => line(points) + "Z"));
+  if (proved) { add("clear", p.unproved.map(points => line(points) + "Z")); add("unproved", p.unproved.map(points => line(points) + "Z")); }
   const bars = certain => p.bars.filter(bar => bar[3] === certain).map(([x, low, high]) => line([[x, low], [x, high]]));
   if (!proved) add("quickedge", [...p.lines, ...p.doubtful].map(line));
   else { add("edge", p.lines.map(line)); add("doubt", [...p.doubtful.map(line), ...bars(false)]); }
@@ -52,7 +53,8 @@ function isStable(p, x, y) {  // null if it is not known
   if (p.how === "cells") return Boolean(p.stable[nearest(p.x, x)][nearest(p.y, y)]);
   const at = nearest(p.x, x), gap = x < p.x[at] ? at - 1 : at;
   if (p.x[at] !== x && !p.known[gap]) return null;
-  return p.columns[at].some(([low, high]) => y >= low && y <= high) || (p.partly[at] ? null : false);
+  const found = p.columns[at].find(([low, high]) => y >= low && y <= high);
+  return found ? p.how !== "certified" || found[2] || null : p.partly[at] ? null : false;
 }
 function labels(p, r, X, Y) {
   const g = element("svg:g"), seen = {}, at = (u, v) => [plane.x_span[0] + u * (plane.x_span[1] - plane.x_span[0]), plane.y_span[0] + v * (plane.y_span[1] - plane.y_span[0])];
@@ -82,7 +84,7 @@ function drawPlane() {
   fill(svg, clip, axes(r, X, Y, nice(...plane.x_span, ticks), nice(...plane.y_span, up), axisName(plane.x), axisName(plane.y)), inside);
   svg.setAttribute("aria-label", `${title(plane.y)} over ${title(plane.x)}; the design is at ${text(values[plane.x])} and ${text(values[plane.y])}.${saved ? "" : " Arrow keys move it."}`);
 }
-const KEYS = {stable: "stable", quick: "stable, preview", point: "stable here, preview", bar: "stable at this value", doubt: "not certified", unknown: "not known", ghost: "at the start", ghostmark: "design at the start"};
+const KEYS = {stable: "stable", unproved: "stable, not certified", quick: "stable, preview", point: "stable here, preview", bar: "stable at this value", doubt: "boundary, not certified", unknown: "not known", ghost: "at the start", ghostmark: "design at the start"};
 function legend() {  // of what is in the picture
   const shapes = {point: "M3,6h0M9,6h0M15,6h0", bar: "M9,0V12", ghost: "M0,6H18", doubt: "M0,6H18", ghostmark: "M9,1l5,5l-5,5l-5,-5z"};
   const there = Object.keys(KEYS).filter(name => $("plane").querySelector("." + name));

@@ -122,12 +122,13 @@ def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool, s
 class Region:
     """What a picture shows of a curve.
 
-    areas: outlines of what is stable. certain, doubtful: lines along its boundary, the unstable side at their left. bars: (x,
-    interval) at values of x beside which nothing is known. unknown: (from, to) of x that are known in part, outside the areas,
-    and gaps that are not known beside others that are.
+    areas: outlines of what is stable. unproved: those of its parts that are not certified. certain, doubtful: lines along its
+    boundary, the unstable side at their left. bars: (x, interval) at values of x beside which nothing is known. unknown: (from,
+    to) of x that are known in part, outside the areas, and gaps that are not known beside others that are.
     """
 
     areas: list[Line]
+    unproved: list[Line]
     certain: list[Line]
     doubtful: list[Line]
     bars: Chain
@@ -139,6 +140,11 @@ def region_of(curve: Curve, view: View) -> Region:
     chains, jumps, seams, bars = _followed(curve)
     return Region(
         areas=[_outline(chain) for chain in chains if len(chain) > 1] + seams,
+        unproved=[
+            _outline(part)
+            for chain in chains
+            for part in _stretches([(x, e, True, e.certified) for x, e in chain], certified=False)
+        ],
         certain=[line for chain in chains for line in _boundary(chain, certified=True)] + jumps,
         doubtful=[line for chain in chains for line in _boundary(chain, certified=False)],
         bars=bars,
@@ -299,9 +305,9 @@ def _boundary(chain: Chain, certified: bool) -> Iterator[Line]:
     yield from _stretches([(x, e.high, e.high_real, e.certified) for x, e in chain], certified)
 
 
-def _stretches(ends: list[tuple[float, float, bool, bool]], certified: bool) -> Iterator[Line]:
+def _stretches(ends: list[tuple[float, Any, bool, bool]], certified: bool) -> Iterator[list[tuple[float, Any]]]:
     """Join pieces that touch to one line, for its dashes; a piece is certified if both of its ends are."""
-    line: Line = []
+    line: list[tuple[float, Any]] = []
     for (x, value, real, sure), (next_x, next_value, next_real, next_sure) in pairwise(ends):
         if real and next_real and (sure and next_sure) == certified:
             line = [*(line or [(x, value)]), (next_x, next_value)]
