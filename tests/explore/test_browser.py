@@ -356,6 +356,15 @@ def test_fields_show_all_digits_of_their_numbers(opened, client):
     assert page.input_value("[id='s-device.damping-number']") == "0.0001234567890123456"
 
 
+def test_a_response_of_zero_has_no_place_on_a_scale_of_factors(opened, client):
+    page = settled(opened(client.server.address))
+    page.locator("#responses").scroll_into_view_if_needed()
+    until(page, "answer.response && visible && !busy")
+    page.evaluate("answer.response.impedance_abs[3] = 0; draw()")
+    assert "Infinity" not in page.inner_html("#c1")
+    assert page.locator("#c1 .curve").count() == 1
+
+
 def test_the_count_of_updates_is_that_of_the_last_second(opened, client):
     page = settled(opened(client.server.address))
     page.evaluate("""window.counts = [];

@@ -134,7 +134,7 @@ function chart(id, name, column, log, factor = 1) {
   const lines = each => {
     const parts = [];
     let part = [];
-    each[column].forEach((v, i) => {
+    each[column].map(v => log && v <= 0 ? null : v).forEach((v, i) => {
       const last = part.length ? each[column][i - 1] : null;
       if (v === null || (last !== null && column.endsWith("deg") && Math.abs(v - last) > 180)) { parts.push(part); part = []; }
       if (v !== null) part.push([X(each.frequency_hz[i]), Y(v * factor)]);
