@@ -212,6 +212,12 @@ def test_a_design_that_cannot_be_is_said_and_left_again(opened, client):
     page.wait_for_selector("#fault", state="hidden")
     settled(page)
     assert page.locator(".fault:not(:empty), [aria-invalid]").count() == 0
+    page.keyboard.press("Control+z")
+    page.wait_for_selector("#fault")
+    page.keyboard.press("Control+z")
+    settled(page)
+    assert page.locator(".fault:not(:empty), [aria-invalid]").count() == 0
+    assert page.input_value("[id='s-rates.ratio-number']") == "20"
 
 
 def test_an_end_of_an_axis_that_cannot_be_is_said_beside_it(opened, client):

@@ -37,10 +37,10 @@ function refuse(found) {  // say what a design or its axes cannot be: at the fie
   if (ends.length) complain($("axesfault"), found.error, ends.map($));
   const named = ends.length ? [] : [...new Set([latest, ...at])].filter(each => each !== null).map(each => sliders.get(each));
   for (const s of named) complain(s.fault, found.error, [s.number]);
-  chip("proof", "… preview", "preview");
-  if (!ends.length) { chip("state", "✕ not possible", "no"); $("proof").textContent = ""; }
-  fill($("fault"), "Not possible: ", ...(ends.length ? ["these axes, see above."] : named.length ? named.flatMap((s, k) => [k ? ", " : "see ", element("a", {href: "#" + s.range.id}, s.name)]) : [found.error]),
-    ends.length ? "" : ". The picture and the numbers are those of the last design that was possible.");
+  chip("state", "✕ not possible", "no");
+  chip("proof", "", "");
+  const links = named.flatMap((s, k) => [k ? ", " : "see ", element("a", {href: "#" + s.range.id}, s.name)]);
+  fill($("fault"), "Not possible: ", ...(ends.length ? ["these axes, see above"] : named.length ? links : [found.error]), ". The picture and the numbers are those of the last design that was possible.");
   return true;
 }
 
