@@ -532,3 +532,21 @@ def test_the_server_ends_after_its_page(browser):
     page.context.close()
     thread.join(15)
     assert not thread.is_alive()
+
+
+def test_what_was_measured_is_in_the_plane_and_in_the_responses(opened, serving, tmp_path):
+    (tmp_path / "walls.csv").write_text("B_VE,K_VE,stable\n1,500,1\n1,3000,0\n2,500,1\n1,90000,0\n")
+    (tmp_path / "response.csv").write_text("frequency_hz,admittance_abs,admittance_deg\n0.02,0.001,-2\n7,0.01,-90\n")
+    files = {name: str(tmp_path / f"{file}.csv") for name, file in (("z_width", "walls"), ("response", "response"))}
+    page = settled(opened(serving(HOLE | {"measured": files}).server.address))
+    drawn = "name => (document.querySelector('#plane .' + name)?.getAttribute('d').match(/M/g) || []).length"
+    assert [page.evaluate(drawn, name) for name in ("limit", "held", "failed")] == [0, 2, 2]
+    assert {"measured stable", "measured unstable"} <= set(page.inner_text("#legend").split("\n"))
+    assert "Of 4 measured walls 1 lies outside the axes." in page.inner_text("#how")
+    seen = "id => (document.querySelector('#' + id + ' .seen')?.getAttribute('d').match(/M/g) || []).length"
+    page.locator("#responses").scroll_into_view_if_needed()
+    until(page, "document.querySelector('#c0 .seen') !== null")
+    assert [page.evaluate(seen, name) for name in ("c0", "c1", "c2", "c3")] == [2, 0, 2, 0]
+    page.select_option("#x", "controller.b")
+    settled(page)
+    assert page.locator("#plane .held").count() == 0

@@ -68,6 +68,14 @@ function labels(p, r, X, Y) {
   }
   return g;
 }
+// ---- what was measured: a diamond is a limit, a disc a wall that was stable, a ring one that was not, or a point of a response
+const POINTS = {limit: "m-4.5,0l4.5,-4.5l4.5,4.5l-4.5,4.5z", held: "m-3.2,0a3.2,3.2,0,1,0,6.4,0a3.2,3.2,0,1,0,-6.4,0z", failed: "m-3.8,0a3.8,3.8,0,1,0,7.6,0a3.8,3.8,0,1,0,-7.6,0z", seen: "m-2.5,0a2.5,2.5,0,1,0,5,0a2.5,2.5,0,1,0,-5,0z"};
+function measuredWalls() {  // [x, y, kind] of those of the plane
+  const walls = data.measured.walls, across = walls && walls.damping === plane.x && walls.stiffness === plane.y;
+  if (!across && !(walls && walls.damping === plane.y && walls.stiffness === plane.x)) return [];
+  return walls.points.map(([B, K, stable]) => [...(across ? [B, K] : [K, B]), stable === null ? "limit" : stable ? "held" : "failed"]);
+}
+const marks = (name, places) => element("svg:path", {class: name, d: places.map(([x, y]) => `M${x.toFixed(1)},${y.toFixed(1)}${POINTS[name]}`).join("")});
 let corner = null;
 function drawPlane() {
   const svg = $("plane"), r = corner = room(svg, 58, 14, 22, 36);
@@ -79,14 +87,17 @@ function drawPlane() {
   if (away()) inside.append(element("svg:path", {class: "ghostmark", d: `M${x0},${y0 - 7}l7,7l-7,7l-7,-7z`}, element("svg:title", {}, "the design at the start")));
   inside.append(element("svg:path", {class: "cross", d: `M${x},${r.top}V${r.bottom}M${r.left},${y}H${r.right}`}), element("svg:path", {class: "mark", d: `M${x - 8},${y}h16M${x},${y - 8}v16`}));
   if (picture) inside.append(labels(picture, r, X, Y));
+  const walls = measuredWalls();
+  for (const name of new Set(walls.map(each => each[2]))) inside.append(marks(name, walls.filter(each => each[2] === name).map(([a, b]) => [X(a), Y(b)])));
   const clip = element("svg:clipPath", {id: "inside"}, element("svg:rect", {x: r.left, y: r.top, width: r.right - r.left, height: r.bottom - r.top}));
   const ticks = Math.max(3, Math.min(9, (r.right - r.left) / 80)), up = Math.max(3, (r.bottom - r.top) / 55);
   fill(svg, clip, axes(r, X, Y, nice(...plane.x_span, ticks), nice(...plane.y_span, up), axisName(plane.x), axisName(plane.y)), inside);
   svg.setAttribute("aria-label", `${title(plane.y)} over ${title(plane.x)}; the design is at ${text(values[plane.x])} and ${text(values[plane.y])}.${saved ? "" : " Arrow keys move it."}`);
 }
-const KEYS = {stable: "stable", unproved: "stable, not certified", quick: "stable, preview", point: "stable here, preview", bar: "stable at this value", doubt: "boundary, not certified", unknown: "not known", ghost: "at the start", ghostmark: "design at the start"};
+const KEYS = {stable: "stable", unproved: "stable, not certified", quick: "stable, preview", point: "stable here, preview", bar: "stable at this value", doubt: "boundary, not certified", unknown: "not known", ghost: "at the start", ghostmark: "design at the start", limit: "measured limit", held: "measured stable", failed: "measured unstable"};
 function legend() {  // of what is in the picture
   const shapes = {point: "M3,6h0M9,6h0M15,6h0", bar: "M9,0V12", ghost: "M0,6H18", doubt: "M0,6H18", ghostmark: "M9,1l5,5l-5,5l-5,-5z"};
+  for (const name in POINTS) shapes[name] = "M9,6" + POINTS[name];
   const there = Object.keys(KEYS).filter(name => $("plane").querySelector("." + name));
   fill($("legend"), ...there.map(name => element("span", {}, [element("svg:svg", {viewBox: "0 0 18 12"}, element("svg:path", {class: name, d: shapes[name] || "M0,0H18V12H0z"})), KEYS[name]])));
 }
@@ -105,6 +116,10 @@ function how() {
       (isKnown(p) ? `lines between them are right to ${p.how === "columns" ? "two pixels" : "half a pixel"}${all ? "." : ", or nothing is known there."}` : "nothing is known between them."));
   }
   if (plane && p && p.key === pictureKey()) parts.push(...beyond(p));
+  if (plane) {
+    const walls = measuredWalls(), [x0, x1] = plane.x_span, [y0, y1] = plane.y_span, out = walls.filter(([x, y]) => x < x0 || x > x1 || y < y0 || y > y1).length;
+    if (out) parts.push(` Of ${walls.length} measured walls ${out} lie${out === 1 ? "s" : ""} outside the axes.`);
+  }
   if (rate > 3) parts.push(` ${rate} updates in the last second.`);
   $("how").dataset.updates = rate;
   fill($("how"), ...parts);
@@ -124,13 +139,15 @@ function beyond(p) {  // what is known outside the axes, and what is not
 }
 function chart(id, name, column, log, factor = 1) {
   const svg = $(id), found = answer.response, old = ghost.response, r = room(svg, 56, 10, 20, 22);
-  const f = found.frequency_hz, many = [found, old].filter(Boolean), flat = many.flatMap(each => each[column]).filter(v => v !== null && (!log || v > 0)).map(v => v * factor);
+  const seen = data.measured.response?.[column] ? data.measured.response : null;
+  const f = found.frequency_hz, many = [found, old, seen].filter(Boolean), flat = many.flatMap(each => each[column]).filter(v => v !== null && (!log || v > 0)).map(v => v * factor);
   let low = Math.min(...flat), high = Math.max(...flat);
   if (column.endsWith("deg")) [low, high] = [-180, 180];
   else if (log) [low, high] = high / low < 3 ? [low / 2, high * 2] : [low / 1.2, high * 1.2];
   if (!flat.length || !(low < high)) return fill(svg, element("svg:text", {x: 10, y: 40}, "not known"));
-  const X = scale(f[0], f[f.length - 1], r.left, r.right, true), Y = scale(low, high, r.bottom, r.top, log);
-  const g = axes(r, X, Y, decades(f[0], f[f.length - 1]), column.endsWith("deg") ? [-180, -90, 0, 90, 180] : decades(low, high).length > 1 ? decades(low, high) : nice(low, high, 3), "", name);
+  const places = [...f, ...(data.measured.response?.frequency_hz || [])], least = Math.min(...places), most = Math.max(...places);
+  const X = scale(least, most, r.left, r.right, true), Y = scale(low, high, r.bottom, r.top, log);
+  const g = axes(r, X, Y, decades(least, most), column.endsWith("deg") ? [-180, -90, 0, 90, 180] : decades(low, high).length > 1 ? decades(low, high) : nice(low, high, 3), "", name);
   const lines = each => {
     const parts = [];
     let part = [];
@@ -144,6 +161,7 @@ function chart(id, name, column, log, factor = 1) {
   if (found.slow_nyquist_hz && found.slow_nyquist_hz < f[f.length - 1] && found.slow_nyquist_hz > f[0]) g.append(element("svg:path", {class: "thin", d: `M${X(found.slow_nyquist_hz)},${r.top}V${r.bottom}`}));
   if (old && old !== found) g.append(element("svg:path", {class: "ghost", d: lines(old)}));
   g.append(element("svg:path", {class: "curve", d: lines(found)}));
+  if (seen) g.append(marks("seen", seen.frequency_hz.map((hz, i) => [X(hz), Y(seen[column][i] * factor)])));
   fill(svg, g);
   svg.classList.toggle("dim", !answer.own.stable);
   svg.setAttribute("aria-label", `${name.replace(" over Hz", "")} over frequency in Hz, from ${text(f[0])} to ${text(f[f.length - 1])}`);
@@ -153,7 +171,9 @@ function chart(id, name, column, log, factor = 1) {
 function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
-  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness), item("n-damping", "felt damping", o.stable ? text(o.felt.damping, 4) + " " + data.units.felt[1] : "none: unstable", o.felt.damping));
+  if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness));
+  const band = o.stable && o.felt?.over_band, holds = band && band.holds_to_hz;
+  if (band) rows.push(item("n-band", `felt at ${band.hz.join(", ")} Hz`, band.impedance.map(size => text(size, 4)).join(", ") + (holds ? `; within a tenth up to ${text(holds, 3)} Hz` : "")));
   if (o.slowest) rows.push(item("n-slow", "slowest mode falls to 1/e in", text(o.slowest.time_constant_s, 4) + " s", o.slowest.time_constant_s), item("n-ratio", "its damping ratio", text(o.slowest.damping_ratio, 3), o.slowest.damping_ratio));
   if (o.channel_norm !== null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
   fill($("own"), ...rows);
@@ -199,6 +219,6 @@ function draw() {
     chart("c0", `admittance (m${data.units.admittance}) over Hz`, "admittance_abs", true, 1e3); chart("c1", `impedance (${data.units.impedance}) over Hz`, "impedance_abs", true);
     chart("c2", "admittance phase (deg)", "admittance_deg", false); chart("c3", "impedance phase (deg)", "impedance_deg", false);
     const r = answer.response;
-    $("bound").textContent = answer.own.stable ? `Relative error at most ${text(r.error, 2)}${r.doubt.length ? "; doubt: " + r.doubt.join(", ") : ""}.${r.slow_nyquist_hz ? " Dotted: half the slow rate." : ""}` : "An unstable loop has no steady response: the numbers are those of its equations.";
+    $("bound").textContent = answer.own.stable ? `Relative error at most ${text(r.error, 2)}${r.doubt.length ? "; doubt: " + r.doubt.join(", ") : ""}.${r.slow_nyquist_hz ? " Dotted: half the slow rate." : ""}${data.measured.response ? " Rings: measured." : ""}` : "An unstable loop has no steady response: the numbers are those of its equations.";
   }
 }
