@@ -7,7 +7,7 @@ from identify_coverage import ENCODERS, FORCES, MODELS, RATE, log_of, moved, rea
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.identification.fit import fitted
-from wavesweep.identification.log import step_of
+from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, positions
 from wavesweep.identification.response import admittance
 from wavesweep.identification.verdict import judged
@@ -137,11 +137,22 @@ GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin
         ),
         (lambda lines: [*lines[:30], *lines[33:]], ":31: time: expected equal steps, found 0.004 s between two rows"),
         (lambda lines: [*lines[:30], "0.029,nan,0", *lines[31:]], ":31: force: expected a finite number, found nan"),
-        (lambda lines: [*lines[:30], "0.029,,0", *lines[31:]], ":31: force: expected a number, found nothing"),
+        (lambda lines: [*lines[:30], "0.029,,0", *lines[31:]], ":31: force: expected a finite number, found nothing"),
         (lambda lines: [lines[0], *(f"{k / 1000},1,{k}" for k in range(60))], "force: expected a column that changes, found 1"),
         (lambda lines: [lines[0], *(f"{k / 1000},{k},0" for k in range(60))], "position: expected a column that changes"),
         (lambda lines: [lines[0].replace("position", "positon"), *lines[1:]], "did you mean --column position=positon"),
         (lambda lines: [*lines[:30], "0.029,1", *lines[31:]], ":31: expected 3 values as in the header, found 2"),
+        (lambda lines: [lines[0], *(f"{k},{k},0,5" for k in range(60))], ":2: .*are these decimal commas"),
+        (lambda lines: [line.replace(",", " ") for line in lines], ":1: expected commas between columns .* found spaces"),
+        (lambda lines: [line.rpartition(",")[0] for line in lines], "expected a column position, found time, force"),
+        (lambda lines: lines[1:], ":1: expected a header with names, e.g. time,force,position, found 0.0,"),
+        (lambda lines: lines[:1], "expected at least 50 rows of numbers below the header, found 0"),
+        (lambda _: [], "expected a header and rows of numbers below it, found an empty file"),
+        (lambda _: ["\0\1\2\3" * 100], "found bytes that are no text; export the log as CSV"),
+        (
+            lambda lines: [lines[0], *(f"{(k / 1000) ** 1.3},{k},{k * k}" for k in range(200))],
+            ": time: expected equal steps, found a time 14.6 steps from where equal ones of .* s have it; resample",
+        ),
     ],
 )
 def test_a_bad_log_is_one_message(change, said, tmp_path):
@@ -149,6 +160,16 @@ def test_a_bad_log_is_one_message(change, said, tmp_path):
     path.write_text("\n".join(change(GOOD)))
     with pytest.raises(UsageError, match=said):
         wavesweep.identify(path)
+
+
+def test_other_columns_may_hold_anything(tmp_path):
+    """Words, nothing, or a comma too many at the ends of the rows."""
+    path = tmp_path / "log.csv"
+    words = [f"{line},{'note' if not row else 'on' if row % 2 else ''}," for row, line in enumerate(GOOD)]
+    path.write_text("\n".join(words))
+    plain = tmp_path / "plain.csv"
+    plain.write_text("\n".join(GOOD))
+    assert (read_log(path, {}, {}).position == read_log(plain, {}, {}).position).all()
 
 
 def test_jitter_of_the_times_is_said(tmp_path):
