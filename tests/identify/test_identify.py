@@ -42,6 +42,16 @@ def test_a_force_may_be_late_by_a_part_of_a_tick():
     assert found[1:] == pytest.approx(expected[1:], rel=1e-9)
 
 
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_delay_can_be_held(friction):
+    """And the numbers are those of the fit that finds it, if it is the true one."""
+    force = 1.5 * np.sin(0.05 * np.arange(300) ** 1.2)
+    position = read(moved(0.08, 0.7, force, 0.1 * friction), 1e-5, np.random.default_rng(0))
+    held = fitted(Model(friction=friction, delay=0.0), force, position, 1 / RATE, 1e-5)
+    assert "delay" not in held.model.names
+    assert held.numbers["mass"] == pytest.approx(0.08, rel=1e-3)
+
+
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FORCES)

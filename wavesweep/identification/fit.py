@@ -162,7 +162,7 @@ def counted(still: np.ndarray, errors: np.ndarray) -> np.ndarray:
         return errors
     found, sizes = errors.copy(), np.diff(still)[:, 0]
     within = np.repeat(np.arange(len(still)), sizes)
-    at = np.concatenate([np.arange(*each) for each in still])
+    at = np.arange(len(within)) + np.repeat(still[:, 1] - np.cumsum(sizes), sizes)
     sums = np.add.reduceat(np.concatenate([errors, np.zeros_like(errors[:1])]), still.ravel())[::2]
     means, shares = (sums.T / sizes).T, sizes**-0.5
     found[at] = ((shares**0.5)[within] * errors[at].T + ((shares - shares**0.5) * means.T)[..., within]).T
@@ -215,16 +215,12 @@ def _begun(model, force, position, period):
         first = PART * int(np.argmax(blocks.std(axis=1)))
         part = slice(first, first + PART)
     log, still = (force[part], position[part], period), np.zeros((0, 2), int)
-    if part.start is not None:
-        known = dict(zip(model.names, _first(model, *log), strict=True))
-    else:
-        known = dict(zip(model.names, theta, strict=True))
-    held = replace(model, delay=float(known["delay"]))  # a delay moves far as long as the other numbers are rough
-    rubbing = (0.05, 0.3) if model.friction else (0.0,)
+    known = dict(zip(model.names, theta if part.start is None else _first(model, *log), strict=True))
+    late = float(known.get("delay", model.delay or 0.0))
+    lates = dict.fromkeys([late, 0.0] if model.friction and model.delay is None else [late])
     best = None
-    for delay, share in product(
-        dict.fromkeys([held.delay, 0.0]) if model.friction and model.delay is None else [held.delay], rubbing
-    ):
+    for delay, share in product(lates, (0.05, 0.3) if model.friction else (0.0,)):
+        # It is held: a delay moves far as long as the other numbers are rough.
         held = replace(model, delay=delay)
         start = known | {"friction": share * float(np.std(log[0])), "delay": delay}
         theta_held = refined(held, np.array([start[name] for name in held.names]), *log, still)
