@@ -298,7 +298,7 @@ def _unseen(found: Numbers) -> str:
         f"{name} of {size:.2g} {TURNED.get(units[name], units[name]) if turns else units[name]}"
         for name, size in left["unseen"].items()
     ]
-    parts.append("a resonance of a quarter of the mass outside {:.2g} to {:.2g} Hz".format(*left["resonance_hz"]))
+    parts.append("a resonance of a quarter of the mass outside {:.3g} to {:.3g} Hz".format(*left["resonance_hz"]))
     return f"; what may not show: {', '.join(parts)}"
 
 
@@ -354,13 +354,16 @@ def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
         f"# The device of {facts['spec_name']}, as wavesweep {table} found it; the controller is a first one, put your own.",
         "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
-        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms; no key of the built-in loops holds it.",
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",
+        "# Of the built-in loops only dc-slow can have it, as environment.delay, if it is whole.",
     ]
     if "stiffness" in facts["parameters"]:
         lines.append("# The spring stands as that of the hand, which acts as well on the device.")
     if facts["turns"]:
         lines.append("# The device turns: kg is kg*m^2, N is N*m, and m is rad.")
-    if not facts["explained"]:
+    if facts["missing"] == "unseen":
+        lines.append("# The log cannot tell whether the model is enough.")
+    elif not facts["explained"]:
         lines.append("# The model does NOT explain the log, so the intervals do not hold.")
     return lines
 
