@@ -34,8 +34,8 @@ class Verdict:
     "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no resonance at all), or empty if it is
     explained. frequency_hz: of the resonance, or where most is left; otherwise NaN. share: of the residual's power that the
     effect would take away. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring
-    residuals; correlation_expected: of the encoder alone. unseen: friction (N), spring (N/m) and delay (ticks) that the model
-    lacks and the log may not show. resonance_hz: between these it shows one in which a quarter of the mass swings.
+    residuals; correlation_expected: of the encoder alone. resonance_hz: between these the log shows a
+    resonance in which a quarter of the mass swings.
     """
 
     explained: bool
@@ -46,7 +46,6 @@ class Verdict:
     expected: float
     correlation: float
     correlation_expected: float
-    unseen: dict[str, float]
     resonance_hz: tuple[float, float] | None
 
 
@@ -57,18 +56,16 @@ def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
     likely = np.array([_projected(fit.basis, counted(fit.still, each)) for each in likely_errors(fit, places)])
     edges = _edges(len(left))
     beyond = _powers(left, edges) / (BEYOND * np.max([_powers(each, edges) for each in likely], axis=0) + 1e-300)
-    seen, tone, taken, unseen, shown = False, float("nan"), 0.0, {}, []
-    for name, frequency, changes in _effects(fit, force, period):
+    seen, tone, taken, shown = False, float("nan"), 0.0, []
+    for frequency, changes in _effects(fit, force, period):
         directions = counted(fit.still, changes)
         basis = _orthogonal(fit.basis, directions)
         along, sigma = left @ basis, (likely @ basis).std(axis=0) + 1e-300
         seen |= bool((np.abs(along) > SIGMAS * sigma).any())
-        share, sigmas = float(np.sum(along**2) / np.sum(left**2)), float(np.max(np.abs(directions[:, 0] @ basis) / sigma))
-        if not frequency:
-            unseen[name] = SURE / max(sigmas, 1e-300)
-            continue
-        shown.append((frequency, sigmas > SURE))
-        if share > taken:
+        share = float(np.sum(along**2) / np.sum(left**2))
+        if frequency:
+            shown.append((frequency, bool((np.abs(directions[:, 0] @ basis) > SURE * sigma).any())))
+        if frequency and share > taken:
             tone, taken = frequency, share
     alike, remains = _like_friction(fit), seen or float(beyond.max()) > 1.0
     band = _band(shown)
@@ -82,7 +79,7 @@ def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
     rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(fit, SHOWN, 0.0)]
     square, usual = np.mean(rounding, axis=0).tolist()
     rms = float(np.sqrt(np.mean(fit.residual**2)))
-    return Verdict(explained, *named, rms, square**0.5, _neighbours(fit.residual), usual, unseen, band)
+    return Verdict(explained, *named, rms, square**0.5, _neighbours(fit.residual), usual, band)
 
 
 def _band(shown):
@@ -153,19 +150,19 @@ def _neighbours(errors):
     return float(np.sum(errors[1:] * errors[:-1]) / total) if total else 0.0
 
 
-def _effects(fit: Fit, force: np.ndarray, period: float) -> Iterator[tuple[str, float, np.ndarray]]:
-    """Yield what one N, N/m or tick of each effect that the model lacks changes in the positions; resonances with their Hz."""
+def _effects(fit: Fit, force: np.ndarray, period: float) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield what each effect that the model does not have changes in the positions; of a resonance with its frequency."""
     found = fit.numbers | {"friction": 0.0}
-    for name, by in {
-        **({} if fit.model.friction else {"friction": np.sign(np.gradient(fit.positions))}),
-        **({} if fit.model.spring else {"spring": fit.positions}),
-        **({} if fit.model.delay is None else {"delay": late(force, 1) - force}),
-    }.items():
-        yield name, 0.0, _response(found, by, period)[:, None]
+    for by in (
+        *([] if fit.model.friction else [np.sign(np.gradient(fit.positions))]),
+        *([] if fit.model.spring else [fit.positions]),
+        *([] if fit.model.delay is None else [late(force, 1) - force]),
+    ):
+        yield 0.0, _response(found, by, period)[:, None]
     lowest, highest = 3 / (len(force) * period), 0.4 / period
     pushing = late(force, round(found["delay"]))
     for tone in np.geomspace(lowest, highest, TONES):
-        yield "resonance", float(tone), _ringing(pushing, float(tone), period, found["mass"])
+        yield float(tone), _ringing(pushing, float(tone), period, found["mass"])
 
 
 def _response(found, force, period):

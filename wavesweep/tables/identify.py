@@ -229,7 +229,6 @@ def _residual(fit, verdict) -> dict[str, Any]:
         "correlation_of_encoder": verdict.correlation_expected,
         "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
         "share_of_missing": verdict.share,
-        "unseen": verdict.unseen,
         "resonance_hz": verdict.resonance_hz,
     }
 
@@ -279,7 +278,9 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
     if found["explained"]:
-        yield f"the model explains the {what}{_unseen(found) if what == 'log' else ''}", False
+        yield f"the model explains the {what}", False
+        if band := found["residual"].get("resonance_hz"):
+            yield "a resonance of a quarter of the mass would show from {:.3g} to {:.3g} Hz".format(*band), False
         if found["parameters"]["delay"]["high"] > TOLD:
             yield "the spec's device has no delay, so what is proved of it is not proved of this one: a drawn loop has it", True
         return
@@ -289,17 +290,6 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         return
     missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
     yield f"the model does not explain the {what}, and the intervals do not hold: it lacks {missing}", True
-
-
-def _unseen(found: Numbers) -> str:
-    left, turns = found["residual"], found["turns"]
-    units = {"friction": "N", "spring": "N/m", "delay": "tick"}
-    parts = [
-        f"{name} of {size:.2g} {TURNED.get(units[name], units[name]) if turns else units[name]}"
-        for name, size in left["unseen"].items()
-    ]
-    parts.append("a resonance of a quarter of the mass outside {:.3g} to {:.3g} Hz".format(*left["resonance_hz"]))
-    return f"; what may not show: {', '.join(parts)}"
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
