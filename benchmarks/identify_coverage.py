@@ -1,6 +1,6 @@
 """How often the intervals of `wavesweep identify` contain the truth, and how often a wrong model is called explained.
 
-    PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS]
+    PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS [SEED [EFFECT...]]]
 
 Logs come from the simulation, which shares no code with the fit, and those of a resonance from a march of two masses. Mass,
 damping, force and the place of the encoder's steps are random. A line for each kind of force and each encoder: the share of
@@ -111,11 +111,12 @@ def study(effect, kind, resolution, logs, seed=0):
 
 def main():
     logs = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    effects = sys.argv[2:] or list(MODELS)
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    effects = sys.argv[3:] or list(MODELS)
     for effect in effects:
         for kind in FORCES:
             for resolution in ENCODERS:
-                inside, missing, seconds = study(effect, kind, resolution, logs)
+                inside, missing, seconds = study(effect, kind, resolution, logs, seed)
                 words = ", ".join(f"{word or 'explained'} {missing.count(word)}" for word in sorted(set(missing)))
                 held = (
                     f"mass {inside[0]:.3f}, damping {inside[1]:.3f}, delay {inside[2]:.3f}; "

@@ -451,17 +451,7 @@ def why(source: Source, along: str | None = None) -> DataFrame:
     return framed(of_why.why(_spec(source), along))
 
 
-def identify(
-    log: str | Path,
-    *,
-    columns: Mapping[str, str] | None = None,
-    scales: Mapping[str, float] | None = None,
-    resolution: float | None = None,
-    spring: bool = False,
-    friction: bool = False,
-    delay: float | None = None,
-    rate_hz: float | None = None,
-) -> DataFrame:
+def identify(log: str | Path, **asked: Unpack[of_identify.Asked]) -> DataFrame:
     """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
 
     log: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns, scales: names in the
@@ -471,18 +461,7 @@ def identify(
     The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
     is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
     """
-    return framed(
-        of_identify.identify(
-            str(log),
-            columns=columns,
-            scales=scales,
-            resolution=resolution,
-            spring=spring,
-            friction=friction,
-            delay=delay,
-            rate_hz=rate_hz,
-        )
-    )
+    return framed(of_identify.identify(str(log), **asked))
 
 
 def _spec(source: Source) -> Spec:

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from identify_coverage import ENCODERS, FORCES, MODELS, RATE, log_of, moved, read, study
+from identify_coverage import ENCODERS, FORCES, MODELS, RATE, log_of, moved, read, study, two_masses
 
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.identification.fit import fitted
-from wavesweep.identification.log import step_of
+from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, positions
 from wavesweep.identification.response import admittance
 from wavesweep.identification.verdict import judged
@@ -40,6 +40,16 @@ def test_a_force_may_be_late_by_a_part_of_a_tick():
     expected = positions(fine, np.array([0.0, 2.0, 0, 0, 0]), np.repeat(force, 10), 1e-3)[::10]
     found = positions(Model(delay=0.7), np.array([0.0, 2.0, 0, 0, 0]), force, 1e-2)
     assert found[1:] == pytest.approx(expected[1:], rel=1e-9)
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_delay_can_be_held(friction):
+    """And the numbers are those of the fit that finds it, if it is the true one."""
+    force = 1.5 * np.sin(0.05 * np.arange(300) ** 1.2)
+    position = read(moved(0.08, 0.7, force, 0.1 * friction), 1e-5, np.random.default_rng(0))
+    held = fitted(Model(friction=friction, delay=0.0), force, position, 1 / RATE, 1e-5)
+    assert "delay" not in held.model.names
+    assert held.numbers["mass"] == pytest.approx(0.08, rel=1e-3)
 
 
 @pytest.mark.sample(1)
@@ -104,6 +114,22 @@ def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     assert judged(rubbing, force, position, 1 / RATE).explained
 
 
+def test_a_log_in_which_no_resonance_would_show_cannot_tell():
+    """A good one shows one in some band, in which that of a quarter of the mass is."""
+    force, source = np.where((np.arange(800) >= 50) & (np.arange(800) < 250), 0.3, 0.0), np.random.default_rng(0)
+    places = moved(0.1, 2.0, force)
+    for noise, missing in ((np.ptp(places), "unseen"), (0.0, "")):
+        position = read(places + noise * source.standard_normal(800), 1e-7, source)
+        fit = fitted(MODELS["none"], force, position, 1 / RATE, 1e-7)
+        verdict = judged(fit, force, position, 1 / RATE)
+        assert (verdict.missing, verdict.explained) == (missing, not missing)
+    low, high = verdict.resonance_hz
+    assert low < 30.0 < high
+    swinging = read(two_masses(0.1, 2.0, force), 1e-7, source)
+    fit = fitted(MODELS["none"], force, swinging, 1 / RATE, 1e-7)
+    assert not judged(fit, force, swinging, 1 / RATE).explained
+
+
 @pytest.mark.slow
 def test_white_noise_beside_the_encoder_is_told_and_widens_the_intervals():
     source = np.random.default_rng(4)
@@ -142,6 +168,17 @@ GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin
         (lambda lines: [lines[0], *(f"{k / 1000},{k},0" for k in range(60))], "position: expected a column that changes"),
         (lambda lines: [lines[0].replace("position", "positon"), *lines[1:]], "did you mean --column position=positon"),
         (lambda lines: [*lines[:30], "0.029,1", *lines[31:]], ":31: expected 3 values as in the header, found 2"),
+        (lambda lines: [lines[0], *(f"{k},{k},1,0,5" for k in range(60))], ":2: .*are these decimal commas"),
+        (lambda lines: [line.replace(",", " ") for line in lines], ":1: expected commas between columns .* found spaces"),
+        (lambda lines: [line.rpartition(",")[0] for line in lines], "expected a column position, found time, force"),
+        (lambda lines: lines[1:], ":1: expected a header with the names of the columns, found 0.0,"),
+        (lambda lines: lines[:1], "expected at least 50 rows of numbers below the header, found 0"),
+        (lambda _: [], "expected a header and rows of numbers below it, found an empty file"),
+        (lambda _: ["\0\1\2\3" * 100], "found bytes that are no text; export it as CSV"),
+        (
+            lambda lines: [lines[0], *(f"{(k / 1000) ** 1.3},{k},{k * k}" for k in range(200))],
+            ": time: expected equal steps, found a time 14.6 steps from where equal ones of .* s have it; resample",
+        ),
     ],
 )
 def test_a_bad_log_is_one_message(change, said, tmp_path):
@@ -149,6 +186,16 @@ def test_a_bad_log_is_one_message(change, said, tmp_path):
     path.write_text("\n".join(change(GOOD)))
     with pytest.raises(UsageError, match=said):
         wavesweep.identify(path)
+
+
+def test_other_columns_may_hold_anything(tmp_path):
+    """Words, nothing, or a comma too many at the ends of the rows."""
+    path = tmp_path / "log.csv"
+    words = [f"{line},{'note' if not row else 'on' if row % 2 else ''}," for row, line in enumerate(GOOD)]
+    path.write_text("\n".join(words))
+    plain = tmp_path / "plain.csv"
+    plain.write_text("\n".join(GOOD))
+    assert (read_log(path, {}, {}).position == read_log(plain, {}, {}).position).all()
 
 
 def test_jitter_of_the_times_is_said(tmp_path):

@@ -61,7 +61,7 @@ class Csv:
         width = len(self.names)
         for number, row in enumerate(csv.reader(self.body.splitlines()), start=2):
             line = f"{self.path}:{number}"
-            if len(row) > width and len(row) == 2 * width:
+            if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
                 return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
             if row and len(row) != width:
                 return f"{line}: expected {width} values as in the header, found {len(row)}"
@@ -81,14 +81,15 @@ _NONE = "expected rows of numbers below the header"
 def read_csv(path: str | Path, most: int) -> Csv:
     """Read a CSV file of at most `most` bytes. Errors: UsageError that names the file."""
     data = read_bytes(path, most)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are none ({error.reason})") from error
+    text = data.decode("utf-8-sig", "replace")
+    if "\0" in text or "\ufffd" in text:
+        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are no text; export it as CSV")
     header, _, body = text.partition("\n")
-    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
-        if mark in header and "," not in header:
+    for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
+        if mark in header.strip() and "," not in header:
             expected = "expected commas between columns and points in numbers"
             raise UsageError(f"{path}:1: {expected}, found {word}; export it again with commas")
     names = [name.strip() for name in next(csv.reader([header]), [])]
+    if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
+        raise UsageError(f"{path}:1: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
     return Csv(path, names, body, hashlib.sha256(data).hexdigest())

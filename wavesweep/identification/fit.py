@@ -2,8 +2,10 @@
 
 The likelihood is that of errors of the size of the encoder's rounding and of white noise. Rounding is no white noise: its error
 is a sawtooth of the position, the same as long as the device rests. Its effect on the numbers is therefore found by itself:
-the fitted motion is rounded again at many other places of the encoder's steps, with the noise that is left, and each error is
-carried through the fit. A stretch in which the device stays within a step, at rest or at a turn, counts as one reading.
+motions as far from the fitted one as the errors may have put it are rounded at many other places of the encoder's steps, with
+the noise that is left, and each error is carried through the fit. Without the first part intervals are too narrow: the errors
+are those of one motion, and where it creeps or rests, those of another one within the same readings differ much from them.
+A stretch in which the device stays within a step, at rest or at a turn, has one reading of its place.
 """
 
 from __future__ import annotations
@@ -20,7 +22,6 @@ from wavesweep.identification.model import Model, positions, sensitivities
 
 PLACES = (64, 200)  # of the encoder's steps, at which the motion is rounded again; the fewest in long logs
 LONG = 6_000_000  # samples at all places together, for which there are fewer
-DEVIATIONS = 1.96  # of a normal distribution: 95 % of the errors
 DITHERED = 0.3  # steps of white noise beyond which rounding errors are white
 ONE_WAY = 0.98  # share of the way in one direction, beyond which friction is like a constant force
 RESTING = 10  # equal readings at the start of a log, of a device that is held by friction
@@ -36,9 +37,10 @@ LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`; half: half the widths of their intervals. positions: fitted (m). motion: the same, at
-    rest where the readings are. residual: what is left (m). weights: of the samples, 1 or less. basis: orthonormal,
-    `(ticks, numbers)`: what the fit takes of weighted errors. noise: standard deviation of the white noise beside rounding (m).
+    theta: the numbers of `model.names`; half: half the widths of their intervals. positions: fitted (m). residual: what is left
+    (m). still: stretches with one reading of the place, see `counted`. slopes: of the positions by the numbers, `(ticks,
+    numbers)`; basis: orthonormal, what the fit takes of counted errors. moved: likely errors of the numbers, `(numbers,
+    places)`. noise: standard deviation of the white noise beside rounding (m).
     resolution: step of the encoder (m), 0 for none.
     """
 
@@ -46,49 +48,55 @@ class Fit:
     theta: np.ndarray
     half: np.ndarray
     positions: np.ndarray
-    motion: np.ndarray
-    weights: np.ndarray
+    residual: np.ndarray
+    still: np.ndarray
+    slopes: np.ndarray
+    basis: np.ndarray
+    moved: np.ndarray
     noise: float
     resolution: float
-    basis: np.ndarray
-    residual: np.ndarray
 
     @property
     def numbers(self) -> dict[str, float]:
         """All numbers by their names."""
         return self.model.numbers(self.theta)
 
+    @property
+    def weights(self) -> np.ndarray:
+        """Of the samples: 1, or the share in one reading, `(ticks,)`."""
+        return weights_of(self.still, len(self.residual))
+
 
 def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float, start=None) -> Fit:
     """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
     if model.friction:
         model = replace(model, without=tuple(_hidden(model, position)))
-    weights = np.ones(len(force))
+    still = np.zeros((0, 2), int)
     theta = _begun(model, force, position, period) if start is None else start
-    theta = refined(model, theta, force, position, period, weights)
+    theta = refined(model, theta, force, position, period, still)
     noise = 0.0
     for _ in range(2):
         found = positions(model, theta, force, period)
         before = noise
-        noise = _noise(position - found, resolution, weights)
-        new = _weights(found, resolution) if noise < DITHERED * resolution else np.ones(len(force))
-        if np.array_equal(new, weights) and before == noise:
+        noise = _noise(position - found, resolution, still)
+        new = _still(found, resolution) if noise < DITHERED * resolution else still[:0]
+        if np.array_equal(new, still) and before == noise:
             break
-        weights = new
-        theta = refined(model, theta, force, position, period, weights)
+        still = new
+        theta = refined(model, theta, force, position, period, still)
     found = positions(model, theta, force, period)
     J = sensitivities(model, theta, force, period, scales(model, theta, force, position, period))
-    root = np.sqrt(weights)[:, None]
-    size = np.linalg.norm(root * J, axis=0)
+    size = np.linalg.norm(J, axis=0)
     size[size == 0] = 1.0
-    basis, upper = np.linalg.qr(root * J / size)
+    basis, upper = np.linalg.qr(counted(still, J / size))
     residual = position - found
-    noise = _noise(residual, resolution, weights, len(theta))
+    noise = _noise(residual, resolution, still, len(theta))
     inverse = np.linalg.pinv(upper) / size[:, None]
-    motion = _rested(found, position, weights)
-    moved = [basis.T @ (root[:, 0] * e) for e in likely_errors(motion, resolution, noise, places_of(found, *PLACES))]
-    half = DEVIATIONS * (inverse @ np.array(moved).T).std(axis=1)
-    return Fit(model, theta, half, found, motion, weights, noise, resolution, basis, residual)
+    fit = Fit(model, theta, theta, found, residual, still, J, basis, np.zeros((len(theta), 1)), noise, resolution)
+    for _ in range(2):  # of the fitted motion, and of those that it may have been
+        errors = likely_errors(fit, places_of(found, *PLACES))
+        fit = replace(fit, moved=inverse @ np.array([basis.T @ counted(still, each) for each in errors]).T)
+    return replace(fit, half=np.quantile(np.abs(fit.moved), 0.95, axis=1))
 
 
 def places_of(found: np.ndarray, fewest: int, most: int) -> int:
@@ -105,51 +113,60 @@ def _hidden(model, position):
         yield "offset"
 
 
-def likely_errors(found: np.ndarray, resolution: float, noise: float, places: int) -> Iterator[np.ndarray]:
-    """Yield the errors of readings of this motion at so many places of the encoder's steps, with white noise."""
-    source = np.random.default_rng(0)
+def likely_errors(fit: Fit, places: int, noise: float | None = None) -> Iterator[np.ndarray]:
+    """Yield errors of readings (m) of motions near the fitted one, at so many places of the encoder's steps, with noise."""
+    source, resolution, noise = np.random.default_rng(0), fit.resolution, fit.noise if noise is None else noise
     for place in range(places):
-        true = found + resolution * place / places
-        read = true + noise * source.standard_normal(len(found)) if noise else true
+        true = fit.positions + fit.slopes @ fit.moved[:, source.integers(fit.moved.shape[1])] + resolution * place / places
+        read = true + noise * source.standard_normal(len(true)) if noise else true
         yield (resolution * np.floor(read / resolution + 0.5) if resolution else read) - true
 
 
-def _noise(residual, resolution, weights, numbers=0):
+def _noise(residual, resolution, still, numbers=0):
     """Standard deviation of white noise that explains what is left beside rounding."""
+    weights = weights_of(still, len(residual))
     total = np.sum(weights * residual**2) / max(np.sum(weights) - numbers, 1.0)
     rounding = resolution**2 / 12
     # Rounding alone scatters a little around its mean.
     return float(np.sqrt(total - rounding)) if total > 1.1 * rounding else 0.0
 
 
-def _weights(found, resolution):
-    """1, but of a stretch around a turn within half a step the share of each sample in one reading."""
+def _still(found, resolution):
+    """Stretches around a turn within half a step, `(stretches, 2)`: the first sample and the one after the last."""
     if not resolution:
-        return np.ones(len(found))
+        return np.zeros((0, 2), int)
     moves = np.sign(np.diff(found))
     turns = np.concatenate([[0], np.flatnonzero(moves[1:] != moves[:-1]) + 1, [len(found) - 1]])
     at = np.arange(len(found))
     after = np.minimum(np.searchsorted(turns, at), len(turns) - 1)
     before = np.maximum(np.searchsorted(turns, at, side="right") - 1, 0)
     near = [np.abs(found - found[turns[each]]) < resolution / 2 for each in (before, after)]
-    weights = np.ones(len(found))
-    for first, last in _stretches(near[0] | near[1]):
+    masked = (near[0] | near[1]).astype(int)
+    return np.flatnonzero(np.diff(np.concatenate([[0], masked, [0]]))).reshape(-1, 2)
+
+
+def weights_of(still: np.ndarray, samples: int) -> np.ndarray:
+    """1, but the share of each sample in one reading in the stretches `still`."""
+    weights = np.ones(samples)
+    for first, last in still:
         weights[first:last] = 1 / (last - first)
     return weights
 
 
-def _rested(found, position, weights):
-    """The motion, at rest where the log begins or ends within a step or has one reading: the fit may drift there a little."""
-    motion = found.copy()
-    for first, last in _stretches(weights < 1):
-        if first == 0 or last == len(found) or np.ptp(position[first:last]) == 0:
-            motion[first:last] = found[first:last].mean()
-    return motion
+def counted(still: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Errors in proportion to what they tell: in a stretch of K samples the mean has one reading, what deviates from it √K.
 
-
-def _stretches(masked):
-    """Pairs of the first and the last index, plus one, of the stretches in which a mask holds."""
-    return np.flatnonzero(np.diff(np.concatenate([[0], masked.astype(int), [0]]))).reshape(-1, 2)
+    Errors in it are neither all the same nor independent. Of a device at rest the second part says that it does not creep.
+    """
+    if not len(still):
+        return errors
+    found, sizes = errors.copy(), np.diff(still)[:, 0]
+    within = np.repeat(np.arange(len(still)), sizes)
+    at = np.arange(len(within)) + np.repeat(still[:, 1] - np.cumsum(sizes), sizes)
+    sums = np.add.reduceat(np.concatenate([errors, np.zeros_like(errors[:1])]), still.ravel())[::2]
+    means, shares = (sums.T / sizes).T, sizes**-0.5
+    found[at] = ((shares**0.5)[within] * errors[at].T + ((shares - shares**0.5) * means.T)[..., within]).T
+    return found
 
 
 def scales(model: Model, theta: np.ndarray, force: np.ndarray, position: np.ndarray, period: float) -> np.ndarray:
@@ -169,20 +186,20 @@ def scales(model: Model, theta: np.ndarray, force: np.ndarray, position: np.ndar
     return np.array([sizes[name] for name in model.names])
 
 
-def refined(model: Model, theta: np.ndarray, force, position, period: float, weights: np.ndarray) -> np.ndarray:
-    """The numbers of the least weighted squares, from others near by."""
+def refined(model: Model, theta: np.ndarray, force, position, period: float, still: np.ndarray) -> np.ndarray:
+    """The numbers of the least squares, from others near by."""
     size = scales(model, theta, force, position, period)
-    root, reach = np.sqrt(weights), float(np.ptp(position))
+    reach = float(np.ptp(position))
 
     def off(part):
         with np.errstate(all="ignore"):
-            left = root * (positions(model, theta + (part - 1) * size, force, period) - position) / reach
+            left = counted(still, positions(model, theta + (part - 1) * size, force, period) - position) / reach
         return np.nan_to_num(np.clip(left, -1e6, 1e6), nan=1e6)
 
     def slopes(part):
         with np.errstate(all="ignore"):
             found = sensitivities(model, theta + (part - 1) * size, force, period, size)
-        return np.nan_to_num(root[:, None] * found * size / reach, posinf=1e6, neginf=-1e6)
+        return np.nan_to_num(counted(still, found * (size / reach)), posinf=1e6, neginf=-1e6)
 
     # The march with friction has kinks, in which smaller steps are lost.
     finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
@@ -197,27 +214,23 @@ def _begun(model, force, position, period):
         blocks = force[: len(force) // PART * PART].reshape(-1, PART)
         first = PART * int(np.argmax(blocks.std(axis=1)))
         part = slice(first, first + PART)
-    log, weights = (force[part], position[part], period), np.ones(len(force[part]))
-    if part.start is not None:
-        known = dict(zip(model.names, _first(model, *log), strict=True))
-    else:
-        known = dict(zip(model.names, theta, strict=True))
-    held = replace(model, delay=float(known["delay"]))  # a delay moves far as long as the other numbers are rough
-    rubbing = (0.05, 0.3) if model.friction else (0.0,)
+    log, still = (force[part], position[part], period), np.zeros((0, 2), int)
+    known = dict(zip(model.names, theta if part.start is None else _first(model, *log), strict=True))
+    late = float(known.get("delay", model.delay or 0.0))
+    lates = dict.fromkeys([late, 0.0] if model.friction and model.delay is None else [late])
     best = None
-    for delay, share in product(
-        dict.fromkeys([held.delay, 0.0]) if model.friction and model.delay is None else [held.delay], rubbing
-    ):
+    for delay, share in product(lates, (0.05, 0.3) if model.friction else (0.0,)):
+        # It is held: a delay moves far as long as the other numbers are rough.
         held = replace(model, delay=delay)
         start = known | {"friction": share * float(np.std(log[0])), "delay": delay}
-        theta_held = refined(held, np.array([start[name] for name in held.names]), *log, weights)
+        theta_held = refined(held, np.array([start[name] for name in held.names]), *log, still)
         left = float(np.sum((positions(held, theta_held, log[0], period) - log[1]) ** 2))
         if best is None or left < best[0]:
             best = (left, start | dict(zip(held.names, theta_held, strict=True)))
     known = best[1]
     if part.start is None:
         return np.array([known[name] for name in model.names])
-    whole = refined(model, np.array([known[name] for name in model.names]), *log, weights)
+    whole = refined(model, np.array([known[name] for name in model.names]), *log, still)
     return np.where([name in ("start", "velocity") for name in model.names], theta, whole)
 
 

@@ -15,6 +15,7 @@ from wavesweep.spec.checking import nearest
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50
 JITTER = 0.01  # of a period, from which it is said
+UNEVEN = 0.5  # of a period, from which the steps are not equal
 GAP = 1.5  # periods between two rows of which one may be missing
 TURNING = {"force": "torque", "position": "angle"}
 
@@ -51,6 +52,8 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     """
     file = read_csv(path, MOST_BYTES)
     names = file.names
+    if not any(names):
+        raise UsageError(f"{path}: expected a header and rows of numbers below it, found an empty file")
     turns = {**columns}.keys() & set(TURNING.values()) or (
         not {"force", "position"} & {*columns, *names} and set(TURNING.values()) <= set(names)
     )
@@ -98,8 +101,15 @@ def _period(path: str | Path, times: np.ndarray, name: str) -> tuple[float, floa
         found = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
         raise UsageError(f"{path}:{row + 3}: {name}: expected equal steps, found {found}; take a part without gaps")
     period = float(times[-1] - times[0]) / (len(times) - 1)
-    even = times[0] + period * np.arange(len(times))
-    return period, float(np.abs(times - even - np.median(times - even)).max() / period)
+    late = times - times[0] - period * np.arange(len(times))
+    off = np.abs(late - np.median(late)) / period
+    if off.max() > UNEVEN:
+        row = int(off.argmax())
+        found = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
+        raise UsageError(
+            f"{path}:{row + 2}: {name}: expected equal steps, found {found}; resample the log, or take an even part"
+        )
+    return period, float(off.max())
 
 
 def pairs(given: Iterable[str], option: str) -> dict[str, str]:

@@ -49,21 +49,22 @@ class Model:
 def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float) -> np.ndarray:
     """Position (m) at the start of each tick, `(ticks,)`; force: (N) of each tick; period: s."""
     found = model.numbers(theta)
-    push, now, before = pushes(found, force, period)
-    return _sliding(found, push, now, before, period) if found["friction"] else _linear(found, push, period)
+    push, parts, full = pushes(found, force, period)
+    return _sliding(found, push, parts, full, period) if found["friction"] else _linear(found, push, period)
 
 
 def pushes(found, force, period):
-    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`, and its mean over the tick.
+    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its parts; and what 1 N would add.
 
-    A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then.
+    A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then:
+    the parts are pairs of seconds and N.
     """
     whole = int(np.floor(found["delay"]))
     part = found["delay"] - whole
     now, before = late(force, whole) + found["offset"], late(force, whole + 1) + found["offset"]
     full, rest = _reach(found, period), _reach(found, (1 - part) * period)
     push = np.outer(rest, now) + np.outer(full - rest, before)
-    return push, now * (1 - part) + before * part, full
+    return push, ((part * period, before), ((1 - part) * period, now)), full
 
 
 def late(force: np.ndarray, ticks: int) -> np.ndarray:
@@ -103,27 +104,28 @@ def _linear(found, push, period):
     return lfilter([1.0], [1.0, -one], np.concatenate([[found["start"]], inner])).real
 
 
-def _sliding(found, push, now, full, period):
-    """The same with friction, tick by tick; a tick in which the device stops is divided there."""
+def _sliding(found, push, parts, full, period):
+    """The same with friction, tick by tick; a tick in which the device stops or starts is divided there."""
     A, friction = _step(found, period), found["friction"]
     vv, vx, xv, xx = (float(each) for each in A.ravel())
     by_v, by_x = friction * float(full[0]), friction * float(full[1])
     v, x, places = found["velocity"], found["start"], []
-    stiffness = found["stiffness"]
-    for to_v, to_x, pull in zip(*push.tolist(), now.tolist(), strict=True):
+    stiffness, ((first, before), (then, now)) = found["stiffness"], parts
+    for to_v, to_x, one, two in zip(*push.tolist(), before.tolist(), now.tolist(), strict=True):
         places.append(x)
         if v == 0.0:
-            net = pull - stiffness * x
-            if -friction <= net <= friction:
+            net = (one if first else two) - stiffness * x
+            if abs(net) <= friction and abs(two - stiffness * x) <= friction:
                 continue
-            side = copysign(1.0, net)
+            side = copysign(1.0, net) if abs(net) > friction else 0.0
         else:
             side = copysign(1.0, v)
         after = vv * v + vx * x + to_v - side * by_v
         if after * side > 0.0:
             v, x = after, xv * v + xx * x + to_x - side * by_x
         else:
-            v, x = _through_rest(found, friction, v, x, pull, period)
+            for seconds, pull in ((first, one), (then, two)):
+                v, x = _through_rest(found, friction, v, x, pull, seconds) if seconds else (v, x)
     return np.array(places)
 
 

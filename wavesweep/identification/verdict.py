@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import dropwhile, takewhile
 
 import numpy as np
 from scipy.signal import lfilter
 
-from wavesweep.identification.fit import Fit, likely_errors, places_of, refined
+from wavesweep.identification.fit import Fit, counted, likely_errors, places_of, refined
 from wavesweep.identification.model import Model, late, positions
 
 PLACES = (30, 60)  # of the encoder's steps, the fewest in long logs
@@ -18,6 +19,8 @@ BEYOND = 3.0  # times the largest of the errors that rounding makes
 SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
 TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
+SWINGING = 0.25  # share of the mass that swings in it
+SURE = 8.0  # sigmas of an effect that surely goes beyond SIGMAS, with errors of three against it
 ONE_WAY = 0.98  # share of the motion in one direction, beyond which friction is like a constant force
 CLEAR = 0.3  # share of what is left that an effect has to take away to be named
 TRIED = 8000  # samples, at most, to which a model with one effect more is fitted
@@ -28,9 +31,11 @@ class Verdict:
     """The judgement of a fit.
 
     explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
-    "one-way" (friction or a constant force), "unknown", or empty if it is explained. frequency_hz: of the resonance, or where
-    most is left; otherwise NaN. share: of the residual's power that the effect would take away. rms: of the residual (m);
-    expected: that of the encoder alone. correlation: of neighbouring residuals; correlation_expected: of the encoder alone.
+    "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no resonance at all), or empty if it is
+    explained. frequency_hz: of the resonance, or where most is left; otherwise NaN. share: of the residual's power that the
+    effect would take away. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring
+    residuals; correlation_expected: of the encoder alone. resonance_hz: between these the log shows a
+    resonance in which a quarter of the mass swings.
     """
 
     explained: bool
@@ -41,43 +46,53 @@ class Verdict:
     expected: float
     correlation: float
     correlation_expected: float
+    resonance_hz: tuple[float, float] | None
 
 
 def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Verdict:
     """Judge a fit. force: N of each tick. position: m, as read. period: s."""
-    root, found = np.sqrt(fit.weights), fit.motion
-    left = _projected(fit.basis, root * fit.residual)
-    likely = np.array(
-        [_projected(fit.basis, root * e) for e in likely_errors(found, fit.resolution, fit.noise, places_of(found, *PLACES))]
-    )
+    left = _projected(fit.basis, counted(fit.still, fit.residual))
+    places = places_of(fit.positions, *PLACES)
+    likely = np.array([_projected(fit.basis, counted(fit.still, each)) for each in likely_errors(fit, places)])
     edges = _edges(len(left))
     beyond = _powers(left, edges) / (BEYOND * np.max([_powers(each, edges) for each in likely], axis=0) + 1e-300)
-    seen, tone, taken = False, float("nan"), 0.0
-    for frequency, directions in _effects(fit, force, period):
-        basis = _orthogonal(fit.basis, root[:, None] * directions)
-        along = left @ basis
-        seen |= bool((np.abs(along) > SIGMAS * (likely @ basis).std(axis=0)).any())
+    seen, tone, taken, shown = False, float("nan"), 0.0, []
+    for frequency, changes in _effects(fit, force, period):
+        directions = counted(fit.still, changes)
+        basis = _orthogonal(fit.basis, directions)
+        along, sigma = left @ basis, (likely @ basis).std(axis=0) + 1e-300
+        seen |= bool((np.abs(along) > SIGMAS * sigma).any())
         share = float(np.sum(along**2) / np.sum(left**2))
+        if frequency:
+            shown.append((frequency, bool((np.abs(directions[:, 0] @ basis) > SURE * sigma).any())))
         if frequency and share > taken:
             tone, taken = frequency, share
     alike, remains = _like_friction(fit), seen or float(beyond.max()) > 1.0
-    explained = not (remains or alike)
-    named = ("one-way" if alike else "", float("nan"), 0.0)
+    band = _band(shown)
+    explained = not (remains or alike or band is None)
+    named = ("one-way" if alike else "" if band else "unseen", float("nan"), 0.0)
     if remains:
         named = max(("resonance", tone, taken), *_tried(fit, force, position, period), key=lambda each: each[2])
         if named[2] < CLEAR:
             worst = int(np.argmax(beyond))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / period), named[2])
-    rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(found, fit.resolution, 0.0, SHOWN)]
+    rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(fit, SHOWN, 0.0)]
     square, usual = np.mean(rounding, axis=0).tolist()
-    return Verdict(explained, *named, float(np.sqrt(np.mean(fit.residual**2))), square**0.5, _neighbours(fit.residual), usual)
+    rms = float(np.sqrt(np.mean(fit.residual**2)))
+    return Verdict(explained, *named, rms, square**0.5, _neighbours(fit.residual), usual, band)
+
+
+def _band(shown):
+    """The first and the last frequency of the first stretch in which a resonance is seen; None if it never is."""
+    stretch = list(takewhile(lambda each: each[1], dropwhile(lambda each: not each[1], shown)))
+    return (stretch[0][0], stretch[-1][0]) if stretch else None
 
 
 def _like_friction(fit: Fit) -> bool:
     """Whether a constant force against a device that moves one way alone was found, which Coulomb friction would be as well."""
     if fit.model.friction or fit.model.spring:
         return False
-    way = float(np.mean(np.sign(np.diff(fit.motion)[np.diff(fit.motion) != 0])))
+    way = float(np.mean(np.sign(np.diff(fit.positions)[np.diff(fit.positions) != 0])))
     offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
     return abs(way) > ONE_WAY and offset * way < 0 and abs(offset) > 2 * half
 
@@ -101,8 +116,7 @@ def _tried(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> 
 
 def _left(model, theta, log):
     """The squares that are left of a log by the best numbers."""
-    weights = np.ones(len(log[0]))
-    best = refined(model, theta, *log, weights)
+    best = refined(model, theta, *log, np.zeros((0, 2), int))
     return float(np.sum((positions(model, best, log[0], log[2]) - log[1]) ** 2))
 
 
@@ -146,8 +160,9 @@ def _effects(fit: Fit, force: np.ndarray, period: float) -> Iterator[tuple[float
     ):
         yield 0.0, _response(found, by, period)[:, None]
     lowest, highest = 3 / (len(force) * period), 0.4 / period
+    pushing = late(force, round(found["delay"]))
     for tone in np.geomspace(lowest, highest, TONES):
-        yield float(tone), _ringing(late(force, round(found["delay"])), tone * period)
+        yield float(tone), _ringing(pushing, float(tone), period, found["mass"])
 
 
 def _response(found, force, period):
@@ -157,9 +172,14 @@ def _response(found, force, period):
     return positions(model, theta, force, period)
 
 
-def _ringing(force, turns):
-    """A mode of so many turns per tick under the force, and its change from tick to tick, `(ticks, 2)`."""
-    angle = 2 * np.pi * turns
+def _ringing(force, tone, period, mass):
+    """What a swinging share of the mass adds to the position (m), and its change from tick to tick, `(ticks, 2)`.
+
+    Of two masses m (1 - q) and m q the first has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
+    """
+    angle = 2 * np.pi * tone * period
     pole = np.exp(angle * complex(-RINGING, 1.0))
-    mode = lfilter([0.0, 1.0], [1.0, -2 * pole.real, abs(pole) ** 2], force - force[0])
+    past = [1.0, -2 * pole.real, abs(pole) ** 2]
+    static = SWINGING / (1 - SWINGING) / mass / (2 * np.pi * tone) ** 2
+    mode = lfilter([0.0, static * sum(past)], past, force - force[0])
     return np.stack([mode, np.gradient(mode)], axis=1)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from math import exp, isnan
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table
 
 METHOD = (
-    "least squares of position against the sampled model, force held over a tick; intervals from the fitted motion, rounded at "
-    "200 places of the encoder's steps with the white noise that is left, each error carried through the fit"
+    "least squares of position against the sampled model, force held over a tick; intervals from "
+    "motions near the fitted one, rounded at 64 to 200 places of the encoder's steps with the white noise that is left, each "
+    "error carried through the fit"
 )
 UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
 TURNING = {"mass": "kg*m^2"}
@@ -60,36 +61,35 @@ RESPONSE_METHOD = (
 )
 
 
-def identify(
-    path: str,
-    *,
-    columns: Mapping[str, str] | None = None,
-    scales: Mapping[str, float] | None = None,
-    resolution: float | None = None,
-    spring: bool = False,
-    friction: bool = False,
-    delay: float | None = None,
-    rate_hz: float | None = None,
-) -> Table:
-    """Fit mass, damping and more to a log of force and position or, if the file has frequencies, to a frequency response.
+class Asked(TypedDict, total=False):
+    """Names in the file and factors to SI units of columns, step of the encoder, what is fitted, and the rate of a response."""
 
-    path: a CSV file with time (s), force (N) and position (m), or torque (N*m) and angle (rad). columns: names in the file of
-    those that are called otherwise there. scales: factors that turn them into these units. resolution: step of the encoder in
-    m or rad; by default the one that the readings show. spring, friction: fit some as well. delay: in ticks of the log; None
-    fits it. rate_hz: of a frequency response, the rate at which its force was held.
+    columns: Mapping[str, str]
+    scales: Mapping[str, float]
+    resolution: float | None
+    spring: bool
+    friction: bool
+    delay: float | None
+    rate_hz: float | None
+
+
+def identify(path: str, **asked: Unpack[Asked]) -> Table:
+    """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response, as `api.identify` says.
+
     Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
     from wavesweep.identification.points import is_response
 
+    rate_hz = asked.get("rate_hz")
     if is_response(path):
-        if columns or scales or resolution is not None or friction:
+        if asked.get("columns") or asked.get("scales") or asked.get("resolution") is not None or asked.get("friction"):
             raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
         if rate_hz is None:
             raise UsageError(f"{path}: a frequency response needs the rate at which its force was held: --rate HZ")
-        return _of_response(path, 1 / rate_hz, spring, delay)
+        return _of_response(path, 1 / rate_hz, asked.get("spring", False), asked.get("delay"))
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
-    return _of_log(path, columns or {}, scales or {}, resolution, (spring, friction, delay))
+    return _of_log(path, asked)
 
 
 def _of_response(path: str, period: float, spring: bool, delay: float | None) -> Table:
@@ -144,14 +144,15 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
     }
 
 
-def _of_log(path: str, columns, scales, resolution: float | None, wanted: tuple[bool, bool, float | None]) -> Table:
+def _of_log(path: str, given: Asked) -> Table:
     from wavesweep.identification.fit import fitted
     from wavesweep.identification.log import read_log, step_of
     from wavesweep.identification.model import Model
     from wavesweep.identification.verdict import judged
 
     started = time.perf_counter()
-    spring, friction, delay = wanted
+    columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
+    spring, friction, delay = given.get("spring", False), given.get("friction", False), given.get("delay")
     log = read_log(path, columns, scales)
     step = step_of(log.position) if resolution is None else resolution
     if step and np.ptp(log.position) < 3 * step:
@@ -228,6 +229,7 @@ def _residual(fit, verdict) -> dict[str, Any]:
         "correlation_of_encoder": verdict.correlation_expected,
         "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
         "share_of_missing": verdict.share,
+        "resonance_hz": verdict.resonance_hz,
     }
 
 
@@ -277,8 +279,14 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
     if found["explained"]:
         yield f"the model explains the {what}", False
+        if band := found["residual"].get("resonance_hz"):
+            yield "a resonance of a quarter of the mass would show from {:.3g} to {:.3g} Hz".format(*band), False
         if found["parameters"]["delay"]["high"] > TOLD:
             yield "the spec's device has no delay, so what is proved of it is not proved of this one: a drawn loop has it", True
+        return
+    if found["missing"] == "unseen":
+        yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
+        yield "push harder, or record a chirp or noise", True
         return
     missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
     yield f"the model does not explain the {what}, and the intervals do not hold: it lacks {missing}", True
@@ -336,13 +344,16 @@ def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
         f"# The device of {facts['spec_name']}, as wavesweep {table} found it; the controller is a first one, put your own.",
         "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
-        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms; no key of the built-in loops holds it.",
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",
+        "# Of the built-in loops only dc-slow can have it, as environment.delay, if it is whole.",
     ]
     if "stiffness" in facts["parameters"]:
         lines.append("# The spring stands as that of the hand, which acts as well on the device.")
     if facts["turns"]:
         lines.append("# The device turns: kg is kg*m^2, N is N*m, and m is rad.")
-    if not facts["explained"]:
+    if facts["missing"] == "unseen":
+        lines.append("# The log cannot tell whether the model is enough.")
+    elif not facts["explained"]:
         lines.append("# The model does NOT explain the log, so the intervals do not hold.")
     return lines
 
