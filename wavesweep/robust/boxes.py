@@ -30,6 +30,7 @@ SHARE = 0.25  # of the smallest value that is seen, what the nodes may hide of i
 MOST_GRID = 20_000  # nodes in all
 WIDE = 3.0  # ratio of the ends of a number above which its logarithm is divided
 LEBESGUE = 0.7  # logarithm of what each further number adds to the error of an interpolant
+SPARED = 0.25  # of the smallest value at a node, what may be left out of an interpolant
 HALVES = 9  # halvings of an interpolant, for each number
 SWEEPS = 12
 MOST_PIECES = 4096
@@ -208,23 +209,43 @@ def _lebesgue(count):
 
 
 @lru_cache
+def _to_series(count):
+    """From values at the nodes to coefficients of Chebyshev polynomials."""
+    series = 2 / count * np.cos(np.outer(np.arange(count), np.arccos(_nodes(count))))
+    series[0] /= 2
+    return series
+
+
+@lru_cache
 def _to_bernstein(count):
-    """From values at the nodes to Bernstein coefficients on [-1, 1]."""
+    """From coefficients of Chebyshev polynomials to Bernstein coefficients on [-1, 1]."""
     k, x = np.arange(count), np.linspace(-1, 1, count)
     T = np.polynomial.chebyshev.chebvander(x, count - 1)
     B = np.stack([comb(count - 1, j) * ((1 + x) / 2) ** j * ((1 - x) / 2) ** (count - 1 - j) for j in k.tolist()], axis=1)
-    series = 2 / count * np.cos(np.outer(k, np.arccos(_nodes(count))))
-    series[0] /= 2
-    return np.linalg.solve(B, T) @ series
+    return np.linalg.solve(B, T)
+
+
+def _turned(array, matrices):
+    """The array with a matrix applied along each axis."""
+    for axis, matrix in enumerate(matrices):
+        array = np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)
+    return array
 
 
 def _positive(values, noise):
-    """The parts of [-1, 1]^n in which an interpolant is not known to be more than noise, as (low, high) of each."""
-    dimensions, pieces, rounding = values.ndim, values, 50 * EPS
-    for axis in range(dimensions):
-        to = _to_bernstein(values.shape[axis])
-        pieces = np.moveaxis(np.tensordot(to, pieces, (1, axis)), 0, axis)
-        rounding *= np.linalg.norm(to, np.inf)
+    """The parts of [-1, 1]^n in which an interpolant is not known to be more than noise, as (low, high) of each.
+
+    High degrees that change it by little are left out, with their whole size in the noise: without them it is divided
+    faster, and its Bernstein coefficients lose fewer digits.
+    """
+    dimensions = values.ndim
+    series = _turned(values, map(_to_series, values.shape))
+    noise += 2**dimensions * values.size * EPS * np.abs(values).max()
+    series, left_out = _shortened(series, SPARED * max(values.min() - noise, 0.0))
+    to = list(map(_to_bernstein, series.shape))
+    noise += left_out
+    rounding = 50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(each, np.inf) for each in to])
+    pieces = _turned(series, to)
     pieces, low, high = pieces[None], np.full((1, dimensions), -1.0), np.full((1, dimensions), 1.0)
     over = tuple(range(1, dimensions + 1))
     for _ in range(HALVES * dimensions):
@@ -243,6 +264,17 @@ def _positive(values, noise):
             parts += zip(_halved(pieces[some], 1 + axis), (lower, above), (below, upper), strict=True)
         pieces, low, high = (np.concatenate(each) for each in zip(*parts, strict=True))
     return list(zip(low, high, strict=True))
+
+
+def _shortened(series, room):
+    """The series without its highest degrees in each number, and the sum of all that is left out, at most room."""
+    size = np.abs(series)
+    kept = []
+    for axis in range(size.ndim):
+        each = size.sum(tuple(other for other in range(size.ndim) if other != axis))
+        tail = np.cumsum(each[::-1])[::-1]  # of this degree and all above
+        kept.append(slice(max(1, int((tail > room / size.ndim).sum()))))
+    return series[tuple(kept)], size.sum() - size[tuple(kept)].sum()
 
 
 def _halved(b, axis):
