@@ -28,7 +28,7 @@ EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
 COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers, at which an ellipse about one is looked at
 SHARE = 0.25  # of the smallest value that is seen, what the nodes may hide of it
 MOST_GRID = 20_000  # nodes in all
-WIDE = 3.0  # ratio of the ends of a number above which its logarithm is divided
+WIDE = 3.0  # ratio of the ends of a number above which it is divided at their geometric mean
 LEBESGUE = 0.7  # logarithm of what each further number adds to the error of an interpolant
 SPARED = 0.25  # of the smallest value at a node, what may be left out of an interpolant
 HALVES = 9  # halvings of an interpolant, for each number
@@ -60,23 +60,13 @@ def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: i
     frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: numbers whose ends are the same are no
     dimensions of it. bounds: between which the loops are analytic functions of each number. most: frames to compute.
     """
-    box, bounds = np.asarray(box, float), np.asarray(bounds, float)
-    ratio = (box[0] > 0) & (box[1] > WIDE * box[0])
-
-    def of(x):
-        return np.where(ratio, np.exp(np.where(ratio, x, 0.0)), x)
-
-    with np.errstate(all="ignore"):
-        inner = np.where(ratio, np.log(box), box)
-        limits = np.where(ratio, np.where(bounds > 0, np.log(bounds), -np.inf), bounds)
-    function = _Function(lambda x: frames(of(x)), limits)
-    queue, left, unstable = [inner], [], np.zeros((0, box.shape[1]))
+    box, function = np.asarray(box, float), _Function(frames, np.asarray(bounds, float))
+    queue, unstable = [box], np.zeros((0, box.shape[1]))
     while queue and function.used < most and not len(unstable):
         piece = queue.pop(0)
         unstable, open_ = function.judged(piece)
         queue += open_
-    left = np.array(queue).reshape(-1, *box.shape)
-    return Cover(of(left), of(unstable), function.used)
+    return Cover(np.array(queue).reshape(-1, *box.shape), unstable, function.used)
 
 
 class _Function:
@@ -187,7 +177,8 @@ def _divided(piece, wide, size):
     """The halves of a piece across the number of which `size` is largest."""
     which = wide[np.argmax(size)]
     both = [piece.copy(), piece.copy()]
-    both[0][1, which] = both[1][0, which] = piece[:, which].mean()
+    low, high = piece[:, which]
+    both[0][1, which] = both[1][0, which] = np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
     return both
 
 
