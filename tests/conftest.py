@@ -14,7 +14,7 @@ os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
-THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
+THOROUGH = {"judged"}  # fixtures that take many seconds, whichever test asks for them first
 
 
 def pytest_collection_modifyitems(items):

@@ -5,13 +5,11 @@ import json
 import numpy as np
 import pytest
 from support.chunks import finished_in
-from support.search import quick_search
 
 from wavesweep import load, results
 from wavesweep.store.checkpoint import FileCheckpoint
 from wavesweep.tables.table import digest_of
 
-quick = pytest.fixture(quick_search)
 SPEC = """
 [device]
 velocity = "difference"
@@ -65,7 +63,6 @@ def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, he
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("quick")
 def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     code, _, err = wavesweep("zwidth", held, "--for-hands", "box:mass=0.1..0.4, stiffness=100..100")
     assert code == 0

@@ -1,13 +1,13 @@
 """Controllers of flat values as loops that a hand holds, and what the package says of them."""
 
-from functools import partial
-
 import numpy as np
 
 from wavesweep import passive as passivity
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.passive import HeldLoop, hand, hand_box
-from wavesweep.sweep.hands import stable_of
+from wavesweep.passive import HAND, HeldLoop
+from wavesweep.sweep.drawn_loops import drift_of, frames
+from wavesweep.sweep.grid import distinct, selected
+from wavesweep.sweep.hands import Guarantee
 
 WALL = "environment.K_VE"
 
@@ -42,14 +42,31 @@ def port_passive_walls(values, span, path=WALL):
     return passivity.port_passive_walls(held(values, path), span, path)
 
 
+def hands_at(box, shares):
+    """Hands of a box at shares of its ranges, `(n, 3)`: evenly in the logarithm, from 0 on in the cube root."""
+    low, high = np.array([box.mass, box.damping, box.stiffness], float).T
+    start = np.where(low > 0, low, 1.0)
+    return np.clip(np.where(low > 0, start * (high / start) ** shares, high * shares**3), low, high)
+
+
 def worst_modes(values, hands, K_VE, B_VE):
-    walls = (np.broadcast_to(np.asarray(wall, float), (len(hands),)) for wall in (K_VE, B_VE))
-    return hand.worst_modes(held(values), hands, dict(zip((WALL, "environment.B_VE"), walls, strict=True)))
+    """Spectral radius and least damping ratio of the loop with each hand `(n, 3)` and wall, `(n,)` each, drift aside."""
+    loop, size = held(values).with_hand(), len(hands)
+    numbers = dict(zip((*HAND, WALL, "environment.B_VE"), (*np.asarray(hands, float).T, K_VE, B_VE), strict=True))
+    numbers = {path: np.ascontiguousarray(np.broadcast_to(each, (size,)), float) for path, each in numbers.items()}
+    radius, damping = np.empty(size), np.empty(size)
+    for some in distinct([each == 0 for each in numbers.values()], size):
+        own = loop.values | selected(numbers, some)
+        with np.errstate(all="ignore"):
+            E = frames(loop.drawing, own, drift_of(loop.drawing, own))
+            E = np.broadcast_to(E, (some.size, *E.shape[-2:]))
+            finite = np.isfinite(E).all((-1, -2))
+            log = np.log(1 + np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex) + 1e-300)
+        radius[some] = np.where(finite, np.exp(log.real.max(-1)), np.inf)
+        damping[some] = np.where(finite, (-log.real / np.maximum(np.abs(log), 1e-300)).min(-1), -1.0)
+    return radius, damping
 
 
 def box_intervals(values, span, box):
-    return hand_box.box_intervals(held(values), partial(stable_of, WALL, span), WALL, span, box)
-
-
-def prove(values, box, walls, **work):
-    return hand_box.prove(held(values), WALL, box, walls, **work)
+    """The rows for a box of hands, as records."""
+    return Guarantee("box", box).records(held(values), WALL, span)

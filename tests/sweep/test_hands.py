@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 from support.held import box_intervals, damping_needed, worst_modes
 from support.published import colgate_schenkel
-from support.search import quick_search
 
 from wavesweep.errors import UsageError
-from wavesweep.passive import HandBox, hand_box
+from wavesweep.passive import HandBox
 from wavesweep.spec import load
-from wavesweep.sweep import workers
+from wavesweep.sweep import unknown, workers
 from wavesweep.sweep.hands import hands_of
 from wavesweep.tables import intervals as interval_table
 from wavesweep.tables.interval_tally import HandTally
 from wavesweep.tables.intervals import intervals
 
-quick = pytest.fixture(quick_search)
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 LINE = {"mass": (0.1, 0.6), "damping": (3.0, 3.0), "stiffness": (300.0, 300.0)}  # quickly searched
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}
@@ -106,7 +104,6 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
 
 @pytest.mark.thorough
 @pytest.mark.slow
-@pytest.mark.usefixtures("quick")
 def test_the_box_names_the_hand_that_ends_it():
     spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
     run = intervals(spec, hands=hands_of(worded(BOX)))
@@ -119,7 +116,7 @@ def test_the_box_names_the_hand_that_ends_it():
     for row in range(2):
         values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
         found = box_intervals(values, (0.0, 20000.0), HandBox(**BOX))
-        assert rows["high"][row] == found.high[0]
+        assert rows["high"][row] == found["high"][0]
         hand = [rows[f"high_hand_{part}"][row] for part in BOX]
         walls = rows["high"][row] * np.array([1 - 1e-7, 1 + 1e-7])
         radius, _ = worst_modes(values, np.array([hand, hand]), walls, values["environment.B_VE"])
@@ -127,9 +124,8 @@ def test_the_box_names_the_hand_that_ends_it():
         assert 0 < rows["high_omega"][row] < np.pi * 50
 
 
-@pytest.mark.usefixtures("quick")
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
-    monkeypatch.setattr(hand_box, "WORK", 1000)
+    monkeypatch.setattr(unknown, "FRAMES", 1000)
     run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()

@@ -1,4 +1,4 @@
-"""Passivity of the wave channel and of the hand's port, and stability for all passive hands and for a box of hands."""
+"""Passivity of the wave channel and of the hand's port, and stability for all passive hands."""
 
 from wavesweep.passive.any_hand import (
     DampingNeeded,
@@ -15,8 +15,7 @@ from wavesweep.passive.channel import (
     has_waves,
     sufficient_order,
 )
-from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
-from wavesweep.passive.hand_box import BoxIntervals, box_intervals
+from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
 from wavesweep.passive.held_loop import HAND, HeldLoop
 from wavesweep.passive.loop_margins import BrokenLoop, Margin, margins_of
 from wavesweep.passive.margin import PortMargin, more_damping, port_margin
@@ -24,7 +23,6 @@ from wavesweep.passive.margin import PortMargin, more_damping, port_margin
 __all__ = [
     "HAND",
     "HOLDING_A_DEVICE",
-    "BoxIntervals",
     "BrokenLoop",
     "ChannelNorm",
     "DampingNeeded",
@@ -34,7 +32,6 @@ __all__ = [
     "PassiveWalls",
     "PortMargin",
     "any_hand_walls",
-    "box_intervals",
     "channel_norm",
     "damping_needed",
     "filter_table",
@@ -45,5 +42,4 @@ __all__ = [
     "port_passive_walls",
     "reads_velocity",
     "sufficient_order",
-    "swing_with_hand",
 ]

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -59,10 +58,10 @@ class HeldLoop:
         """Return the blocks of the loops."""
         return assembled(self.drawing, self.values)
 
-    def drift(self, watched=(), varied: Mapping[str, Any] = MappingProxyType({})) -> TickDrift:
-        """Return the drift of the loops; watched: see `drift_of_drawn`; varied: arrays of numbers that it has to hold for."""
+    def drift(self, watched=()) -> TickDrift:
+        """Return the drift of the loops; watched: see `drift_of_drawn`."""
         with np.errstate(all="ignore"):
-            return _drift(*twins(self.drawing, {**self.values, **varied}), tuple(watched))
+            return _drift(*twins(self.drawing, self.values), tuple(watched))
 
     def port(self, drawn: MultirateLoop | None = None) -> Port:
         """Return the loops from the hand's force to the displacement in the tick.

@@ -21,7 +21,7 @@ from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.monodromy.periodic import Ticks
 from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
-from wavesweep.passive.enclosure import Enclosure
+from wavesweep.robust.enclosure import Enclosure
 from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
 from wavesweep.spec.expressions import evaluate, names_in
 
@@ -380,7 +380,7 @@ def _enclosure(tick, middle, half):
     """The change of a tick for all values of the number from `middle - half` to `middle + half`."""
     nothing = np.zeros_like(tick.E)
     if not tick.inputs:
-        return Enclosure(tick.E, nothing[None], nothing[None], nothing)
+        return Enclosure(tick.E, nothing, nothing, nothing)
     d = tick.D[0, 0]
     through = tick.B @ tick.C
     # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
@@ -389,7 +389,7 @@ def _enclosure(tick, middle, half):
     parts = middle / closing, half / closing**2, d * half**2 / closing**3
     rest = d**2 * half**3 / least**4
     centre, slope, curve = (part * through for part in parts)
-    return Enclosure(tick.E + centre, slope[None], curve[None], rest * np.abs(through))
+    return Enclosure(tick.E + centre, slope, curve, rest * np.abs(through))
 
 
 def _then(first, later):

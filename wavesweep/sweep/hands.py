@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import partial
 
 import numpy as np
 
@@ -13,27 +12,27 @@ from wavesweep.passive import (
     HandBox,
     HeldLoop,
     any_hand_walls,
-    box_intervals,
     damping_needed,
     port_margin,
     port_passive_walls,
     reads_velocity,
-    swing_with_hand,
 )
 from wavesweep.passive.held_loop import HAND, is_affine
-from wavesweep.spec import Spec
+from wavesweep.spec import Axis, Spec
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_loops import held_loop
-from wavesweep.sweep.drawn_task import DrawnTask, Parts, loop_by_loop
+from wavesweep.sweep.drawn_task import Parts, loop_by_loop
 from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.interval_job import IntervalJob
 from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD
+from wavesweep.sweep.unknown import Case, proofs
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
+MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
-    "box": "exact intervals of the hands found to matter, intersected; where settled, a cover of the box by pieces, each "
-    "stable by a weighted Gershgorin bound, proves all but a thousandth of the interval at either end; else searched",
+    "box": "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
+    "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else searched",
     "port": "port margin; each value looked at is proved, what lies between two of the same kind is not",
 }
 
@@ -97,26 +96,26 @@ def _from_ends(found, span, measure, certified=False) -> np.ndarray:
 
 
 def _for_box(loop, along, span, box) -> np.ndarray:
-    found = box_intervals(loop, partial(stable_of, along, span), along, span, box)
-    records = _blank(found.low, found.high)
-    records["settled"] = found.settled
-    for end, hands in (("low", found.low_hand), ("high", found.high_hand)):
-        for row in np.flatnonzero(~np.isnan(hands[:, 0])):
-            records[f"{end}_omega"][row] = swing_with_hand(loop.changed({along: records[end][row]}), hands[row])
-            for name, number in zip(END_HANDS[end], hands[row], strict=True):
-                records[name][row] = number
+    loop, ends = loop.with_hand(), box.ranges()
+    ranges = [Axis(path, path, (), low, high, structural=False) for path, (low, high) in ends.items() if low < high]
+    known = {path: low for path, (low, high) in ends.items() if low == high}
+    case = Case(loop.drawing, {**loop.values, **known}, along, span, ranges, known)
+    found = list(proofs([case], span, MARGIN))
+    records = _blank(*(np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high")))
+    records["settled"] = case.certified
+    for record, (part, proved) in zip(records, found, strict=False):
+        record["settled"] &= _all_but_margin(part, proved)
+        for end in ("low", "high"):
+            record[f"{end}_omega"] = getattr(part, f"{end}_omega")
+            if by := getattr(part, f"{end}_by"):
+                for name, path in zip(END_HANDS[end], HAND, strict=True):
+                    record[name] = by[path]
     return records
 
 
-def stable_of(along, span, loops: HeldLoop):
-    """Yield the stable intervals of each loop of a batch, as ([(low, high), ...], certified)."""
-    size = loops.batch[0]
-    groups = ((np.arange(size), dict(loops.values)),)
-    seen = DrawnTask(loops.drawing, along, span, groups, felt=False, checked=True).records()
-    for at in range(size):
-        mine = seen[seen["slice"] == at]
-        rows = mine[mine["intervals"] > 0]
-        yield list(zip(rows["low"], rows["high"], strict=True)), bool(mine["certified"].all())
+def _all_but_margin(part, proved):
+    low, high = part.within(MARGIN)
+    return proved is not None and proved[0] <= low and high <= proved[1]
 
 
 def _blank(low, high) -> np.ndarray:
