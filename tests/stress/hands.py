@@ -10,7 +10,7 @@ import numpy as np
 from stress.judge import Verdict
 from stress.specs import maybe, spread
 from support import exact
-from support.held import box_intervals, worst_modes
+from support.held import box_intervals, ends_of, worst_modes
 from support.specs import random_values
 
 from wavesweep.errors import IllPosedLoopError
@@ -58,10 +58,11 @@ def judge(seed) -> list[Verdict]:
             found = box_intervals(asked.values, SPAN, asked.box)
         except IllPosedLoopError:
             return [Verdict("refused", certified=False)]
-    rows = [*zip(found.low.tolist(), found.high.tolist(), strict=True)]
+    rows = [(float(row["low"]), float(row["high"])) for row in found if row["intervals"]]
     broken = [hit for row in rows if (hit := breaking(asked, *row, seed)) is not None]
-    why = "" if found.settled else asked.values["controller.kind"]
-    return [Verdict("wrong" if broken else "right", bool(found.settled), max(len(rows), 1), why, 0.0, rows, broken)]
+    settled = bool(found["settled"].all())
+    why = "" if settled else asked.values["controller.kind"]
+    return [Verdict("wrong" if broken else "right", settled, max(len(rows), 1), why, 0.0, rows, broken)]
 
 
 def breaking(asked, low, high, seed):
@@ -85,22 +86,23 @@ def breaking(asked, low, high, seed):
 
 def _tried(asked, r):
     """Hands of the box: evenly, in the logarithm, on faces and edges, and along resonances that alias."""
-    box = asked.box
-    low, high = np.maximum(box.low, 1e-4 * box.high), box.high
+    least, high = ends_of(asked.box)
+    low = np.maximum(least, 1e-4 * high)
     share = r.random((HANDS, 3))
     share = np.where(r.random((HANDS, 3)) < 0.4, np.round(share), share)
-    even, log = box.low + share * (box.high - box.low), low * (high / low) ** share
+    even, log = least + share * (high - least), low * (high / low) ** share
     hands = np.where(r.random((HANDS, 3)) < 0.7, log, even)
-    hands = np.where(share == 0, box.low, hands)
+    hands = np.where(share == 0, least, hands)
     rate = asked.values["rates.fast_hz"] / asked.values["rates.ratio"]
     some = slice(0, HANDS // 3)  # the natural frequency anywhere between two multiples of the slow rate, the lowest ten
     w = 2 * np.pi * rate * 10 * r.random(HANDS // 3)
-    hands[some, 2] = np.clip(w**2 * (hands[some, 0] + asked.values["device.mass"]), box.low[2], box.high[2])
-    return np.clip(hands, box.low, box.high)
+    hands[some, 2] = np.clip(w**2 * (hands[some, 0] + asked.values["device.mass"]), least[2], high[2])
+    return np.clip(hands, least, high)
 
 
 def _shares(box, hands):
-    return (hands - box.low) / np.where(box.high > box.low, box.high - box.low, 1)
+    low, high = ends_of(box)
+    return (hands - low) / np.where(high > low, high - low, 1)
 
 
 def _modes(values, hands, walls):
@@ -111,13 +113,13 @@ def _modes(values, hands, walls):
 
 def _improved(asked, r, share, walls, by):
     """Random steps about the best, ever smaller, in each number by itself and in all together."""
-    hands, best, radii = None, None, None
+    (low, high), hands, best, radii = ends_of(asked.box), None, None, None
     for step in 0.3 * 0.55 ** np.arange(ROUNDS):
         moves = step * r.standard_normal((*share.shape[:2], TRIALS, 3)) * (r.random((TRIALS, 3)) < 0.6)
         moves[:, :, 0] = 0
         scale = np.where(r.random((TRIALS, 1)) < 0.5, 1.0, share[:, :, None] + 1e-3)
         trial = np.clip(share[:, :, None] + moves * scale, 0, 1)
-        hands = asked.box.low + trial * (asked.box.high - asked.box.low)
+        hands = low + trial * (high - low)
         radius, damping = _modes(asked.values, hands.reshape(len(walls), -1, 3), walls)
         radius, worse = radius.reshape(trial.shape[:-1]), (radius, -damping)[by].reshape(trial.shape[:-1])
         best = worse.argmax(-1)[..., None]

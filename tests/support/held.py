@@ -42,9 +42,14 @@ def port_passive_walls(values, span, path=WALL):
     return passivity.port_passive_walls(held(values, path), span, path)
 
 
+def ends_of(box):
+    """The low and the high ends of a box of hands, `(2, 3)`."""
+    return np.array(list(box.ranges().values())).T
+
+
 def hands_at(box, shares):
     """Hands of a box at shares of its ranges, `(n, 3)`: evenly in the logarithm, from 0 on in the cube root."""
-    low, high = np.array([box.mass, box.damping, box.stiffness], float).T
+    low, high = ends_of(box)
     start = np.where(low > 0, low, 1.0)
     return np.clip(np.where(low > 0, start * (high / start) ** shares, high * shares**3), low, high)
 
