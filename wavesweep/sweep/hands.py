@@ -102,7 +102,7 @@ def _for_box(loop, along, span, box) -> np.ndarray:
     case = Case(loop.drawing, {**loop.values, **known}, along, span, ranges, known)
     found = list(proofs([case], span, MARGIN))
     records = _blank(*(np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high")))
-    records["settled"] = case.certified
+    records["settled"] = case.vouched if found else case.certified
     for record, (part, proved) in zip(records, found, strict=False):
         record["settled"] &= _all_but_margin(part, proved)
         for end in ("low", "high"):

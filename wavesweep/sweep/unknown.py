@@ -112,7 +112,8 @@ class Case:
     """Loops whose numbers have ranges, along another number.
 
     values: the others' values. along: empty for none. fixed: those among the values that are named with the numbers of an end.
-    certified: whether all intervals that were looked at are. left: frames that proofs may take.
+    certified: whether all intervals that were looked at are. vouched: whether some are; then a proof has a loop that is stable
+    to begin with. left: frames that proofs may take.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class Case:
         self.drawing, self.values = drawing, read_by(drawing, values)
         self.ranges = [axis for axis in ranges if axis.path in drawing.reads]
         self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
-        self.certified, self.left = True, FRAMES
+        self.certified, self.vouched, self.left = True, False, FRAMES
 
     def parts(self) -> list[Part]:
         """What none of the numbers that are looked at refutes; a search goes to the worst ones for each end."""
@@ -177,6 +178,7 @@ class Case:
             task = DrawnTask(self.drawing, self.along, self.span, ((np.arange(some.size), self.values | arrays),), False, True)
             records = task.records()
             self.certified &= bool(records["certified"].all())
+            self.vouched |= bool(records["certified"].any())
             for record in records[records["intervals"] > 0]:
                 ends = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
                 found[some[record["slice"]]].append(tuple(ends))
