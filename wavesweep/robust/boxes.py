@@ -64,7 +64,8 @@ def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: i
     queue, unstable = [box], np.zeros((0, box.shape[1]))
     while queue and function.used < most and not len(unstable):
         piece = queue.pop(0)
-        unstable, open_ = function.judged(piece)
+        with np.errstate(all="ignore"):  # what overflows is not proved
+            unstable, open_ = function.judged(piece)
         queue += open_
     return Cover(np.array(queue).reshape(-1, *box.shape), unstable, function.used)
 
@@ -93,10 +94,9 @@ class _Function:
         centre = pivots.real.mean(0)
         rims = [self._beyond(middle, half, wide, at, units, trend, peak, centre) for at in range(wide.size)]
         far, steps = np.stack([size for size, _ in rims]), np.max([step for _, step in rims], axis=0)
-        with np.errstate(divide="ignore"):
-            needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(1, initial=0.0)
+        needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(1, initial=0.0)
         counts = np.clip(np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf)
-        if (counts > MOST_NODES).any() or counts.prod() > MOST_GRID:
+        if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
             # Where the ellipses about the others differ much along a number, it is what keeps them large.
             steep = np.isfinite(counts).all() and steps.max() > STEEP
             return self._none, _divided(piece, wide, steps if steep else counts)
