@@ -38,3 +38,11 @@ def test_what_sets_the_worst_is_swept_if_it_lies_between_the_listed_values():
     text = text_of(load(SPEC), row, 20000.0)
     assert '"device.mass" = [0.08, 0.1025, 0.125]' in text
     assert '"operator.stiffness" = [0.0, 1000.0]' in text
+
+
+def test_what_it_holds_for_all_of_stays_in_for_all_and_the_device_keeps_its_encoder():
+    spec = load(SPEC | {"for_all": {"device.damping": {"start": 1.0, "stop": 2.0}}, "simulate": {"resolution": 2e-5}})
+    found = load(tomllib.loads(text_of(spec, {"b": 18.0, "z_width": 844.2}, 20000.0)))
+    assert [axis.path for axis in found.for_all.axes] == ["device.damping"]
+    assert "device.damping" not in [axis.path for axis in found.sweep]
+    assert found.simulate["resolution"] == 2e-5

@@ -11,6 +11,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.writing import as_toml
+from wavesweep.sweep.hardware import GIVEN
 from wavesweep.tables.table import Table
 
 MOST = 10
@@ -30,7 +31,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """Return the spec of a design as text.
 
     Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table,
-    but for ratios, which no [sweep] has.
+    but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps.
     """
     design, tables = spec.design, spec_of(spec, row).tables()
     walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
@@ -39,7 +40,8 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
         names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
         damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
         sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
-    held = {name_of(axis.path): list(axis.values) for axis in design.for_all}
+    of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
+    held = {name_of(axis.path): list(axis.values) for axis in design.for_all if axis.path not in of_all}
     held |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
     # What sets the worst may lie between the values that the spec lists.
     worst = dict(part.split("=") for part in str(row.get("z_width_scenario", "")).split(", ") if "=" in part)
@@ -47,6 +49,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
     sweep |= {name: values for name, values in held.items() if name not in swept}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
+    tables["simulate"] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
     said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
     for path in spec.given:
         *_, name, last = path.split(".")
