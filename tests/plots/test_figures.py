@@ -153,18 +153,20 @@ def test_a_single_design_is_a_list_beside_its_response():
         "design": {"vary": {"b": {"start": 5, "stop": 100}}, "wish": {"z_width": {"at_least": 400.0}, "felt": {}}},
     }
     facts = {"spec": wavesweep.load(spec).as_designed().tables(), "own": {"z_width": 500.0, "felt": None}}
+    facts["runners_up"] = [{"numbers": {"b": 90.0}, "wishes": {"z_width": 750.0, "felt": 600.0}}]
     columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
     listed, response = plots.design(columns, facts).axes
     cells = {at: cell.get_text().get_text() for at, cell in listed.tables[0].get_celld().items()}
-    rows = [[cells[row, column] for column in range(3)] for row in range(4)]
-    assert [row[1:] for row in rows] == [["spec's own", "found"], ["500", "900"], ["not known", "700"], ["25", "40"]]
-    assert "at least 400" in rows[1][0]
-    for line, b in zip(response.lines, (25.0, 40.0), strict=True):
+    rows = [[cells[row, column] for column in range(4)] for row in range(5)]
+    margins = ["   margin to at least 400", "25 %", "125 %", "87.5 %"]
+    assert [row[1:] for row in rows[:2]] == [["spec's own", "found", "next best"], ["500", "900", "750"]]
+    assert rows[2:] == [margins, [rows[3][0], "not known", "700", "600"], [rows[4][0], "25", "40", "90"]]
+    for line, b in zip(response.lines, (25.0, 40.0, 90.0), strict=True):
         frequency, magnitude = line.get_data()
         expected = wavesweep.compile({"controller": {"kind": "pmw", "b": b}}).response(frequency.tolist())
         assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
     without, _ = plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes
-    assert without.tables[0].get_celld()[3, 1].get_text().get_text() == "not known"
+    assert without.tables[0].get_celld()[4, 1].get_text().get_text() == "not known"
 
 
 @pytest.mark.parametrize(
