@@ -15,8 +15,9 @@ import wavesweep
 import wavesweep.sweep
 from wavesweep import plots
 from wavesweep.plots import chosen, style
+from wavesweep.plots.files import save
 from wavesweep.plots.layout import best_of, best_row, lay_out
-from wavesweep.plots.style import about_figure, figure, note_assumptions, save, symbol
+from wavesweep.plots.style import about_figure, as_asked, figure, note_assumptions, symbol
 from wavesweep.tables.comparison import compare
 from wavesweep.tables.intervals import intervals
 
@@ -384,11 +385,11 @@ def test_one_thread_after_the_other_has_the_settings_of_figures():
     entered, before = threading.Event(), dict(matplotlib.rcParams)
 
     def draw():
-        with style._style():
+        with style.style():
             entered.set()
 
     other = threading.Thread(target=draw)
-    with style._style():
+    with style.style():
         other.start()
         assert not entered.wait(0.2)
     other.join()
@@ -555,3 +556,49 @@ def test_numbers_below_a_narrow_panel_do_not_touch():
         boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in axes.get_xticklabels()))
         assert len(boxes) >= 2
         assert all(left[1] < right[0] for left, right in pairwise(boxes))
+
+
+def test_a_width_and_a_style_that_are_asked_for(plane, tmp_path):
+    usual = plots.zwidth(plane, {})
+    with as_asked(89 / 25.4), as_asked(settings={"font.family": ["serif"], "lines.linewidth": 3.0}):
+        narrow = plots.zwidth(plane, {})
+        save(narrow, tmp_path / "a.png", about_figure("zwidth", {}))
+    assert size_of((tmp_path / "a.png").read_bytes())[0] == int(200 * 89 / 25.4)
+    assert narrow.axes[0].get_yticklabels()[0].get_fontfamily() == ["serif"]
+    assert {label.get_fontsize() for label in narrow.axes[0].get_xticklabels()} == {8.0}
+    assert usual.get_figwidth() == plots.zwidth(plane, {}).get_figwidth() == 3.5
+
+
+@pytest.mark.parametrize("width", [2.8, 3.5, 5.0, 9.0])
+def test_no_text_of_a_figure_in_another_width_is_cut_off(width, family):
+    with as_asked(width):
+        columns = wavesweep.passivity({"controller": {"kind": "pmw"}, "sweep": {"b": [20, 40, 80]}})
+        figures = [
+            plots.zwidth(family, {}),
+            plots.passivity({name: columns[name].to_numpy() for name in columns}, columns.attrs),
+        ]
+    for drawn in figures:
+        drawn.draw_without_rendering()
+        texts = [*drawn.texts, *(axis.label for axes in drawn.axes for axis in (axes.xaxis, axes.yaxis))]
+        texts += [text for legend in drawn.legends for text in legend.get_texts()]
+        boxes = [text.get_window_extent() for text in texts if text.get_text().strip()]
+        assert min(box.x0 for box in boxes) >= 0
+        assert max(box.x1 for box in boxes) <= width * drawn.dpi + 1
+
+
+def test_an_eps_is_the_same_each_time_and_has_the_colours_that_shine_through(tmp_path):
+    with figure(3.5, 2.0) as canvas:
+        axes = canvas.subplots()
+        axes.barh(0, 1.0, color="#000000", alpha=0.25, linewidth=0)
+        (line,) = axes.plot([0, 1], [0, 1], color="#ff0000", alpha=0.5)
+    for name in ("a.eps", "b.eps"):
+        save(canvas, tmp_path / name, {"Title": "zwidth of mine", "Software": "wavesweep", "Spec": "mine"})
+    text = (tmp_path / "a.eps").read_text()
+    assert text == (tmp_path / "b.eps").read_text()
+    assert "%%Title: zwidth of mine\n" in text
+    assert "Date" not in text
+    assert "%%BoundingBox: 0 0 252 144" in text
+    assert {"0.75 setgray", "1 0.5 0.5 setrgbcolor"} <= {
+        part.strip() for part in re.findall(r"[\d. ]+ setgray|[\d. ]+ setrgbcolor", text)
+    }
+    assert (line.get_alpha(), line.get_color()) == (0.5, "#ff0000")

@@ -35,6 +35,7 @@ from wavesweep.plots.style import (
     shortened,
     symbol,
     valued,
+    wide,
     with_unit,
 )
 from wavesweep.rows import Columns
@@ -95,7 +96,7 @@ def compare(
         if any(response_points(facts, spec) for spec in specs):
             measured.append(response_handle())
         handles, labels = [*handles, *measured], [*labels, *(each.get_label() for each in measured)]
-        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, fitting(labels, TWO_COLUMNS)))
+        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, fitting(labels, wide(TWO_COLUMNS))))
         note_assumptions(canvas, facts)
     return canvas
 

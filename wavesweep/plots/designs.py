@@ -19,6 +19,7 @@ from wavesweep.plots.style import (
     label,
     note_assumptions,
     printed,
+    wide,
     with_unit,
 )
 from wavesweep.spec.design import WISHES
@@ -111,17 +112,19 @@ def _draw_list(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], wish
         shown[f"found ({at + 1})" if count > 1 else "found"] = {name: columns[name][at].item() for name in (*wishes, *varied)}
     for each in facts.get("runners_up", ())[: count == 1]:
         shown["next best"] = {**each["wishes"], **each["numbers"]}
-    cells = []
+    beside, cells = wide(TWO_COLUMNS) > 1.5 * ONE_COLUMN, []
     for name in wishes:
-        cells.append([_label(name, facts), *(_number(each.get(name)) for each in shown.values())])
+        title = _label(name, facts)  # in a narrow figure without what is better
+        cells.append([title if beside else title.rpartition(",")[0], *(_number(each.get(name)) for each in shown.values())])
         wish = wish_of(name, facts)
         if wish.bound is not None:
             margins = (margins_of({name: each.get(name)}, facts).get(name) for each in shown.values())
             said = f"   margin to {wish.kind.bound.replace('_', ' ')} {wish.bound:g}"
             cells.append([said, *("" if share is None else f"{100 * share:.3g} %" for share in margins)])
     cells += [[label(name, facts), *(_number(each.get(name)) for each in shown.values())] for name in varied]
-    with figure(TWO_COLUMNS, max(2.4, 0.9 + 0.2 * len(cells))) as canvas:
-        left, right = canvas.subplots(1, 2, width_ratios=[2, 1])
+    height = max(2.4, 0.9 + 0.2 * len(cells))
+    with figure(TWO_COLUMNS, height if beside else height + 2) as canvas:
+        left, right = canvas.subplots(*((1, 2) if beside else (2, 1)), **({"width_ratios": [2, 1]} if beside else {}))
         widths = [0.55, *[0.45 / len(shown)] * len(shown)]
         table = left.table(
             cells, colLabels=["", *shown], colWidths=widths, cellLoc="left", colLoc="left", loc="center", edges="horizontal"
