@@ -602,3 +602,22 @@ def test_an_eps_is_the_same_each_time_and_has_the_colours_that_shine_through(tmp
         part.strip() for part in re.findall(r"[\d. ]+ setgray|[\d. ]+ setrgbcolor", text)
     }
     assert (line.get_alpha(), line.get_color()) == (0.5, "#ff0000")
+
+
+def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
+    """Between 0 and 5 N*s/m a hole closes, which two values do not show; marks are at the values alone."""
+    lp1 = {"lp1": {"order": 1, "cutoff_hz": 8.57}}
+    spec = {"controller": {"kind": "pmw", "b": 25.0}, "environment": {"integration": "explicit"}, "filters": lp1}
+    spec |= {"bode": {"frequency_hz": [1]}}
+    walls, _ = compare([wavesweep.load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.0, 5.0]}})])
+    limits = plots.compare(walls.columns, walls.facts).axes[0]
+    lines = [line for line in limits.lines if line.get_marker() == "o" and len(line.get_xdata()) > 1]
+    tip = max(line.get_xdata().max() for line in lines if line.get_xdata().max() < 5)
+    for line in lines:
+        marked = line.get_xdata()[line.get_markevery()]
+        assert set(marked) <= {0.0, 5.0}
+        for x, y in [*zip(*line.get_data(), strict=True)][::7]:
+            row = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[float(x)])
+            assert min(abs(row.high - y)) <= 1e-9 * y
+    found = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[0.99 * tip, 1.02 * tip])
+    assert found.intervals.tolist() == [2, 2, 1]
