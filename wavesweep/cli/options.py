@@ -123,7 +123,7 @@ formats = _together(
         metavar="STYLE",
         expose_value=False,
         callback=_as_asked,
-        help="A style of matplotlib over that of the program: a name such as grayscale, or a file with settings, e.g. "
+        help="A style of matplotlib over that of the program: a name such as ggplot, or a file with settings, e.g. "
         "'font.family: serif'. Colours that tell curves apart stay.",
     ),
 )

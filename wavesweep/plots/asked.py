@@ -38,7 +38,7 @@ def style_of(text: str) -> dict[str, Any]:
     else:
         close = nearest(text, matplotlib.style.library)
         hint = f" (did you mean {close}?)" if close else ""
-        names = "the name of a style of matplotlib, such as grayscale, or a file with settings"
+        names = "the name of a style of matplotlib, such as ggplot, or a file with settings"
         raise UsageError(f"--style: expected {names}, found {text}{hint}")
     if settings.get("text.usetex"):
         raise UsageError(f"--style: expected a style whose texts matplotlib sets itself, found text.usetex in {text}")
