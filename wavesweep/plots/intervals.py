@@ -160,9 +160,9 @@ def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], 
     if not named and any(patch.get_hatch() == UNKNOWN["hatch"] for each in canvas.axes for patch in each.patches):
         marks = [*marks, Patch(**UNKNOWN, label="not known outside the intervals")]
     if beside and members + marks:
-        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
+        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return
-    above = {"columnspacing": 0.8, "handlelength": 1.9, "handletextpad": 0.5, "fontsize": _SMALL}
+    above = {"columnspacing": 0.8, "handlelength": 2.5, "handletextpad": 0.5, "fontsize": _SMALL}
     if members:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
         axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)

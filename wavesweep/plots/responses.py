@@ -418,7 +418,7 @@ def draw_magnitudes(lines: Sequence[Line], panels: Sequence[Panel], title: str, 
             axes.set_xlabel("normalised frequency (rad/sample)")
         canvas.axes[0].set_ylabel(title)
         handles, labels = canvas.axes[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside lower center", ncols=6)
+        canvas.legend(handles, labels, loc="outside lower center", ncols=fitting(labels, wide(TWO_COLUMNS)))
     return canvas
 
 
