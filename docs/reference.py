@@ -7,10 +7,12 @@ calls it for every page while the site is built.
 from __future__ import annotations
 
 import base64
+import html
 import inspect
 import io
 import json
 import re
+import shlex
 import tempfile
 import tomllib
 from collections import Counter
@@ -26,6 +28,7 @@ from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS, group
 
 HERE = Path(__file__).parent
+GALLERY = HERE / "gallery.md"
 MARK = re.compile(r"^<!-- from the code: ([\w-]+) ?([\w-]*) -->$", re.MULTILINE)
 INCLUDED = re.compile(r"^```{include} (\S+)", re.MULTILINE)
 SHARED = 3  # commands: an option that so many have is explained once, for all of them
@@ -195,8 +198,6 @@ SAMPLED = {
 
 def summaries() -> str:
     """What commands print with --json for a small spec."""
-    import shlex
-
     parts = [f"`mine.toml`:\n\n```toml\n{SAMPLE}```"]
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         Path("mine.toml").write_text(SAMPLE, encoding="utf-8")
@@ -282,6 +283,20 @@ def drawn(page: str) -> str:
     return _picture(tomllib.loads(text.split("```toml\n")[1].split("```")[0]), "the loop")
 
 
+def picture(name: str) -> str:
+    """The figure that the command before this mark of the gallery draws, of the table of this name if there are several."""
+    line = re.search(
+        rf"^    wavesweep (.+)\n\n<!-- from the code: picture {name} -->$", GALLERY.read_text("utf-8"), re.MULTILINE
+    )[1]
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        Path("sweeps").symlink_to(HERE.parent / "sweeps")
+        if code := main([*shlex.split(line), "--quiet"]):
+            raise RuntimeError(f"wavesweep {line}: exit code {code}")
+        found = {path.stem: path for path in Path("results").rglob("*.png")}
+        data = base64.b64encode(found.get(name, next(iter(found.values()))).read_bytes()).decode()
+    return f'<img alt="Figure of wavesweep {html.escape(line)}" width="720" src="data:image/png;base64,{data}">'
+
+
 def _picture(tables, name):
     from wavesweep.plots import diagram
 
@@ -291,7 +306,10 @@ def _picture(tables, name):
     return f'<img alt="Blocks and wires of {name}" style="background: white" src="data:image/svg+xml;base64,{data}">'
 
 
-MADE = {made.__name__: made for made in (commands, keys, devices, blocks, tables, doubts, summaries, library, diagram, drawn)}
+MADE = {
+    made.__name__: made
+    for made in (commands, keys, devices, blocks, tables, doubts, summaries, library, diagram, drawn, picture)
+}
 
 
 def _printed(*words):

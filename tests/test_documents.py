@@ -66,6 +66,23 @@ def test_nothing_is_missing_in_the_reference(reference):
     assert {name for name in COMMANDS if "--json" in reference.switches(name)} - OTHERWISE == set(reference.SAMPLED)
 
 
+PICTURES = re.findall(r"^<!-- from the code: picture ([\w-]+) -->$", PAGES["gallery.md"], re.MULTILINE)
+
+
+def test_the_gallery_has_every_kind_of_figure():
+    commands = re.findall(r"^    wavesweep ([\w-]+) ", PAGES["gallery.md"], re.MULTILINE)
+    others = {"init", "keys", "verify", "plot", "export", "explore", "paper", "bench", "completion"}
+    assert {*COMMANDS} - others == set(commands)
+    assert len(PICTURES) == len(set(PICTURES)) == len(commands)
+
+
+@pytest.mark.slow
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("name", PICTURES)
+def test_the_commands_of_the_gallery_draw(name, reference):
+    assert len(reference.MADE["picture"](name)) > 10_000
+
+
 PUBLIC = [name for name in wavesweep.__all__ if callable(getattr(wavesweep, name))]
 OTHERWISE = {"paper", "bench", "keys"}  # the first two take minutes; what `keys` prints is the page of the keys
 

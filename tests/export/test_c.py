@@ -190,3 +190,24 @@ def test_no_file_of_a_spec_that_cannot_be_exported():
     ill = values_of("pmw-lm", local_model__delay=0, local_model__integration="explicit", local_model__B_LM=1e300, **orders)
     with pytest.raises(IllPosedLoopError):
         exported(wavesweep.load(nested(ill)))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", CHANGES)
+def test_gains_at_run_time_are_those_of_a_fresh_export_to_the_last_bit(kind, changes, tmp_path):
+    need("gcc")
+    tables = experiment(kind, {"wall": 0.0, "amplitude": 5.0, "late": 45}, **changes)
+    spec = wavesweep.load(tables)
+    put(files := exported(spec, gains=True), tmp_path)
+    assert made(tmp_path, "check", "gcc", "-O2")[1][-16:] == " no bit differs\n"
+    members = dict(re.findall(r"    double (\w+); /\* ([\w.]+): ", files["controller.h"].split("ws_wall;")[-1]))
+    other = {path: 0.9 * spec.values[path] + 0.1 for path in members.values()}
+    expected = {"pmw": {"b", "Kp"}, "pmw-lm": {"b", "Kp", "K_LM", "B_LM"}, "dc-lm": {"K_LM", "B_LM"}}
+    assert set(members) == expected.get(kind, set())
+    fresh = exported(spec.with_values(other))
+    given = "".join(f"    s.gains.{name} = {other[path].hex()};\n" for name, path in members.items())
+    tuned = files["check.c"].replace("    ws_init(&s);\n", f"    ws_init(&s);\n{given}{'    ws_tune(&s);' * bool(members)}\n")
+    put({"check.c": tuned, "vectors.csv": fresh["vectors.csv"]}, tmp_path)
+    code, said = made(tmp_path, "check", "gcc", "-O2")
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.drawn import DRIVE, as_blocks, drive
-from support.exports import COMPILERS, LEVELS, made, present, written
+from support.exports import COMPILERS, LEVELS, made, present, put, written
 
 import wavesweep
 from wavesweep.errors import UsageError
@@ -83,6 +83,23 @@ def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
     seen = simulation_of(wavesweep.load(tables), np.ones(2000)).signals["v"]
     place = {"arm": "hand_v", "policy": "joint_v", "controllers/pmw-lm": "device_v"}[name]
     assert [float(row[place]) for row in rows] == pytest.approx(seen, rel=1e-9, abs=1e-11 * np.abs(seen).max())
+
+
+def test_gains_of_a_drawn_loop_also_one_of_zero_are_those_of_a_fresh_export(tmp_path):
+    if "gcc" not in present():
+        pytest.skip("no gcc")
+    words = ARM.replace("0.5*sum.y", "ki*sum.y - kd*arm.v/(1 + kd)").replace("- 0.1*felt.y", "- share*felt.y")
+    numbers = {"numbers": {"ki": 0.5, "kd": 0.0, "share": 0.1, "every": 4}}
+    tables = tomllib.loads(words.replace("every = 4", 'every = "every"')) | numbers
+    put(files := exported(load(tables), gains=True), tmp_path)
+    assert made(tmp_path, "check", "gcc", "-O2")[1][-16:] == " no bit differs\n"
+    assert " *   numbers.every, rates.tick_hz\n" in files["controller.h"]
+    other = {"ki": 7.0, "kd": 0.3, "share": -0.2}
+    given = "".join(f"    s.gains.{name} = {value.hex()};\n" for name, value in other.items())
+    tuned = files["check.c"].replace("    ws_init(&s);\n", f"    ws_init(&s);\n{given}    ws_tune(&s);\n")
+    fresh = exported(load(tables | {"numbers": other | {"every": 4}}))
+    put({"check.c": tuned, "vectors.csv": fresh["vectors.csv"]}, tmp_path)
+    assert made(tmp_path, "check", "gcc", "-O2")[1][-16:] == " no bit differs\n"
 
 
 def test_the_controller_reads_the_device_and_the_force_that_it_feels():

@@ -15,8 +15,9 @@ import wavesweep
 import wavesweep.sweep
 from wavesweep import plots
 from wavesweep.plots import chosen, style
+from wavesweep.plots.files import save
 from wavesweep.plots.layout import best_of, best_row, lay_out
-from wavesweep.plots.style import about_figure, figure, note_assumptions, save, symbol
+from wavesweep.plots.style import about_figure, as_asked, figure, note_assumptions, symbol
 from wavesweep.tables.comparison import compare
 from wavesweep.tables.intervals import intervals
 
@@ -153,18 +154,20 @@ def test_a_single_design_is_a_list_beside_its_response():
         "design": {"vary": {"b": {"start": 5, "stop": 100}}, "wish": {"z_width": {"at_least": 400.0}, "felt": {}}},
     }
     facts = {"spec": wavesweep.load(spec).as_designed().tables(), "own": {"z_width": 500.0, "felt": None}}
+    facts["runners_up"] = [{"numbers": {"b": 90.0}, "wishes": {"z_width": 750.0, "felt": 600.0}}]
     columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
     listed, response = plots.design(columns, facts).axes
     cells = {at: cell.get_text().get_text() for at, cell in listed.tables[0].get_celld().items()}
-    rows = [[cells[row, column] for column in range(3)] for row in range(4)]
-    assert [row[1:] for row in rows] == [["spec's own", "found"], ["500", "900"], ["not known", "700"], ["25", "40"]]
-    assert "at least 400" in rows[1][0]
-    for line, b in zip(response.lines, (25.0, 40.0), strict=True):
+    rows = [[cells[row, column] for column in range(4)] for row in range(5)]
+    margins = ["   margin to at least 400", "25 %", "125 %", "87.5 %"]
+    assert [row[1:] for row in rows[:2]] == [["spec's own", "found", "next best"], ["500", "900", "750"]]
+    assert rows[2:] == [margins, [rows[3][0], "not known", "700", "600"], [rows[4][0], "25", "40", "90"]]
+    for line, b in zip(response.lines, (25.0, 40.0, 90.0), strict=True):
         frequency, magnitude = line.get_data()
         expected = wavesweep.compile({"controller": {"kind": "pmw", "b": b}}).response(frequency.tolist())
         assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
     without, _ = plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes
-    assert without.tables[0].get_celld()[3, 1].get_text().get_text() == "not known"
+    assert without.tables[0].get_celld()[4, 1].get_text().get_text() == "not known"
 
 
 @pytest.mark.parametrize(
@@ -382,11 +385,11 @@ def test_one_thread_after_the_other_has_the_settings_of_figures():
     entered, before = threading.Event(), dict(matplotlib.rcParams)
 
     def draw():
-        with style._style():
+        with style.style():
             entered.set()
 
     other = threading.Thread(target=draw)
-    with style._style():
+    with style.style():
         other.start()
         assert not entered.wait(0.2)
     other.join()
@@ -553,3 +556,68 @@ def test_numbers_below_a_narrow_panel_do_not_touch():
         boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in axes.get_xticklabels()))
         assert len(boxes) >= 2
         assert all(left[1] < right[0] for left, right in pairwise(boxes))
+
+
+def test_a_width_and_a_style_that_are_asked_for(plane, tmp_path):
+    usual = plots.zwidth(plane, {})
+    with as_asked(89 / 25.4), as_asked(settings={"font.family": ["serif"], "lines.linewidth": 3.0}):
+        narrow = plots.zwidth(plane, {})
+        save(narrow, tmp_path / "a.png", about_figure("zwidth", {}))
+    assert size_of((tmp_path / "a.png").read_bytes())[0] == int(200 * 89 / 25.4)
+    assert narrow.axes[0].get_yticklabels()[0].get_fontfamily() == ["serif"]
+    assert {label.get_fontsize() for label in narrow.axes[0].get_xticklabels()} == {8.0}
+    assert usual.get_figwidth() == plots.zwidth(plane, {}).get_figwidth() == 3.5
+
+
+@pytest.mark.parametrize("width", [2.8, 3.5, 5.0, 9.0])
+def test_no_text_of_a_figure_in_another_width_is_cut_off(width, family):
+    with as_asked(width):
+        columns = wavesweep.passivity({"controller": {"kind": "pmw"}, "sweep": {"b": [20, 40, 80]}})
+        figures = [
+            plots.zwidth(family, {}),
+            plots.passivity({name: columns[name].to_numpy() for name in columns}, columns.attrs),
+        ]
+    for drawn in figures:
+        drawn.draw_without_rendering()
+        texts = [*drawn.texts, *(axis.label for axes in drawn.axes for axis in (axes.xaxis, axes.yaxis))]
+        texts += [text for legend in drawn.legends for text in legend.get_texts()]
+        boxes = [text.get_window_extent() for text in texts if text.get_text().strip()]
+        assert min(box.x0 for box in boxes) >= 0
+        assert max(box.x1 for box in boxes) <= width * drawn.dpi + 1
+
+
+def test_an_eps_is_the_same_each_time_and_has_the_colours_that_shine_through(tmp_path):
+    with figure(3.5, 2.0) as canvas:
+        axes = canvas.subplots()
+        axes.barh(0, 1.0, color="#000000", alpha=0.25, linewidth=0)
+        (line,) = axes.plot([0, 1], [0, 1], color="#ff0000", alpha=0.5)
+    for name in ("a.eps", "b.eps"):
+        save(canvas, tmp_path / name, {"Title": "zwidth of mine", "Software": "wavesweep", "Spec": "mine"})
+    text = (tmp_path / "a.eps").read_text()
+    assert text == (tmp_path / "b.eps").read_text()
+    assert "%%Title: zwidth of mine\n" in text
+    assert "Date" not in text
+    assert "%%BoundingBox: 0 0 252 144" in text
+    assert {"0.75 setgray", "1 0.5 0.5 setrgbcolor"} <= {
+        part.strip() for part in re.findall(r"[\d. ]+ setgray|[\d. ]+ setrgbcolor", text)
+    }
+    assert (line.get_alpha(), line.get_color()) == (0.5, "#ff0000")
+
+
+def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
+    """Between 0 and 5 N*s/m a hole closes, which two values do not show; marks are at the values alone."""
+    lp1 = {"lp1": {"order": 1, "cutoff_hz": 8.57}}
+    spec = {"controller": {"kind": "pmw", "b": 25.0}, "environment": {"integration": "explicit"}, "filters": lp1}
+    spec |= {"bode": {"frequency_hz": [1]}}
+    walls, _ = compare([wavesweep.load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.0, 5.0]}})])
+    limits = plots.compare(walls.columns, walls.facts).axes[0]
+    lines = [line for line in limits.lines if line.get_marker() == "o" and len(line.get_xdata()) > 1]
+    tip = max(line.get_xdata().max() for line in lines if line.get_xdata().max() < 5)
+    for line in lines:
+        marked = line.get_xdata()[line.get_markevery()]
+        assert set(marked) <= {0.0, 5.0}
+        for x, y in [*zip(*line.get_data(), strict=True)][::7]:
+            row = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[float(x)])
+            assert min(abs(row.high - y)) <= 1e-9 * y
+    found = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[0.99 * tip, 1.02 * tip])
+    assert found.intervals.tolist() == [2, 2, 1]

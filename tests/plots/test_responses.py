@@ -118,7 +118,7 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
         drawn = plots.drawn(table, said.append)
         assert sum(len(block["b"]) for block in drawn.blocks()) == 1200
         pictures = []
-        monkeypatch.setattr("wavesweep.plots.style.save", lambda figure, *_, keep=pictures: keep.append(figure._repr_png_()))
+        monkeypatch.setattr("wavesweep.plots.files.save", lambda figure, *_, keep=pictures: keep.append(figure._repr_png_()))
         drawn.figure(None)
         assert pictures == [whole._repr_png_()]
     assert said == ["figure of spec: shown: 20 of 40 values of b"] * 2

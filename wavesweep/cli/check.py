@@ -103,8 +103,10 @@ def _refuse_at_odds(plot: bool, out: str | None) -> None:
     """Raise UsageError for options of the picture without one."""
     if out is not None and not plot:
         raise click.UsageError("--out: expected --plot or --root-locus, since nothing else is written, found none")
-    if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
-        raise click.UsageError("--format: expected --plot or --root-locus, since no other figure is drawn, found none")
+    for name in () if plot else ("formats", "width", "style"):
+        if click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT:
+            expected = "expected --plot or --root-locus, since no other figure is drawn, found none"
+            raise click.UsageError(f"--{name.removesuffix('s')}: {expected}")
 
 
 def _axis_of_poles(spec: Spec, name: str) -> Axis:
@@ -128,8 +130,9 @@ def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, forma
     """Draw the loop, its poles over an axis, or both, and write the pictures; gives the paths of the files."""
     from wavesweep import __version__, plots, results
     from wavesweep.cli.output import refuse_other_things
+    from wavesweep.plots.files import save_all
     from wavesweep.plots.locus import locus_of
-    from wavesweep.plots.style import about_figure, save_all
+    from wavesweep.plots.style import about_figure
 
     directory, figures = Path(out or Path("results", spec.name)), ["diagram"] * plot + ["root-locus"] * (poles is not None)
     results.refuse_unusable(directory)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 from shlex import quote
+from typing import Any
 
 import click
 
@@ -15,6 +16,12 @@ from wavesweep.errors import UsageError
 @click.command("export")
 @click.argument("spec")
 @click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
+@click.option(
+    "--gains",
+    is_flag=True,
+    help="Have gains as variables in s.gains: all numbers that enter only by arithmetic, as stiffnesses and wave impedances. "
+    "ws_tune computes the coefficients from them. Cutoffs, orders, rates and delays stay constants.",
+)
 @folder("Folder for the files [default: results/<spec's name>/c].")
 @overwriting("Replace existing files.")
 @override
@@ -39,7 +46,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     from wavesweep import spec as specs
     from wavesweep.cli.messages import say, show_json
     from wavesweep.cli.output import refuse_other_things, write_whole
-    from wavesweep.export import exported, sums_of
+    from wavesweep.export import exported, terms_of
     from wavesweep.simulation import hand_force
     from wavesweep.sweep.assumptions import assumes, over_preset
     from wavesweep.sweep.experiment import linear_loop
@@ -49,7 +56,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     loaded = specs.load(spec, overrides)
     folder = Path(out or Path("results", loaded.name, to))
     results.refuse_unusable(folder)
-    found = exported(loaded)
+    found = exported(loaded, gains=switches["gains"])
     paths = [folder / name for name in found]
     refuse_other_things(*paths)
     _refuse_existing(paths, overwrite)
@@ -57,10 +64,12 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     write_whole(*zip(paths, found.values(), strict=True))
     simulated = loaded.as_simulated()
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
+    outputs = terms_of(loaded)
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
     if switches["as_json"]:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
-        facts |= {"notices": list(over_preset(loaded)), "computed": sums_of(loaded)}
+        facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
+        facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
         files = [str(path) for path in paths]
         facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
         show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
@@ -68,8 +77,10 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
         if not linear["stable"]:
             say(unstable(linear), warning=True)
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
-        for port, made in sums_of(loaded).items():
-            say(f"computed from samples, in C: {port} = {made}")
+        if switches["gains"] and "ws_tune" not in found["controller.h"]:
+            say("--gains: besides the wall's, no number enters this controller by arithmetic; all are constants")
+        for port, made in outputs.items():
+            say(f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}")
         if ticks < wanted:
             say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
         for line in filter(None, [assumes(loaded)]):
@@ -83,3 +94,9 @@ def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
     existing = [path for path in paths if path.exists()]
     if existing and not overwrite:
         raise UsageError(f"{existing[0]}: the file exists; expected another --out DIR, or --overwrite to replace the files")
+
+
+def _coefficients(terms: list[dict[str, Any]]) -> str:
+    """The coefficients of an output's terms, if not all are in its sum as numbers."""
+    found = [f"{term['coefficient']:g}" for term in terms]
+    return f" (coefficients {', '.join(found)})" if found != [term["gain"] for term in terms] else ""

@@ -12,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 STDOUT = "-"
-FORMATS = ("png", "svg", "pdf")
+FORMATS = ("png", "svg", "pdf", "eps")
 
 
 @dataclass(frozen=True)
@@ -76,15 +76,17 @@ as_json = click.option(
     is_flag=True,
     help="Print the summary as one JSON object on stdout, and no text. docs/json.md explains its keys.",
 )
-formats = click.option(
-    "--format",
-    "formats",
-    multiple=True,
-    type=click.Choice(FORMATS),
-    default=["png"],
-    show_default=True,
-    help="Format of the figure. May be repeated.",
-)
+
+
+def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
+    """Have figures of the run drawn in this width or style, until the command ends."""
+    if text is not None and not context.resilient_parsing:
+        from wavesweep.plots.asked import style_of, width_of
+        from wavesweep.plots.style import as_asked
+
+        asked = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
+        context.with_resource(as_asked(**asked))
+    return text
 
 
 def _together(*options: Callable[..., Any]) -> Callable[..., Any]:
@@ -96,6 +98,35 @@ def _together(*options: Callable[..., Any]) -> Callable[..., Any]:
         return body
 
     return add
+
+
+formats = _together(
+    click.option(
+        "--format",
+        "formats",
+        multiple=True,
+        type=click.Choice(FORMATS),
+        default=["png"],
+        show_default=True,
+        help="Format of the figure. May be repeated.",
+    ),
+    click.option(
+        "--width",
+        metavar="SIZE",
+        expose_value=False,
+        callback=_as_asked,
+        help="Width of the figure, e.g. 3.5in or 89mm for a journal's column; a number alone is in inches. The picture of a "
+        "loop's blocks has a width of its own.",
+    ),
+    click.option(
+        "--style",
+        metavar="STYLE",
+        expose_value=False,
+        callback=_as_asked,
+        help="A style of matplotlib over that of the program: a name such as ggplot, or a file with settings, e.g. "
+        "'font.family: serif'. Colours that tell curves apart stay.",
+    ),
+)
 
 
 def overwriting(text: str) -> Callable[..., Any]:
@@ -137,10 +168,13 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     def gathered(force: bool, **given: Any) -> None:
         given |= dict.fromkeys({"overwrite", "restart"} & given.keys(), True) if force else {}
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
-        drawn, asked = options.plot and not options.to_stdout, click.get_current_context().get_parameter_source("formats")
-        if not drawn and asked is ParameterSource.COMMANDLINE:
-            why = "--out -" if options.plot else "--no-plot"
-            raise click.UsageError(f"--format is of the figure, and {why} writes none; leave one of them out")
+        drawn = options.plot and not options.to_stdout
+        for name in () if drawn else ("formats", "width", "style"):
+            if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                why = "--out -" if options.plot else "--no-plot"
+                raise click.UsageError(
+                    f"--{name.removesuffix('s')} is of the figure, and {why} writes none; leave one of them out"
+                )
         asked = click.get_current_context().get_parameter_source("plot")
         if options.plot and options.to_stdout and asked is ParameterSource.COMMANDLINE:
             raise click.UsageError("--plot draws a figure, and --out - writes none; name a folder, or leave one of them out")

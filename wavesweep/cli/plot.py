@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 @click.command("plot")
 @click.argument("table")
 @formats
-@folder("Folder for the figure, or a file that ends in .png, .svg or .pdf [default: the folder of the table].")
+@folder("Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].")
 @quiet
 @debug
 def command(table: str, formats: tuple[str, ...], out: str | None, **switches: bool) -> None:
-    """Draw the figure of a table again, as PNG, SVG or PDF.
+    """Draw the figure of a table again, as PNG, SVG, PDF or EPS.
 
     TABLE is a Parquet file of another command, or a CSV with its data package beside it. The spec is in either, so the
     figure is the one that the command itself draws. A figure that is there already is replaced.
@@ -33,7 +33,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     from wavesweep import plots, results
     from wavesweep.cli.messages import say
     from wavesweep.cli.output import refuse_other_things
-    from wavesweep.plots.style import about_figure, save_all
+    from wavesweep.plots.files import save_all
+    from wavesweep.plots.style import about_figure
 
     plots.refuse_settings()
     path = Path(table)

@@ -8,64 +8,38 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavesweep import __version__
 from wavesweep.errors import UsageError
-from wavesweep.export.text import constants, factor, filled, table_of
+from wavesweep.export.gains import Gains, Table, gains_of, named
+from wavesweep.export.text import constants, factor, filled, number, table_of
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.simulation import hand_force
 from wavesweep.simulation.from_spec import effects_of
 from wavesweep.simulation.march import March, Results, refuse, results_of
+from wavesweep.simulation.named import Named
 from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
-from wavesweep.spec.drawing import PORT
-from wavesweep.spec.expressions import sum_of
+from wavesweep.spec.drawing import PORT, scalars
+from wavesweep.spec.expressions import sum_of, text_of, value_of
 from wavesweep.sweep.experiment import refuse_what_makes_no_loop
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 255
 # Words that no member of a struct can be called in C or C++, and those of the files' own columns.
-WORDS = frozenset(
-    (
-        *("auto", "bool", "break", "case", "catch", "char", "class", "const", "continue", "default", "delete", "do", "double"),
-        *(
-            "else",
-            "enum",
-            "extern",
-            "false",
-            "float",
-            "for",
-            "friend",
-            "goto",
-            "if",
-            "inline",
-            "int",
-            "long",
-            "namespace",
-            "new",
-        ),
-        *(
-            "operator",
-            "private",
-            "protected",
-            "public",
-            "register",
-            "restrict",
-            "return",
-            "short",
-            "signed",
-            "sizeof",
-            "static",
-        ),
-        *("struct", "switch", "template", "this", "throw", "true", "try", "typedef", "typename", "union", "unsigned", "using"),
-        *("virtual", "void", "volatile", "while", "tick"),
-    )
-)
+_WORDS = """
+    auto bool break case catch char class const continue default delete do double else enum extern false float for friend
+    goto if inline int long namespace new operator private protected public register restrict return short signed sizeof
+    static struct switch template this throw true try typedef typename union unsigned using virtual void volatile while
+    tick
+"""
+WORDS = frozenset(_WORDS.split())
 
 
 class Controller(NamedTuple):
@@ -88,8 +62,10 @@ class Controller(NamedTuple):
     places: dict[str, str]
 
 
-def exported(spec: Spec) -> dict[str, str]:
+def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
+
+    gains: whether numbers from which coefficients follow by arithmetic are variables in C, see `gains_of`.
 
     The vectors are the experiment of the spec's [simulate] table: what the controller reads and gives in each tick, and the
     ticks by which slow results are late.
@@ -103,10 +79,21 @@ def exported(spec: Spec) -> dict[str, str]:
         raise UsageError(
             "export: expected frames of one length (--set simulate.frames= leaves others out), found simulate.frames"
         )
-    loop, effects = loop_of(spec.drawing or loop_drawing(spec.values), spec.values), effects_of(spec)
-    refuse(loop, effects)
-    loop = loop if effects.wall is None else loop.behind(effects.wall)
-    own = controller_of(loop, bool(effects.late or effects.dropped))
+    effects = effects_of(spec)
+    drawing = spec.drawing or loop_drawing(spec.values, ("controller.Kp",) * gains)
+
+    def loop_with(values: Mapping[str, Any]) -> Loop:
+        loop = loop_of(drawing, values)
+        refuse(loop, effects)
+        return loop if effects.wall is None else loop.behind(effects.wall)
+
+    def made(values: Mapping[str, Any]) -> Controller:
+        return controller_of(loop_with(values), bool(effects.late or effects.dropped))
+
+    loop, found = loop_with(spec.values), Gains((), ())
+    if gains:
+        found = gains_of(spec, made, () if loop.wall is None else spec.wall)
+    own = made(named(spec.values, found.paths))
     march = March(loop, effects, (*own.inputs, *own.outputs), entry := spec.entry or loop.hand)
     signals = march.under(hand_force(spec).force).signals
     count = len(signals["time"])
@@ -115,7 +102,13 @@ def exported(spec: Spec) -> dict[str, str]:
     members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
     columns = {"tick": np.arange(count)}
     columns |= {f"late_{g}": _lateness(each, count) for g, each in enumerate(march.results) if own.late}
-    flags, values = _values(spec, own._replace(results=march.results if own.results else []), members, entry)
+    table = Table(dict(zip(found.paths, _identifiers([path.rpartition(".")[2] for path in found.paths]), strict=True)))
+    own = own._replace(results=march.results if own.results else [], programs=[table.of(each) for each in own.programs])
+    flags, values = _values(spec, own, members, entry)
+    flags |= {"gains": bool(found.paths), "constants": bool(found.constants)}
+    flags["library"] = any("sqrt" in line for line in table.lines)
+    values["and_no_library"] = "" if flags["library"] else " and no mathematical library"
+    values |= _gains(spec, table, found.constants)
     return {
         "controller.h": filled("controller.h", flags, values),
         "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
@@ -126,13 +119,24 @@ def exported(spec: Spec) -> dict[str, str]:
     }
 
 
-def sums_of(spec: Spec) -> dict[str, str]:
-    """The sum that each output of the controller of a drawn loop is, by its port of a plant; none of a built-in controller."""
-    if spec.drawing is None:
-        return {}
-    plants, hand = {block.name for block in spec.drawing.blocks if block.plant}, (spec.drawing.hand or ("",))[0]
-    own = {port: tuple(term for term in terms if term[0] != hand) for port, terms in spec.drawing.wires}
-    return {port: sum_of(terms) for port, terms in own.items() if terms and port.rpartition(".")[0] in plants}
+def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
+    """What enters each output of a spec's controller, by its port of a plant.
+
+    A port has its `sum` as a text, and `terms`: what each is `from`, its `gain` as a text, and the `coefficient` that it is.
+    """
+    drawing, numbers = spec.drawing or loop_drawing(spec.values), scalars(spec.values)
+    plants, hand = {block.name for block in drawing.blocks if block.plant}, (drawing.hand or ("",))[0]
+    own = {port: tuple(term for term in terms if term[0] != hand) for port, terms in drawing.wires}
+    return {
+        port: {
+            "sum": sum_of(terms),
+            "terms": [
+                {"from": name, "gain": text_of(gain), "coefficient": 0.0 + value_of(gain, numbers)} for name, gain in terms
+            ],
+        }
+        for port, terms in own.items()
+        if terms and port.rpartition(".")[0] in plants
+    }
 
 
 def controller_of(loop: Loop, late: bool) -> Controller:
@@ -265,17 +269,41 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str)
         "tells": any(each.touches for each in own.results),
         "several": len(programs) > 1,
     }
-    texts |= _signals(own, members, sums_of(spec)) | _results(own) | _host(own, members, entry)
+    texts |= _signals(own, members) | _results(own) | _host(own, members, entry)
+    texts["sums"] = _sums(terms_of(spec))
     texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
     return flags, constants(numbers) | texts
 
 
-def _signals(own: Controller, members: Mapping[str, str], sums: Mapping[str, str]) -> dict[str, str]:
-    """The texts with a line for each input, or for each output; sums: see `sums_of`."""
-    made = {name: f" = {sums[_port(name)]}" if _port(name) in sums else "" for name in own.outputs}
+def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]:
+    """The texts about gains, and about numbers that are constants."""
+    keys = spec.names.keys
+    units = {path: f" {keys[path].unit}" if path in keys and keys[path].unit != "1" else "" for path in table.members}
+    return {
+        "gains": "\n".join(
+            f"    double {name}; /* {path}: {spec.values[path]:g}{units[path]} */" for path, name in table.members.items()
+        ),
+        "set": "\n".join(f"    s->gains.{name} = {number(spec.values[path])};" for path, name in table.members.items()),
+        "coefficients": table.count,
+        "computed_from_gains": "\n".join(table.lines),
+        "constants": fill(", ".join(constants), 110, initial_indent=" *   ", subsequent_indent=" *   "),
+    }
+
+
+def _sums(outputs: Mapping[str, Mapping[str, Any]]) -> str:
+    """What enters each output, a line for each term."""
+    lines = (
+        [f" *   {port} = {made['sum']}", *(f" *     {each['coefficient']:g} times {each['from']}" for each in made["terms"])]
+        for port, made in outputs.items()
+    )
+    return "\n".join(chain.from_iterable(lines))
+
+
+def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
+    """The texts with a line for each input, or for each output."""
     lines = {
         "inputs": [f"    double {members[name]}; /* {name} */" for name in own.inputs],
-        "outputs": [f"    double {members[name]}; /* {_port(name)}{made[name]} */" for name in own.outputs],
+        "outputs": [f"    double {members[name]}; /* {_port(name)} */" for name in own.outputs],
         "given": [f"    z[{own.places[name]}] = in.{members[name]};" for name in own.inputs],
         "taken": [f"    out.{members[name]} = z[{own.places[name]}];" for name in own.outputs],
         "read": [f"        in.{members[name]} = strtod(at + 1, &at);" for name in own.inputs],
@@ -331,9 +359,10 @@ def _sum(terms: Iterable[tuple[float, int]], names: Sequence[str]) -> str:
     return "0.0" + "".join(_term(each, f"z[{names[source]}]") for each, source in terms)
 
 
-def _term(number: float, name: str) -> str:
+def _term(value: float, name: str) -> str:
     """A product to add; 1 and -1 change no bit of the number."""
-    return f" + {name}" if number == 1.0 else f" - {name}" if number == -1.0 else f" + {factor(number)} * {name}"
+    sign = {1.0: "+", -1.0: "-"}.get(value) if not isinstance(value, Named) else None
+    return f" {sign} {name}" if sign else f" + {factor(value)} * {name}"
 
 
 def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, str]:
@@ -343,13 +372,13 @@ def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, 
     own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
 
     def sum_of(part: Part, terms: Iterable[tuple[float, str]]) -> str:
-        return "0.0" + "".join(_term(each, own_names[f"{part.name}.{s}"]) for each, s in terms if each)
+        return "0.0" + "".join(_term(float(each), own_names[f"{part.name}.{s}"]) for each, s in terms if each)
 
     for part in plants:
         ports = [(f"{part.name}.{port}", part.law.gives[port]) for port in part.outputs]
         sensed += [f"        in.{members[name]} = {sum_of(part, terms)};" for name, terms in ports if name in members]
         for port in (f"{part.name}.{port}" for port in part.inputs):
-            share = sum(gain for gain, name in own.loop.wires.get(port, ()) if name in own.loop.inputs)
+            share = sum(float(gain) for gain, name in own.loop.wires.get(port, ()) if name in own.loop.inputs)
             force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"
             given = _term(share, "given") if entry in own.loop.inputs else ""
             pushed.append(f"        {own_names[port]} = {force}{given};")

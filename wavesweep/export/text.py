@@ -6,6 +6,8 @@ from string import Template
 
 import numpy as np
 
+from wavesweep.simulation.named import Named
+
 
 def number(value: float) -> str:
     """A double as a hexadecimal constant of C99, which is exact."""
@@ -13,7 +15,9 @@ def number(value: float) -> str:
 
 
 def factor(value: float) -> str:
-    """A double as a factor of a product, in parentheses if it is negative."""
+    """A double as a factor of a product, in parentheses if it is negative; one with a name by its name."""
+    if isinstance(value, Named):
+        return value.made
     return number(value) if value >= 0 else f"({number(value)})"
 
 

@@ -91,7 +91,8 @@ def with_figure(table: Table, draw: Callable[[], Any]) -> Table:
     made = cache(draw)
 
     def write(path: Path) -> None:
-        from wavesweep.plots.style import about_figure, save
+        from wavesweep.plots.files import save
+        from wavesweep.plots.style import about_figure
 
         save(made(), path, about_figure(table.kind, table.facts))
 

@@ -18,6 +18,8 @@ from wavesweep.plots.measured import (
     wall_handles,
     walls_by_kind,
 )
+from wavesweep.plots.planes import view_of
+from wavesweep.plots.refine import Curve, Interval, curves_of
 from wavesweep.plots.responses import bode, rounded
 from wavesweep.plots.style import (
     DOUBTFUL,
@@ -35,6 +37,7 @@ from wavesweep.plots.style import (
     shortened,
     symbol,
     valued,
+    wide,
     with_unit,
 )
 from wavesweep.rows import Columns
@@ -78,9 +81,14 @@ def compare(
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
         title_of_x, places, over_damping = _abscissa(columns, facts, specs)
         looks = _Looks(specs, _keys(columns, responses, places, specs))
+        tables = facts.get("specs") or {specs[0]: facts.get("spec", {})}
+        curves = {
+            spec: _curves_over(_rows_of(columns, spec), places[spec], tables.get(spec, {}), 0.75 * height / len(grid))
+            for spec in specs
+        }
         unit = printed(unlike_units(facts).get("felt_high", (felt_unit(facts),)))
         for axes, names, title in zip(grid[0], _WALLS, (f"ends of stable {_stiffness(columns)}", "felt there"), strict=True):
-            _walls(axes, columns, places, names, looks)
+            _walls(axes, columns, curves, names, looks)
             axes.set_xlabel(title_of_x)
             axes.set_ylabel(with_unit(title, unit))
         measured = _measured(grid[0, 0], facts, looks) if over_damping else []
@@ -95,7 +103,7 @@ def compare(
         if any(response_points(facts, spec) for spec in specs):
             measured.append(response_handle())
         handles, labels = [*handles, *measured], [*labels, *(each.get_label() for each in measured)]
-        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, fitting(labels, TWO_COLUMNS)))
+        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, fitting(labels, wide(TWO_COLUMNS))))
         note_assumptions(canvas, facts)
     return canvas
 
@@ -228,14 +236,40 @@ def _damping(spec: Mapping[str, Any]) -> tuple[str, float, str]:
     return name, spec["numbers"][name]["value"], spec["numbers"][name]["unit"]
 
 
-def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names: tuple[str, str], looks: _Looks) -> None:
-    """places: of the rows of each spec, see `_abscissa`."""
-    everywhere = np.concatenate(list(places.values()))
+def _curves_over(rows: Columns, place: np.ndarray, tables: Mapping[str, Any], height: float) -> list[tuple[Key, Columns]]:
+    """The rows of each curve of a spec, with further ones between them as `refine` computes these; "" is where they are.
+
+    place: of the rows, see `_abscissa`. tables: of the spec. height: of a panel, inches. `given` marks rows of the table.
+    """
+    members = [
+        (key, {**each, "given": each["interval"] >= 0}) for key, each in _split({**rows, "": place}, _others(rows, place))
+    ]
+    x = next((name for name in _axes_of(rows) if np.array_equal(rows[name], place)), "")
+    if not x or len(np.unique(place)) < 2:
+        return members
+    view = view_of(x, is_logarithmic(place), wide(TWO_COLUMNS) / 2, height)
+    curves = curves_of([each for _, each in members], view, {"spec": tables})
+    return [(key, _rows_of_curve(curve, set(each[""].tolist()))) for (key, each), curve in zip(members, curves, strict=True)]
+
+
+def _rows_of_curve(curve: Curve, given: set[float]) -> Columns:
+    """The rows of a curve; given: the places that the table has."""
+    none = Interval(np.nan, np.nan, False, False, certified=True)
+    found = [(x, n, len(some), each) for x, some, _ in curve.slices() for n, each in enumerate(some or (none,))]
+    columns = {name: np.array([getattr(each, name) for *_, each in found]) for name in ("low", "high", "felt_low", "felt_high")}
+    columns |= {name: np.array([row[at] for row in found]) for at, name in enumerate(("", "interval", "intervals"))}
+    columns["high_omega"] = np.array([0.0 if each.high_real else np.nan for *_, each in found])
+    columns["certified"] = np.array([each.certified for *_, each in found])
+    return columns | {"given": np.array([x in given for x, *_ in found])}
+
+
+def _walls(axes: Any, columns: Columns, curves: Mapping[str, list], names: tuple[str, str], looks: _Looks) -> None:
+    """curves: of each spec, see `_curves_over`."""
+    everywhere = np.concatenate([curve[""] for some in curves.values() for _, curve in some])
     known = everywhere[~np.isnan(everywhere)]
-    for number, (spec, place) in enumerate(places.items()):
-        rows = _rows_of(columns, spec)
-        for key, curve in _split({**rows, "": place}, _others(rows, place)):
-            across, count = curve.pop(""), len(curve["high"])
+    for number, (spec, some) in enumerate(curves.items()):
+        for key, curve in some:
+            across, count = curve[""], len(curve["high"])
             if not known.size:
                 across = np.full(count, float(number))
             both = known.size and np.isnan(across).any()  # a line from side to side
@@ -247,7 +281,7 @@ def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names:
         by_factors(axes.xaxis, known.min(), known.max())
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
     if not known.size:
-        axes.set_xticks(range(len(places)), list(places))
+        axes.set_xticks(range(len(curves)), list(curves))
 
 
 def _split(rows: Columns, others: list[str]) -> Iterator[tuple[Key, dict[str, np.ndarray]]]:
@@ -268,7 +302,7 @@ def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str],
 
     Samples are not joined if they have different numbers of intervals, or intervals apart: one begins or ends in between.
     """
-    few = len(np.unique(across)) <= _FEW
+    few, given = len(np.unique(across[curve["given"]])) <= _FEW, curve["given"]
     for number in range(int(curve["intervals"].max(initial=0))):
         here = np.flatnonzero((curve["interval"] == number) & (curve["intervals"] > 0))
         here = here[np.argsort(across[here], kind="stable")]
@@ -278,13 +312,15 @@ def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str],
         apart = (low[1:] > high[:-1]) | (high[1:] < low[:-1])
         cuts = np.flatnonzero((np.diff(curve["intervals"][here]) != 0) | (np.diff(ordinal) > 1) | apart) + 1
         for part in np.split(np.arange(len(at)), cuts):
+            every = {"markevery": np.flatnonzero(given[here][part])}
             marker = style["marker"] if few or len(part) == 1 else ""
-            axes.plot(at[part], curve[names[0]][here][part], **{**style, "marker": marker})
+            axes.plot(at[part], curve[names[0]][here][part], **{**style, "marker": marker}, **every)
             below = np.where(low > 0, curve[names[1]][here], np.nan)[part]
-            axes.plot(at[part], below, **_LOWER, color=style["color"], marker=marker and ".", markersize=2)
+            axes.plot(at[part], below, **_LOWER, color=style["color"], marker=marker and ".", markersize=2, **every)
         lost = ~curve["certified"][here]
         axes.plot(at[lost], curve[names[0]][here][lost], **_DOUBTED)
-        shown = clipped if few else clipped & (np.arange(len(at)) % max(1, len(at) // _FEW) == 0)
+        shown = clipped & given[here]
+        shown = shown if few else shown & (np.arange(len(at)) % max(1, len(at) // _FEW) == 0)
         axes.plot(at[shown], curve[names[0]][here][shown], **{**style, "linestyle": "", "markerfacecolor": "white"})
 
 

@@ -11,17 +11,20 @@ from wavesweep.plots.refine import spec_of
 from wavesweep.plots.style import (
     ONE_COLUMN,
     TWO_COLUMNS,
+    Look,
     at_hand,
     by_factors,
-    family_colours,
+    family_looks,
     figure,
     label,
     note_assumptions,
     printed,
+    wide,
     with_unit,
 )
 from wavesweep.spec.design import WISHES
 from wavesweep.tables.columns import fields
+from wavesweep.tables.design import margins_of, wish_of
 
 NAMES = {
     "z_width": "stiffest wall",
@@ -35,7 +38,7 @@ NAMES = {
     "chatter": "force of the encoder's rounding, at most",
     "depth": "depth at the force of the motors",
 }
-_LIST = 2  # designs that are listed
+_LIST = 3  # designs that are listed
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
 _OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
 
@@ -43,8 +46,9 @@ _OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "
 def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
 
-    All values are the worst over what the designs have to hold for. The labels of the axes say which side is better. Up to two
-    designs are no front: their numbers are a list, with those of the spec's own design, beside the admittances of all.
+    All values are the worst over what designs have to hold for. The labels of the axes say which side is better. Up to three
+    designs are no front: their numbers are a list, with those of the spec's own design, beside the admittances of all. A single
+    one has the next best design beside it.
     """
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
@@ -100,33 +104,41 @@ def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray,
 
 
 def _draw_list(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], wishes: list[str], varied: list[str]) -> Any:
-    """A list of the wishes and the varied numbers of a few designs and of the spec's own, beside their admittances."""
-    own, spec, count = facts.get("own", {}), spec_of(facts), len(columns[wishes[0]])
-    designs = ["found", *(f"found ({number})" for number in range(2, count + 1))]
-    spec_values = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
-    bounds = {name: _bounds(facts["spec"]["design"]["wish"][name]) for name in wishes}
-    given = [*((name, _label(name, facts) + bounds[name], own.get(name)) for name in wishes)]
-    given += [(name, label(name, facts), spec_values.get(name)) for name in varied]
-    with figure(TWO_COLUMNS, max(2.4, 0.9 + 0.2 * len(given))) as canvas:
-        left, right = canvas.subplots(1, 2, width_ratios=[1.5, 1])
-        cells = [[name, _number(value), *map(_number, columns[column])] for column, name, value in given]
-        widths = [0.58, *[0.42 / (1 + count)] * (1 + count)]
+    """A list of the wishes, their margins and the varied numbers of a few designs, beside their admittances."""
+    spec, count = spec_of(facts), len(columns[wishes[0]])
+    own = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
+    shown = {"spec's own": {**facts.get("own", {}), **own}}
+    for at in range(count):
+        shown[f"found ({at + 1})" if count > 1 else "found"] = {name: columns[name][at].item() for name in (*wishes, *varied)}
+    for each in facts.get("runners_up", ())[: count == 1]:
+        shown["next best"] = {**each["wishes"], **each["numbers"]}
+    beside, cells = wide(TWO_COLUMNS) > 1.5 * ONE_COLUMN, []
+    for name in wishes:
+        title = _label(name, facts)  # in a narrow figure without what is better
+        cells.append([title if beside else title.rpartition(",")[0], *(_number(each.get(name)) for each in shown.values())])
+        wish = wish_of(name, facts)
+        if wish.bound is not None:
+            margins = (margins_of({name: each.get(name)}, facts).get(name) for each in shown.values())
+            said = f"   margin to {wish.kind.bound.replace('_', ' ')} {wish.bound:g}"
+            cells.append([said, *("" if share is None else f"{100 * share:.3g} %" for share in margins)])
+    cells += [[label(name, facts), *(_number(each.get(name)) for each in shown.values())] for name in varied]
+    height = max(2.4, 0.9 + 0.2 * len(cells))
+    with figure(TWO_COLUMNS, height if beside else height + 2) as canvas:
+        left, right = canvas.subplots(*((1, 2) if beside else (2, 1)), **({"width_ratios": [2, 1]} if beside else {}))
+        widths = [0.55, *[0.45 / len(shown)] * len(shown)]
         table = left.table(
-            cells, colLabels=["", "spec's own", *designs], colWidths=widths, cellLoc="left", loc="center", edges="horizontal"
+            cells, colLabels=["", *shown], colWidths=widths, cellLoc="left", colLoc="left", loc="center", edges="horizontal"
         )
         table.auto_set_font_size(value=False)
-        table.set_fontsize(6.5)
+        table.set_fontsize(6)
+        for cell in table.get_celld().values():
+            cell.PAD = 0.02
+            cell.set_linewidth(0.5)
         left.set_axis_off()
-        shown = _draw_admittances(
-            right, spec, [{}, *({name: columns[name][at] for name in varied} for at in range(count))], designs
-        )
-        right.set_visible(shown)
+        designs = [{name: each[name] for name in varied} for each in [*shown.values()][1:]]
+        right.set_visible(_draw_admittances(right, spec, [{}, *designs], [*shown][1:]))
         note_assumptions(canvas, facts)
     return canvas
-
-
-def _bounds(wish: Mapping[str, Any]) -> str:
-    return "".join(f", {name.replace('_', ' ')} {wish[name]:g}" for name in ("at_least", "at_most") if name in wish)
 
 
 def _number(value: float | None) -> str:
@@ -142,14 +154,14 @@ def _draw_admittances(axes: Any, spec: Any, designs: list[dict[str, float]], nam
     from wavesweep.sweep.experiment import radius_of
 
     frequency = np.array([each for each in spec.frequency_hz if each > 0])
-    looks = (_OWN["color"], *family_colours(len(names)))
+    looks = (Look(_OWN["color"], (0, (1.5, 0.8))), *family_looks(len(names)))
     for numbers, name, look in zip(designs, ["the spec's own", *names], looks, strict=True):
         paths = {spec.names.find(each).path: value for each, value in numbers.items()}
         whole = {path for path in paths if isinstance(spec.values.get(path), int)}
         one = spec.with_values({path: int(value) if path in whole else float(value) for path, value in paths.items()})
         found, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), radius_of(one) < 1
         state = {"label": name} if stable else {"label": f"{name}, unstable", "alpha": 0.35}
-        axes.loglog(frequency, 1e3 * np.abs(found), color=look, **state)
+        axes.loglog(frequency, 1e3 * np.abs(found), color=look.colour, linestyle=look.line, **state)
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(at_hand("admittance", "admittance_abs", "mm/N", {"spec": spec.tables()}))
     axes.grid(visible=True, color="0.9", linewidth=0.5)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import TWO_COLUMNS, assumed, distinct_colour, figure, printed, symbol
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, assumed, distinct_colour, figure, lines_of, printed, symbol, wide
 from wavesweep.rows import Columns
 
 MOST = 12  # numbers of a panel that have bars
@@ -17,7 +17,7 @@ ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of r
 _BAR = 0.17  # inches of the figure's height for a number
 _ROOM = 0.95  # and for the title and the axis of a panel
 _LINE = 0.14  # and for a line of notes
-_LETTERS, _NOTE = 46, 100  # of a line above a panel, and of a note
+_LETTERS = 46  # of a line above a panel
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 
 
@@ -30,9 +30,9 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
     notes += [_without_ends(facts)] if not panels else []
     notes += [f"Assumes: {assumed(facts)}."] if facts.get("assumes") else []
-    notes = [line for note in notes for line in wrap(note, _NOTE)]
+    notes = [line for note in notes for line in lines_of(note)]
     shown = [_sorted(rows) for rows in drawn[:PANELS]]
-    across = min(2, len(shown))
+    across = min(2 if wide(TWO_COLUMNS) > ONE_COLUMN else 1, len(shown))
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
     heights = [_ROOM + _BAR * max(1, *(len(names) for _, names, _ in line)) for line in lines]
     with figure(TWO_COLUMNS, 0.5 + sum(heights) + _LINE * len(notes)) as canvas:
@@ -101,7 +101,7 @@ def _draw(axis: Any, rows: Columns, numbers: list[str], note: str) -> None:
     for index, quantity in enumerate(kinds):
         some = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
         at = [places[number] + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][some].tolist()]
-        axis.barh(at, rows["elasticity"][some], height=0.8 / len(kinds), color=distinct_colour(_colour(quantity)), linewidth=0)
+        axis.barh(at, rows["elasticity"][some], height=0.8 / len(kinds), **_look(quantity))
     axis.set_yticks(range(len(numbers)), [symbol(number) for number in numbers])
     axis.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
     axis.axvline(0, color="black", linewidth=0.6)
@@ -138,14 +138,16 @@ def _kinds(rows: Columns) -> list[str]:
     return [quantity for quantity in _QUANTITIES if quantity in present]
 
 
-def _colour(quantity: str) -> int:
-    return list(_QUANTITIES).index(quantity)
+def _look(quantity: str) -> dict[str, Any]:
+    """The look of bars, of which the second is hatched, since it has much the same grey."""
+    number = list(_QUANTITIES).index(quantity)
+    return {"facecolor": distinct_colour(number), "edgecolor": "white", "hatch": "////" * number or None, "linewidth": 0}
 
 
 def _legend(canvas: Any, shown: list[tuple]) -> None:
     from matplotlib.patches import Patch
 
     present = [quantity for quantity in _QUANTITIES if any(quantity in _kinds(rows) for rows, _, _ in shown)]
-    handles = [Patch(color=distinct_colour(_colour(quantity)), linewidth=0) for quantity in present]
+    handles = [Patch(**_look(quantity)) for quantity in present]
     if len(present) > 1:
         canvas.legend(handles, [_QUANTITIES[each] for each in present], loc="outside upper center", ncols=2)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.simulation import extremes
-from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, as_it_stands, distinct_colour, figure
+from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, as_it_stands, distinct_colour, figure, lines_of
 from wavesweep.rows import Columns
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
@@ -33,7 +33,7 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         hertz, density, white = _spectrum(columns, facts)
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
         panels[3].loglog(hertz, white, color="0.5", linewidth=0.8, linestyle="--", label="encoder and\nwhite noise")
-        panels[3].set(ylabel=f"{unit}/√Hz", xlabel="frequency (Hz)")
+        panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
         panels[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
         for axes in panels:
             axes.grid(visible=True, color="0.9", linewidth=0.5)
@@ -74,7 +74,9 @@ def _title(canvas, facts, what):
 
     found = ", ".join(f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
     said = found if facts["explained"] else f"{found}; the model does not explain the {what}"
-    canvas.suptitle(as_it_stands(said), fontsize=8, color="0.3" if facts["explained"] else DOUBTFUL)
+    canvas.suptitle(
+        "\n".join(lines_of(as_it_stands(said.replace("*", "·")))), fontsize=8, color="0.3" if facts["explained"] else DOUBTFUL
+    )
 
 
 def _spectrum(columns, facts):

@@ -39,6 +39,7 @@ from wavesweep.plots.style import (
     label,
     unit,
     valued,
+    wide,
 )
 from wavesweep.rows import Columns
 from wavesweep.spec.require import words_of
@@ -112,7 +113,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     panels = layout.panel_values or (np.nan,)
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
     down = -(-len(panels) // across)
-    width = ONE_COLUMN if across == 1 else TWO_COLUMNS
+    width = wide(ONE_COLUMN if across == 1 else TWO_COLUMNS)
     view, swept = _view(columns, facts), swept_range(facts, str(columns["along"][0]))
     walls = walls_in_plane(facts, layout.x, str(columns["along"][0]))
     view = view[0], max(view[1], _ROOM * highest(walls, swept[1]))
@@ -159,9 +160,9 @@ def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], 
     if not named and any(patch.get_hatch() == UNKNOWN["hatch"] for each in canvas.axes for patch in each.patches):
         marks = [*marks, Patch(**UNKNOWN, label="not known outside the intervals")]
     if beside and members + marks:
-        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.0)
+        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return
-    above = {"columnspacing": 0.8, "handlelength": 1.9, "handletextpad": 0.5, "fontsize": _SMALL}
+    above = {"columnspacing": 0.8, "handlelength": 2.5, "handletextpad": 0.5, "fontsize": _SMALL}
     if members:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
         axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)
@@ -175,8 +176,8 @@ _SMALL = 7  # points, of a legend above a figure of one column
 def _in_a_row(entries: Sequence[Any]) -> int:
     """How many entries are side by side above a figure of one column, in rows of about the same number."""
     texts = [str(entry.get_label()).replace("$", "").split("\n") for entry in entries]
-    *_, second, longest = sorted([0.0, 0.0, *(25 + 3.4 * max(map(len, lines)) for lines in texts)])  # points
-    most = 1 + int((72 * ONE_COLUMN - longest) / second) if second else 1
+    *_, second, longest = sorted([0.0, 0.0, *(31 + 3.4 * max(map(len, lines)) for lines in texts)])  # points
+    most = 1 + int((72 * wide(ONE_COLUMN) - longest) / second) if second else 1
     return -(-len(entries) // -(-len(entries) // most)) if entries else 1
 
 

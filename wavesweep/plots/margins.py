@@ -21,8 +21,10 @@ from wavesweep.plots.style import (
     figure,
     fitting,
     label,
+    lines_of,
     symbol,
     valued,
+    wide,
 )
 from wavesweep.rows import Columns
 
@@ -30,7 +32,7 @@ _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _PASSIVE, _COLOUR = "#009E73", distinct_colour(0)  # the shade of what is passive, and the dots
 _UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
-_NOTE, _NAME = 100, 40  # letters of a line, and of the name of a dot with those of its axes
+_NAME = 40  # letters of the name of a dot with those of its axes
 _FLOOR = 1e-10
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
@@ -172,7 +174,7 @@ def _legend(canvas: Any, panel: Any, shaded: str = "passive") -> None:
     handles, labels = panel.get_legend_handles_labels()
     shade = Patch(color=_PASSIVE, alpha=0.2, linewidth=0)
     labels = [*labels, shaded]
-    canvas.legend([*handles, shade], labels, loc="outside upper center", ncols=fitting(labels, TWO_COLUMNS), handlelength=2.4)
+    canvas.legend([*handles, shade], labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)))
 
 
 def _left_out(several: Mapping[str, tuple], shown: Mapping[str, tuple]) -> str:
@@ -182,7 +184,7 @@ def _left_out(several: Mapping[str, tuple], shown: Mapping[str, tuple]) -> str:
 
 
 def _note(canvas: Any, axis: str, *notes: str) -> None:
-    lines = [line for line in (axis, *(line for note in notes for line in wrap(note, _NOTE))) if line]
+    lines = [line for line in (axis, *(line for note in notes for line in lines_of(note))) if line]
     if lines:
         canvas.supxlabel("\n".join(lines), fontsize=8)
 
@@ -205,5 +207,7 @@ def passivity_filters(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any
             panel.grid(visible=True, color="0.9", linewidth=0.5)
         panels[0].set_ylim(_FLOOR / 3, 1)
         handles, labels = panels[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, title="order of LP1", loc="outside upper center", ncols=8)
+        canvas.legend(
+            handles, labels, title="order of LP1", loc="outside upper center", ncols=min(8, fitting(labels, wide(TWO_COLUMNS)))
+        )
     return canvas

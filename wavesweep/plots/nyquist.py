@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, assumed, figure
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, assumed, figure, fitting, lines_of, wide
 from wavesweep.rows import Columns
 
 POINTS = 4000
-LETTERS = 100  # of a line of the note
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 REACH = 2.5  # of the part that is shown, at least; larger loops are cut off
 _CURVE, _DISK, _MARK = "#0072B2", "#D55E00", "0.2"
@@ -49,9 +47,10 @@ def margins(columns: Columns, facts: Mapping[str, Any]) -> Any:
         axis.set_ylim(-REACH, REACH)
         axis.set_aspect("equal")
         axis.set(xlabel="real part of L", ylabel="imaginary part of L")
-        canvas.legend(loc="outside upper center", ncols=6, fontsize=7)
+        handles, labels = axis.get_legend_handles_labels()
+        canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)), fontsize=7)
         if facts.get("assumes"):
-            canvas.supxlabel("\n".join(wrap(f"Assumes: {assumed(facts)}.", LETTERS)), fontsize=8)
+            canvas.supxlabel("\n".join(lines_of(f"Assumes: {assumed(facts)}.")), fontsize=8)
     return canvas
 
 
@@ -74,7 +73,7 @@ def _bode(panels: Any, omega: np.ndarray, L: np.ndarray, marks: Mapping[float, t
     panels[0].set(yscale="log", ylabel="gain of L")
     panels[0].set_ylim(0.5 * np.abs(L[shown]).min(), 2 * np.abs(L[shown]).max())
     panels[0].tick_params(labelbottom=False)
-    panels[1].set(xlabel="frequency (Hz), up to half the frame's rate", ylabel="phase of L (deg)")
+    panels[1].set(xlabel="frequency (Hz),\nup to half the frame's rate", ylabel="phase of L (deg)")
     low, high = degrees[shown].min(), degrees[shown].max()
     panels[1].set_ylim(min(low, -180) - 15, max(high, -180) + 15)
     panels[1].yaxis.set_major_locator(MultipleLocator(45 if high - low < 300 else 90))

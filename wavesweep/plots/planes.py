@@ -22,6 +22,7 @@ from wavesweep.plots.style import (
     fitting,
     incomplete,
     label,
+    wide,
 )
 
 _SHADE, _FAINT = 0.22, 0.05
@@ -47,7 +48,7 @@ class Plane:
 
 def draw_planes(planes: Sequence[Plane]) -> Any:
     """Draw the panels side by side: the boundaries of stable regions, with strokes to the unstable side."""
-    width = ONE_COLUMN if len(planes) == 1 else TWO_COLUMNS
+    width = wide(ONE_COLUMN if len(planes) == 1 else TWO_COLUMNS)
     with figure(width, 2.8) as canvas:
         grid = np.atleast_1d(canvas.subplots(1, len(planes), sharey=True))
         for axes, plane in zip(grid, planes, strict=True):
@@ -172,7 +173,7 @@ def _draw_bars_at(axes: Any, bars: Chain, look: Look, shift: float) -> None:
             colour = look.colour if certified else DOUBTFUL
             places, found = zip(*chosen, strict=True)
             low, high = [each.low for each in found], [each.high for each in found]
-            style = "-" if certified else "--"
+            style = look.line if certified else "--"
             axes.vlines(places, low, high, colors=[colour], linewidths=0.8, linestyles=style, **place)
             ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]
             if ends:

@@ -29,6 +29,7 @@ from wavesweep.plots.style import (
     printed,
     shortened,
     valued,
+    wide,
     with_unit,
 )
 from wavesweep.rows import Columns, complex_columns
@@ -107,7 +108,7 @@ def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str,
     named = [curve for curve in curves if curve.label]
     specs = dict.fromkeys(columns["spec"].tolist()) if x == "frequency_hz" else ()
     measured = {spec: distinct_colour(number) for number, spec in enumerate(specs)}
-    in_a_row = fitting([*(curve.label for curve in named), *coloured(facts, "response", measured)], TWO_COLUMNS)
+    in_a_row = fitting([*(curve.label for curve in named), *coloured(facts, "response", measured)], wide(TWO_COLUMNS))
     with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(2, len(panels) // 2, sharex=True, squeeze=False)
         for axes, (name, title) in zip(grid.flat, panels, strict=True):
@@ -125,7 +126,7 @@ def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str,
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         if handles:
-            canvas.legend(handles, labels, loc="outside lower center", ncols=min(in_a_row, len(handles)), handlelength=2.4)
+            canvas.legend(handles, labels, loc="outside lower center", ncols=min(in_a_row, len(handles)))
     return canvas
 
 
@@ -417,7 +418,7 @@ def draw_magnitudes(lines: Sequence[Line], panels: Sequence[Panel], title: str, 
             axes.set_xlabel("normalised frequency (rad/sample)")
         canvas.axes[0].set_ylabel(title)
         handles, labels = canvas.axes[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside lower center", ncols=6)
+        canvas.legend(handles, labels, loc="outside lower center", ncols=fitting(labels, wide(TWO_COLUMNS)))
     return canvas
 
 

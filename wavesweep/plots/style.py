@@ -8,13 +8,11 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from threading import RLock
 from typing import Any
 
 import numpy as np
 
-from wavesweep.disk import random_part
 from wavesweep.errors import UsageError
 from wavesweep.results import fields
 from wavesweep.tables.columns import at_port, unlike_units
@@ -22,6 +20,8 @@ from wavesweep.tables.columns import at_port, unlike_units
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
 DOTS_PER_INCH = 200
+_NOTE = 14  # letters of 8 points in an inch
+SMALLEST = 0.75  # of the usual size, of texts in a narrow figure: 6 points
 LONGEST_NAME = 48  # letters of a spec in a legend
 WIDE = 5.0  # times its least value, up to which a logarithmic axis has ticks at equal steps
 NARROW = 1.5  # points, at least, between two numbers below a panel
@@ -61,14 +61,17 @@ _STYLE = {
     "legend.fontsize": 8,
     "legend.title_fontsize": 8,
     "legend.frameon": False,
+    "legend.handlelength": 2.8,  # a whole period of the dashes
     "lines.linewidth": 1.2,
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.03,
     "hatch.linewidth": 0.5,
+    "ps.fonttype": 42,
     "pdf.fonttype": 42,  # TrueType: journals refuse Type 3
     "svg.fonttype": "none",  # texts that can be searched, and changed by hand
     "svg.hashsalt": "wavesweep",
 }
+_SIZES = [name for name in _STYLE if name.endswith(("size", "linewidth"))]
 _COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
 
 
@@ -79,6 +82,24 @@ def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     whose = columns.get("hand", columns.get("guarantee"))
     searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", "port", "for_all"))
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
+
+
+_ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked", default=(None, {}))
+
+
+@contextmanager
+def as_asked(width: float | None = None, settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw figures this wide (inches), and with these settings of matplotlib over those of the common style."""
+    before = _ASKED.set((width or _ASKED.get()[0], settings or _ASKED.get()[1]))
+    try:
+        yield
+    finally:
+        _ASKED.reset(before)
+
+
+def wide(width: float) -> float:
+    """The width of a figure, inches: the one that was asked for, or else `width`."""
+    return _ASKED.get()[0] or width
 
 
 _INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes in whose place the next figure is drawn
@@ -114,87 +135,45 @@ def _in_place_of(ax: Any) -> Any:
 def figure(width: float, height: float) -> Iterator[Any]:
     """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
 
+    A width that was asked for, see `as_asked`, is taken in place of `width`. A wider figure is higher too; a narrower one is
+    not lower, and has smaller texts.
+
     It belongs to no window, and leaves no settings behind. A notebook shows it. Within `drawn_into` it is a part of another.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     if (ax := _INTO.get()) is not None:
-        with _style():
+        with style():
             yield _in_place_of(ax)
         return
-    with _style():
-        canvas = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
+    with style(max(SMALLEST, min(1.0, wide(width) / width))):
+        height *= max(1.0, wide(width) / width) ** 0.5
+        canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
         FigureCanvasAgg(canvas)
         yield canvas
         _settle(canvas)
-    canvas._repr_png_ = partial(_png, canvas, {})  # the name that notebooks ask a value for
+    canvas._repr_png_ = partial(_png, canvas)  # the name that notebooks ask a value for
 
 
-def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
-    """Write a figure as PNG, SVG or PDF, by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
+def _png(canvas: Any) -> bytes:
+    from wavesweep.plots.files import png
 
-    The same drawing gives the same bytes: there is no date in the file.
-    """
-    with _style():
-        if path.suffix == ".png":
-            path.write_bytes(_png(canvas, about))
-        elif path.suffix == ".svg":
-            words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
-            canvas.savefig(path, format="svg", metadata=words)
-        else:
-            words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
-            canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
-
-
-def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
-    """Write a figure in several formats into a folder, which is made, each as one step; gives the paths. about: see `save`."""
-    directory.mkdir(parents=True, exist_ok=True)
-    written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
-    for each in written:
-        temporary = each.with_name(f".{random_part()}.new{each.suffix}")
-        try:
-            save(canvas, temporary, about)
-            temporary.replace(each)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror or str(error), str(each)) from error
-        finally:
-            temporary.unlink(missing_ok=True)
-    return written
-
-
-def _lines(about):
-    return "; ".join(f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software"))
-
-
-def _png(canvas: Any, about: Mapping[str, str]) -> bytes:
-    from io import BytesIO
-
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image, PngImagePlugin
-
-    with _style():
-        agg = FigureCanvasAgg(canvas)
-        agg.draw()
-    pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
-    # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
-    palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-    texts, file = PngImagePlugin.PngInfo(), BytesIO()
-    for name, text in about.items():
-        texts.add_text(name, text)
-    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
-    return file.getvalue()
+    return png(canvas, {})
 
 
 @contextmanager
-def _style() -> Iterator[None]:
-    """The settings of every figure. No matplotlibrc is read, so that a figure looks the same everywhere.
+def style(scale: float = 1.0) -> Iterator[None]:
+    """The settings of every figure, with those that were asked for. No matplotlibrc is read, so that it looks alike everywhere.
 
-    The settings are those of the process, so one thread after the other draws, and the user's are there again afterwards.
+    scale: of the sizes of texts. The settings are those of the process, so one thread after the other draws, and the user's
+    are there again afterwards.
     """
     import matplotlib
 
-    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"}):
+    settings = {**_STYLE, **_ASKED.get()[1]}
+    settings |= {name: scale * size for name, size in settings.items() if name in _SIZES and not isinstance(size, str)}
+    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **settings, "backend": "agg"}):
         yield
 
 
@@ -300,6 +279,13 @@ def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", col
         canvas.suptitle("\n".join([above, *lines] if above else lines), fontsize=size, color=colour)
 
 
+def lines_of(note: str) -> list[str]:
+    """A note below a figure of two columns in lines that fit into it."""
+    from textwrap import wrap
+
+    return wrap(note, int(_NOTE * wide(TWO_COLUMNS)))
+
+
 def by_factors(axis: Any, low: float, high: float) -> None:
     """Set a logarithmic scale from `low` to `high`; over less than two decades it has plain numbers."""
     from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullFormatter
@@ -316,7 +302,7 @@ def fitting(texts: Sequence[str], width: float) -> int:
     import re
 
     longest = max((len(re.sub(r"\\mathrm|[$_{}^\\]", "", text)) for text in texts), default=0)
-    return max(1, min(len(texts), int(width * 72 / (4.2 * longest + 34))))
+    return max(1, min(len(texts), int(width * 72 / (4.2 * longest + 40))))
 
 
 def symbol(name: str) -> str:

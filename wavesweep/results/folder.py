@@ -14,7 +14,7 @@ from wavesweep.errors import UsageError
 from wavesweep.results.package import PART, packaged_facts
 from wavesweep.spec import SYMBOLS
 
-FIGURES = (".png", ".svg", ".pdf")
+FIGURES = (".png", ".svg", ".pdf", ".eps")
 SUFFIXES = (".csv", ".parquet", *FIGURES, ".datapackage.json")
 PARTS = re.compile(PART)
 LONGEST = 40  # characters of a list in a message

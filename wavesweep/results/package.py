@@ -13,7 +13,7 @@ from wavesweep.disk import open_file, write_file
 from wavesweep.tables.kind import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
-_MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf"}
+_MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}
 _HASH_BLOCK = 1 << 20
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 

@@ -45,7 +45,7 @@ def publish(
                bytes in any folder
     directory  made if it is missing
     overwrite  replace results of another spec; those of the same file (`spec_place`) are replaced in any case
-    formats    of the figure: png, svg, pdf
+    formats    of the figure: png, svg, pdf, eps
     locked     the caller is `at_work` on this table; if not, the call waits until no other run is
     partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
 

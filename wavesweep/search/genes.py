@@ -39,3 +39,20 @@ def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
         else:
             genes.append((value - axis.start) / (axis.stop - axis.start))
     return np.clip(genes, 0.0, 1.0)
+
+
+def differing(vary: Sequence[Axis], genes: np.ndarray, found: np.ndarray, apart: float, most: int) -> np.ndarray:
+    """Return the indices of the first designs that differ from those found, and from each other.
+
+    They differ if a number is another choice, or another by a share `apart` of its range. genes: `(designs, axes)`, the best
+    first; found: the same of others. most: of them.
+    """
+    few = np.array([len(axis.values or ()) for axis in vary])
+    part = np.where(few > 0, np.minimum(np.floor(genes * few), few - 1), genes)
+    seen = [*np.where(few > 0, np.minimum(np.floor(found * few), few - 1), found)]
+    chosen = []
+    for at, each in enumerate(part):
+        if len(chosen) < most and all((np.abs(each - other) >= apart).any() for other in seen):
+            chosen.append(at)
+            seen.append(each)
+    return np.array(chosen, dtype=int)

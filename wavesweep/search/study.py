@@ -13,7 +13,7 @@ from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.passive import HAND as OPERATOR
 from wavesweep.passive import HandBox
 from wavesweep.search.family import Scenario, count_of, scenarios_of
-from wavesweep.search.genes import designs_of, genes_of
+from wavesweep.search.genes import designs_of, differing, genes_of
 from wavesweep.search.search import Judged, generations, spread, undominated
 from wavesweep.search.verdicts import judged, miss
 from wavesweep.search.wishes import evaluate
@@ -37,6 +37,7 @@ from wavesweep.tables.table import Table, facts_of
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
 TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
+RUNNERS_UP, APART = 3, 0.1  # designs beside a single best one, and how far apart, as a share of a number's range
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
 # Values between two of a range that the search looks at from time to time, and the last check, if the combinations are so few.
@@ -236,7 +237,7 @@ def design(
     counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
     timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
-    facts |= {"own": own_design(spec, job), "stop": job.stop}
+    facts |= {"own": own_design(spec, job), "stop": job.stop, "runners_up": run.runners_up(genes[still])}
     facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
 
@@ -382,22 +383,41 @@ class _Run:
         A search that sees some values of a range finds what is good there alone. If no design of the front keeps its bounds in
         between, those of all generations are tried, the best first; if none of them does, the records of the front remain.
         """
-        job, asked = self.job, self.job.grid.spec.design
-        good = judged(asked, records)[1] == 0
+        good = judged(self.job.grid.spec.design, records)[1] == 0
         if good.any():
             return genes[good], records[good]
-        first, last = self.since, self.job.chunks.loops - 1
-        others = np.concatenate([job.genes[each] for each in range(first, last)])
-        objectives, violation = judged(asked, self.everything())
-        order = np.lexsort(objectives.T[::-1])
-        order = order[violation[order] == 0][:TRIED]
-        for some in np.array_split(others[order], max(1, len(order) // FRONT)) if order.size else ():
-            designs = designs_of(asked.vary, some)
-            found = job.task_of(job.grid.spec, job.finest, designs, len(some), last=True).records()
-            good = judged(asked, found)[1] == 0
-            if good.any():
-                return some[good], found[good]
+        others = self.feasible()[:TRIED]
+        for some in np.array_split(others, max(1, len(others) // FRONT)) if len(others) else ():
+            good, found = self.checked(some)
+            if len(good):
+                return good, found
         return genes[:0], records
+
+    def feasible(self) -> np.ndarray:
+        """The designs of all generations that keep their bounds in the search, the best first."""
+        last = self.job.chunks.loops - 1
+        others = np.concatenate([self.job.genes[each] for each in range(self.since, last)])
+        objectives, violation = judged(self.job.grid.spec.design, self.everything())
+        order = np.lexsort(objectives.T[::-1])
+        return others[order[violation[order] == 0]]
+
+    def checked(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those of some designs that keep their bounds over all that a front is checked for, and their records."""
+        job, spec = self.job, self.job.grid.spec
+        found = job.task_of(spec, job.finest, designs_of(spec.design.vary, genes), len(genes), last=True).records()
+        good = judged(spec.design, found)[1] == 0
+        return genes[good], found[good]
+
+    def runners_up(self, genes: np.ndarray) -> list[dict[str, Any]]:
+        """The next best designs beside the only one of a result: their numbers, and their wishes at their worst."""
+        if len(genes) > 1:
+            return []
+        spec, others = self.job.grid.spec, self.feasible()
+        some, records = self.checked(others[differing(spec.design.vary, others, genes, APART, RUNNERS_UP)])
+        columns, _ = _columns(spec, self.job, some, records)
+        names = [axis.name for axis in spec.design.vary], [wish.name for wish in spec.design.wishes]
+        numbers, wishes = ([{name: columns[name][at].item() for name in each} for at in range(len(some))] for each in names)
+        return [{"numbers": one, "wishes": other} for one, other in zip(numbers, wishes, strict=True)]
 
     def everything(self) -> np.ndarray:
         """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""

@@ -6,17 +6,11 @@ import numpy as np
 
 from wavesweep.search.family import Scenario
 from wavesweep.spec import Spec
-from wavesweep.spec.design import Design, Wish
+from wavesweep.spec.design import Design
 
 MOST = 10.0  # what the violation of one bound counts at most, as a share of it; values that are not known count more than all
 LEAST = 1e-9  # of a quantity of which the logarithm is an objective
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
-
-
-def margin(wish: Wish, value: np.ndarray) -> np.ndarray:
-    """Return the margin to a bound, as a share of it (of 1e-6 if it is 0); negative if the bound is violated."""
-    share = (value - wish.bound) / (abs(wish.bound) or 1e-6)
-    return share if wish.kind.more else -share
 
 
 def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -33,7 +27,7 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
     )
     margins = []
     for wish in bounded:
-        kept = margin(wish, records[wish.name])
+        kept = wish.margin(records[wish.name])
         margins.append(np.where(np.isnan(kept), -np.inf, kept))
         by = np.maximum(-kept, 0.0)
         violation += np.where(np.isnan(by), MOST, MOST * by / (MOST + by))
@@ -84,7 +78,7 @@ def _against(design, records):
 
     If there is no such pair, the text names the bounds that no design met; it is empty if there are none.
     """
-    kept = {wish.name: margin(wish, records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
+    kept = {wish.name: wish.margin(records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
     names = list(kept)
     for i, one in enumerate(names):
         for other in names[i + 1 :]:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.simulation.body import exponential_minus_one, zero_order_hold
+from wavesweep.simulation.named import root
 from wavesweep.spec.block_types import BODIES
 
 Sum = tuple[tuple[float, str], ...]
@@ -280,9 +281,9 @@ def mean(period: float, n: int) -> Law:
 def wave(period: float, b: float, gives: str) -> Law:
     """End of a wave line of impedance b (N s/m): `force = b v - sqrt(2b) in`, `out = sqrt(2b) v - in`, or solved for `v`."""
     del period
-    root, other = math.sqrt(2 * b), math.sqrt(2 / b)
+    own, other = root(2 * b), root(2 / b)
     if gives == "force":
-        return Law({"force": ((b, "v"), (-root, "in")), "out": ((root, "v"), (-1.0, "in"))})
+        return Law({"force": ((b, "v"), (-own, "in")), "out": ((own, "v"), (-1.0, "in"))})
     return Law({"v": ((other, "in"), (-1 / b, "f")), "out": ((1.0, "in"), (-other, "f"))})
 
 
@@ -291,7 +292,7 @@ def avatar(period: float, b: float, integration: str) -> Law:
 
     `before` is where a step begins: with the trapezoidal rule half of the last step is in it already.
     """
-    other, ahead = math.sqrt(2 / b), _ahead(integration, period)
+    other, ahead = root(2 / b), _ahead(integration, period)
     gives = {
         "v": ((other, "in"), (-1 / b, "f")),
         "x_spring": ((1.0, "before"), (ahead, "v")),
@@ -306,9 +307,9 @@ def local_model(period: float, b: float, K: float, B: float, integration: str) -
     ahead = _ahead(integration, period)
     total = b + B + K * ahead
     gives = {
-        "speed": ((math.sqrt(2 * b) / total, "in"), (-K / total, "before")),
+        "speed": ((root(2 * b) / total, "in"), (-K / total, "before")),
         "pull": ((K, "before"), (K * ahead + B, "speed")),
-        "out": ((1.0, "in"), (-math.sqrt(2 / b), "pull")),
+        "out": ((1.0, "in"), (-root(2 / b), "pull")),
     }
     return Law(gives, {"before": ((1.0, "before"), (period, "speed"))})
 
@@ -317,7 +318,7 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
     """A local model while the wall is not touched: it moves freely, and its spring is not stretched."""
     del K, B
     behind = period - (_ahead(integration, period) or period)
-    return Law({"out": ((1.0, "in"),)}, {"before": ((behind * math.sqrt(2 / b), "in"),)})
+    return Law({"out": ((1.0, "in"),)}, {"before": ((behind * root(2 / b), "in"),)})
 
 
 def in_delta_form(E, B, C, D, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]) -> Law:

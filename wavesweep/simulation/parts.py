@@ -299,10 +299,10 @@ def _schedule(block, known):
 def _numbers(block, known):
     """The keys of a block with their values, in the order of its type."""
     kinds = {
-        "number": lambda tree: float(value_of(tree, known)),
+        "number": lambda tree: 1.0 * value_of(tree, known),  # unlike `float`, this leaves a number with a name as it is
         "integer": lambda tree: int(value_of(tree, known)),
-        "list": lambda trees: [float(value_of(tree, known)) for tree in trees],
-        "rows": lambda rows: [[float(value_of(tree, known)) for tree in row] for row in rows],
+        "list": lambda trees: [1.0 * value_of(tree, known) for tree in trees],
+        "rows": lambda rows: [[1.0 * value_of(tree, known) for tree in row] for row in rows],
     }
     types = {name: key.type for name, key in TYPES[block.type].keys.items()}
     return {
@@ -364,7 +364,7 @@ def _plant(plant, drawing, known, tick, waits):
 
 
 def _valued(terms, numbers) -> Sum:
-    return tuple((float(value_of(gain, numbers)), name) for name, gain in terms)
+    return tuple((1.0 * value_of(gain, numbers), name) for name, gain in terms)
 
 
 def _wall_of(drawing, terms, known):

@@ -193,16 +193,18 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
     needed = _closure({s for name in torn for _, s in sums[name]}, graph)
     once = [(name, sums[name]) for name in order if name in needed]
     alone = [(f"{name} alone", sums[name]) for name in torn]
-    share = np.array(
-        [[values.get(name, 0.0) for name, _ in alone] for values in (evaluated([*once, *alone], {name: 1.0}) for name in torn)]
-    ).T
+    shares = [
+        [values.get(name, 0.0) for name, _ in alone] for values in (evaluated([*once, *alone], {name: 1.0}) for name in torn)
+    ]
+    share = np.array(shares, dtype=float).T
     rest = np.eye(len(torn)) - share
     if np.linalg.svd(rest, compute_uv=False)[-1] <= ROUNDING * (1.0 + np.abs(share).max()):
         raise IllPosedLoopError(
             f"{', '.join(torn)}: what goes round within the tick comes back as it is, so it has no single value; a delay on "
             "the way, such as that of the environment or of the local model, makes it one"
         )
-    inverse = np.linalg.inv(rest).tolist()
+    # A single one may be made from numbers with names.
+    inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
     solved = [
         (name, tuple(zip(row, (each for each, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)
     ]
@@ -242,7 +244,10 @@ def evaluated(lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept
     values = dict(given)
     for name, terms in lines:
         if name not in kept:
-            values[name] = sum(factor * values.get(source, 0.0) for factor, source in terms)
+            total = 0.0  # `sum` of Python 3.12 rounds otherwise than a program in C
+            for factor, source in terms:
+                total = total + factor * values.get(source, 0.0)
+            values[name] = total
     return values
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
@@ -117,6 +118,11 @@ class Wish:
     def kind(self) -> WishKind:
         """What is wished for."""
         return WISHES[self.name]
+
+    def margin(self, value: Any) -> Any:
+        """Return the margin to the bound, as a share of it (of 1e-6 if it is 0); negative if the bound is violated."""
+        share = (value - self.bound) / (abs(self.bound or 0.0) or 1e-6)
+        return share if self.kind.more else -share
 
     def written(self) -> dict[str, object]:
         """Return the wish as a spec could give it."""

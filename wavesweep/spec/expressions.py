@@ -160,6 +160,8 @@ def text_of(tree: Tree, least: int = 0) -> str:
         return f"{operation}({text_of(parts[0])})"
     if operation in ("*", "/") and (unsigned := _unsigned(tree)) is not None:
         return text_of(("negative", unsigned, tree[-1]), least)
+    if operation == "negative" and (unsigned := _unsigned(parts[0])) is not None:
+        return text_of(unsigned, least)
     rank, sides, sign = _RANKS[operation]
     text = sign.join(text_of(part, side) for part, side in zip(parts, sides, strict=True))
     text = f"-{text}" if operation == "negative" else text

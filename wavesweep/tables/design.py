@@ -9,10 +9,11 @@ import numpy as np
 
 from wavesweep.rows import Columns
 from wavesweep.spec import Spec
-from wavesweep.spec.design import WISHES
+from wavesweep.spec.design import WISHES, Wish
 from wavesweep.tables.columns import fields
 from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, count
 
+THIN = 0.01  # of a bound, within which a design is near it
 BOX, SETTLED = "z_width_box", "box_settled"
 
 
@@ -46,19 +47,36 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         name: np.where(np.isnan(columns[name]), -np.inf, columns[name] * (1 if WISHES[name].more else -1)) for name in wishes
     }
     best = {name: int(np.argmax(size)) for name, size in sizes.items()}
+    values = {name: {wish: _known(columns[wish][row]) for wish in wishes} for name, row in best.items()}
+    bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
     return {
         "designs": len(columns["certified"]),
         "certified": int(columns["certified"].sum()),
         "bounds_hold_between": int(columns["holds"].sum()),
         "searched": facts["slices"]["computed"],
         "scenarios": facts["scenarios"],
-        "best": {name: {wish: _known(columns[wish][row]) for wish in wishes} for name, row in best.items()},
+        "best": values,
         "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
         "own": dict(facts["own"]),
         "units": dict(facts["units"]),
         "files": list(facts.get("best", ())),
         "walls_to": facts["stop"],
+        "margins": {name: margins_of(each, facts) for name, each in values.items()},
+        "near": {wish.name: int((np.abs(wish.margin(columns[wish.name])) < THIN).sum()) for wish in bounded},
+        "free": [name for name in wishes if name not in {wish.name for wish in bounded}],
+        "runners_up": [each | {"margins": margins_of(each["wishes"], facts)} for each in facts.get("runners_up", ())],
     } | _box(columns)
+
+
+def wish_of(name: str, facts: Mapping[str, Any]) -> Wish:
+    """Return a wish of a study with its bound."""
+    return Wish(name, facts["spec"]["design"]["wish"][name].get(WISHES[name].bound), {})
+
+
+def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> dict[str, float]:
+    """Return the margins of a design's wishes to their bounds, as shares of these; values: of the wishes."""
+    bounded = (wish for name in values if (wish := wish_of(name, facts)).bound is not None)
+    return {wish.name: float(wish.margin(values[wish.name])) for wish in bounded if values[wish.name] is not None}
 
 
 def _known(value):
@@ -77,13 +95,20 @@ def _box(columns):
 
 
 def design_lines(found: Numbers) -> Iterator[Line]:
-    """Yield a line for the front, one for the best of each wish, and one for the spec's own design."""
+    """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
     over = count(found["scenarios"], "combination")
     yield f"{count(found['searched'], 'design')} evaluated, each at its worst over {over}", False
-    yield f"{count(found['designs'], 'design')} on the front" if len(found["best"]) > 1 else "the best design", False
-    for name, values in found["best"].items():
-        numbers = ", ".join(f"{axis} = {value:.5g}" for axis, value in found["numbers"][name].items())
-        yield f"best {name}: {_wishes(values, found['units'])}, with {numbers}", False
+    if found["designs"] > 1:
+        yield f"{count(found['designs'], 'design')} on the front", False
+    for names in _alike(found["numbers"]):
+        first = "the best design" if found["designs"] == 1 else f"best {' and '.join(names)}"
+        yield f"{first}: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
+    yield from _bound_lines(found)
+    for each in found["runners_up"]:
+        margins = f"; margins: {_shares(each['margins'])}" if each["margins"] else ""
+        yield f"next best: {_design(each['wishes'], each['numbers'], found['units'])}{margins}", False
+    if found["designs"] == 1 and not found["runners_up"]:
+        yield "next best: none was found whose numbers differ by a tenth of their ranges", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
     if found["walls_to"] in [values.get("z_width") for values in (*found["best"].values(), found["own"])]:
         further = "a longer range of K_VE in [sweep] may show stiffer ones"
@@ -101,6 +126,40 @@ def design_lines(found: Numbers) -> Iterator[Line]:
     if found["bounds_hold_between"] < found["designs"]:
         missed = found["designs"] - found["bounds_hold_between"]
         yield f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)", True
+
+
+def _alike(numbers: Mapping[str, Any]) -> list[list[str]]:
+    """The wishes, those of the same design together."""
+    found: list[list[str]] = []
+    for name in numbers:
+        same = next((names for names in found if numbers[names[0]] == numbers[name]), None)
+        found.append([name]) if same is None else same.append(name)
+    return found
+
+
+def _bound_lines(found: Numbers) -> Iterator[Line]:
+    """Yield how near designs are to their bounds, and which wish decides."""
+    if found["designs"] == 1 and found["best"]:
+        margins = next(iter(found["margins"].values()))
+        least = min(margins.values(), default=0.0)
+        tight = [name for name, share in margins.items() if share < (THIN if found["free"] else least + THIN)]
+        if not found["free"]:
+            decides = f"{' and '.join(tight)} decide{'s' * (len(tight) == 1)}: no design found has a larger smallest margin"
+        else:
+            decides = f"{' and '.join(found['free'])} decide{'s' * (len(found['free']) == 1)}"
+            decides += f", held back by the bound of {' and '.join(tight)}" if tight else ""
+        yield (f"margins to the bounds: {_shares(margins)}; {decides}" if margins else decides), False
+    for name, number in found["near"].items() if found["designs"] > 1 else ():
+        if number:
+            yield f"{name} is within {100 * THIN:g} % of its bound in {number} of {found['designs']} designs", False
+
+
+def _shares(margins: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {100 * share:.3g} %" for name, share in margins.items())
+
+
+def _design(wishes: Mapping[str, float | None], numbers: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    return f"{_wishes(wishes, units)}, with {', '.join(f'{axis} = {value:.5g}' for axis, value in numbers.items())}"
 
 
 def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str:

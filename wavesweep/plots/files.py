@@ -1,0 +1,102 @@
+"""Figures as files: PNG, SVG, PDF and EPS, the same bytes for the same drawing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from wavesweep.disk import random_part
+from wavesweep.plots.style import DOTS_PER_INCH, style
+
+
+def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
+    """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
+
+    The same drawing gives the same bytes: there is no date in the file. EPS knows no transparency: what shines through in the
+    others has the colour there that it has on white.
+    """
+    with style():
+        if path.suffix == ".png":
+            path.write_bytes(png(canvas, about))
+        elif path.suffix == ".svg":
+            words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
+            canvas.savefig(path, format="svg", metadata=words)
+        elif path.suffix == ".eps":
+            path.write_bytes(_eps(canvas, about))
+        else:
+            words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
+            canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
+
+
+def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
+    """Write a figure in several formats into a folder, which is made, each as one step; gives the paths. about: see `save`."""
+    directory.mkdir(parents=True, exist_ok=True)
+    written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
+    for each in written:
+        temporary = each.with_name(f".{random_part()}.new{each.suffix}")
+        try:
+            save(canvas, temporary, about)
+            temporary.replace(each)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror or str(error), str(each)) from error
+        finally:
+            temporary.unlink(missing_ok=True)
+    return written
+
+
+def _lines(about):
+    return "; ".join(f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software"))
+
+
+def png(canvas: Any, about: Mapping[str, str]) -> bytes:
+    """A figure as PNG with a palette; about: see `save`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image, PngImagePlugin
+
+    with style():
+        agg = FigureCanvasAgg(canvas)
+        agg.draw()
+    pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
+    # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
+    palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    texts, file = PngImagePlugin.PngInfo(), BytesIO()
+    for name, text in about.items():
+        texts.add_text(name, text)
+    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
+    return file.getvalue()
+
+
+def _eps(canvas: Any, about: Mapping[str, str]) -> bytes:
+    file = BytesIO()
+    with _opaque(canvas):
+        canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
+    title = f"%%Title: {about['Title']}\n".encode("ascii", "replace")
+    return re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1)
+
+
+@contextmanager
+def _opaque(canvas: Any) -> Iterator[None]:
+    """Have the colours of transparent parts as they are on white."""
+    from matplotlib.colors import to_rgba_array
+
+    before = []
+    for each in canvas.findobj(lambda part: part.get_alpha() is not None):
+        alpha = each.get_alpha()
+        each.set_alpha(None)
+        for name in ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor"):
+            if hasattr(each, f"get_{name}") and hasattr(each, f"set_{name}"):
+                own = getattr(each, f"get_{name}")()
+                before.append((getattr(each, f"set_{name}"), own))
+                colours = to_rgba_array(own)
+                mixed = [(*(1 - alpha * (1 - colour[:3])), 1.0) if colour[3] else "none" for colour in colours]
+                getattr(each, f"set_{name}")(mixed[0] if len(mixed) == 1 else mixed)
+        before.append((each.set_alpha, alpha))
+    try:
+        yield
+    finally:
+        for put, own in before:
+            put(own)
