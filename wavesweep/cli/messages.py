@@ -46,10 +46,12 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
     If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely. Until the
     first report there is a line after FIRST_WORD seconds in any case.
     """
-    if quiet:
-        yield None
-        return
     opened = ExitStack()
+    opened.enter_context(_heard(quiet))
+    if quiet:
+        with opened:
+            yield None
+        return
     move = _bar(opened) if sys.stderr.isatty() else Murmur().hear
     with patience("still at work on the first chunk") as reached:
 
@@ -62,6 +64,23 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
         finally:
             with suppress(OSError):
                 opened.close()
+
+
+@contextmanager
+def _heard(quiet: bool) -> Iterator[None]:
+    """Say what the run warns of meanwhile, such as workers that finish nothing."""
+    import logging
+
+    class Said(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            say("\n" * sys.stderr.isatty() + record.getMessage(), warning=True)
+
+    handler, logger = logging.NullHandler() if quiet else Said(), logging.getLogger("wavesweep")
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 @contextmanager
