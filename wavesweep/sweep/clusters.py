@@ -33,12 +33,15 @@ def dask(workers):
         executor = client.get_executor(pure=False)
         seen = time.monotonic()
 
+        def threads():
+            return client.sync(client.scheduler.ncores, callback_timeout=PATIENCE)  # a frozen scheduler never answers
+
         def look():
             nonlocal seen
             if client.status != "running":
                 raise WavesweepError(f"{name} is lost")
             try:
-                found = client.sync(client.scheduler.ncores, callback_timeout=PATIENCE)
+                found = threads()
             except TimeoutError:
                 return f"{name}, which does not answer"
             if found:
@@ -48,7 +51,7 @@ def dask(workers):
             return f"{len(found)} workers of {name}; {OTHERS}"
 
         try:
-            yield Pool(executor.submit, max(workers.count, sum(client.nthreads().values())), look)
+            yield Pool(executor.submit, max(workers.count, sum(threads().values())), look)
         except distributed.KilledWorker as error:
             raise WavesweepError(DIED) from error
         except (CancelledError, OSError) as error:  # all that is heard of a scheduler that ended
