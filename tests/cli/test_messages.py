@@ -58,6 +58,13 @@ def test_a_bar_fits_into_its_terminal(columns, monkeypatch):
     assert any("certified" in line for line in lines) == (columns >= 80)
 
 
+def test_a_bar_says_what_is_done_if_it_is_no_computing(monkeypatch):
+    with terminal(monkeypatch) as said:
+        with messages.progress(False, "writing") as report:
+            report(1, 4)
+        assert "writing  [" in said()
+
+
 def test_nothing_moves_where_nobody_watches(monkeypatch):
     with terminal(monkeypatch) as said:
         with messages.progress(quiet=True) as report:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from concurrent.futures import Future
 
 import pytest
 from support.chunks import finished_in
@@ -16,6 +17,7 @@ from support.chunks import finished_in
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.sweep import clusters, pools, workers
+from wavesweep.sweep.pools import Pool
 from wavesweep.sweep.tasks import timed
 from wavesweep.sweep.workers import Workers, results
 from wavesweep.tables.intervals import intervals
@@ -199,10 +201,10 @@ def test_a_run_in_which_nothing_finishes_says_so_once_and_then_rarely(caplog):
     silence = workers.Silence(clock=lambda: now[0])
     for second in range(0, 1000, 2):
         now[0] = float(second)
-        silence.hear(second in (10, 100), "6 chunks are with 2 processes")
+        silence.hear(second in (10, 100), "6 tasks are with 2 processes")
     said = [record.getMessage() for record in caplog.records]
     assert [text.split(":")[0] for text in said] == [f"nothing has finished for {s} s" for s in (20, 40, 80, 160, 320, 640)]
-    assert said[0].endswith(": 6 chunks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")
+    assert said[0].endswith(": 6 tasks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")
 
 
 class Held(logging.Handler):
@@ -221,13 +223,31 @@ def test_a_run_says_who_is_waited_for(monkeypatch):
     monkeypatch.setattr(workers, "SILENT", 0.0)
     monkeypatch.setattr(workers, "LOOK", 0.01)
     held = Held()
-    monkeypatch.setattr(workers, "timed", lambda *_: held.going.wait(60))
+    monkeypatch.setattr(workers, "timed", lambda *_: (held.going.wait(60), None, 0.0))
     workers.LOGGER.addHandler(held)
     try:
-        assert list(results(Workers(2, "threading", None, ""), [0, 1, 2], lambda number: number)) == [True] * 3
+        assert list(results(Workers(2, "threading", None, ""), [0, 1, 2], lambda number: number)) == [(True, None, 0.0)] * 3
     finally:
         workers.LOGGER.removeHandler(held)
-    assert "3 chunks are with 2 threads of this process" in held.said[0]
+    assert "3 tasks are with 2 threads of this process" in held.said[0]
+
+
+@pytest.mark.parametrize(("seconds", "together"), [(0.0, 8), (0.4, 2), (3.0, 1)])
+def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
+    """Its scheduler takes milliseconds for a task, however small."""
+    sizes = []
+
+    def submit(function, each_of, work, batch):
+        sizes.append(len(batch))
+        done = Future()
+        done.set_result(function(each_of, work, batch))
+        return done
+
+    monkeypatch.setitem(workers.BACKENDS, "dask", lambda _: contextlib.nullcontext(Pool(submit, 1, str, 8)))
+    monkeypatch.setattr(workers, "timed", lambda number, _: (number, None, seconds))
+    found = list(results(Workers(1, "dask", None, ""), range(50), lambda number: number))
+    assert sorted(number for number, *_ in found) == list(range(50))
+    assert max(sizes) == together
 
 
 class Ray:

@@ -19,6 +19,7 @@ from wavesweep.sweep.pools import DIED, Pool, unheard
 EXTRAS = {"dask": "distributed", "ray": "ray"}  # backend, also the name of our extra -> the package that it needs
 PATIENCE = 10.0  # s for a scheduler to answer
 ALONE = 20.0  # s that a dask scheduler may be without workers
+TOGETHER = 8  # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
 AGAIN = 3  # times that a chunk whose ray worker died is done again
 OTHERS = "one that is ended has its chunks done by others"
 
@@ -51,7 +52,7 @@ def dask(workers):
             return f"{len(found)} workers of {name}; {OTHERS}"
 
         try:
-            yield Pool(executor.submit, max(workers.count, sum(threads().values())), look)
+            yield Pool(executor.submit, max(workers.count, sum(threads().values())), look, TOGETHER)
         except distributed.KilledWorker as error:
             raise WavesweepError(DIED) from error
         except (CancelledError, OSError) as error:  # all that is heard of a scheduler that ended
@@ -88,7 +89,7 @@ def ray(workers):
         remote = module.remote(max_retries=AGAIN)(_called)
         count = max(workers.count, int(module.cluster_resources().get("CPU", 0)))
         try:
-            yield Pool(lambda *call: remote.remote(*call).future(), count, lambda: f"{count} ray workers; {OTHERS}")
+            yield Pool(lambda *call: remote.remote(*call).future(), count, lambda: f"{count} ray workers; {OTHERS}", TOGETHER)
         except module.exceptions.RayError as error:
             if isinstance(error, module.exceptions.RayTaskError):
                 raise error.cause from error

@@ -28,12 +28,14 @@ DIED = "a worker process died (killed, or out of memory); fewer --jobs take less
 class Pool:
     """`submit(function, *arguments)` gives a future; `count` workers.
 
-    look: says who works, and what helps if they do not; raises WavesweepError if the pool is lost.
+    look: says who works, and what helps if they do not; raises WavesweepError if the pool is lost. together: so many chunks
+    may be handed out at once.
     """
 
     submit: Callable
     count: int
     look: Callable[[], str]
+    together: int = 1
 
 
 @contextmanager

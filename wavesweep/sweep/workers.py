@@ -15,12 +15,13 @@ from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.sweep.clusters import EXTRAS, dask, imported, ray
 from wavesweep.sweep.pools import loky, threads
-from wavesweep.sweep.tasks import attested, timed
+from wavesweep.sweep.tasks import attested, each_of, timed
 from wavesweep.system import processors, why_no_processes
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
 BACKENDS = {"loky": loky, "threading": threads, "dask": dask, "ray": ray}
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
+TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
 LOOK = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
 PROCESSES = 2  # by default
@@ -93,19 +94,23 @@ def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
 def _elsewhere(workers, numbers, task_of):
     refuse_backend(workers.backend)
     with BACKENDS[workers.backend](workers) as pool:
-        silence = Silence()
-        calls = ((number, task_of(number)) for number in numbers)
-        waiting = {pool.submit(attested, timed, *call) for call in islice(calls, AHEAD * pool.count)}
+        silence, calls, size = Silence(), ((number, task_of(number)) for number in numbers), 1
+
+        def handed_out(count):
+            batches = (list(islice(calls, size)) for _ in range(count))
+            return {pool.submit(attested, each_of, timed, batch) for batch in batches if batch}
+
+        waiting = handed_out(AHEAD * pool.count)
         while waiting:
             done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
-            who = pool.look()
-            silence.hear(bool(done), f"{len(waiting)} chunks are with {who}")
+            silence.hear(bool(done), f"{len(waiting)} tasks are with {pool.look()}")
             for future in done:
-                waiting |= {pool.submit(attested, timed, *call) for call in islice(calls, 1)}
+                waiting |= handed_out(1)
                 found, there = future.result()
                 if there != versions():
                     raise WavesweepError(f"expected workers with {_named(versions())}, found one with {_named(there)}")
-                yield found
+                size = max(1, min(pool.together, int(TASK * len(found) / max(TINY, sum(seconds for *_, seconds in found)))))
+                yield from found
 
 
 def _named(found):
