@@ -201,7 +201,10 @@ def test_a_run_in_which_nothing_finishes_says_so_once_and_then_rarely(caplog):
     silence = workers.Silence(clock=lambda: now[0])
     for second in range(0, 1000, 2):
         now[0] = float(second)
-        silence.hear(second in (10, 100), "6 tasks are with 2 processes")
+        if second in (10, 100):
+            silence.end()
+        else:
+            silence.go_on("6 tasks are with 2 processes")
     said = [record.getMessage() for record in caplog.records]
     assert [text.split(":")[0] for text in said] == [f"nothing has finished for {s} s" for s in (20, 40, 80, 160, 320, 640)]
     assert said[0].endswith(": 6 tasks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")

@@ -101,7 +101,7 @@ def _start(module, workers):
     address = workers.scheduler or os.environ.get("RAY_ADDRESS")
     given = {"address": address} if address else {"address": "local", "num_cpus": workers.count, "include_dashboard": False}
     if address and address != "auto":
-        _reach(address, "ray", "ray", "host:6379, ray://host:10001 or auto")
+        _reach(address, "ray", "", "host:6379, or auto")
     try:
         with unheard():
             module.init(**given, log_to_driver=False, configure_logging=False)

@@ -103,7 +103,10 @@ def _elsewhere(workers, numbers, task_of):
         waiting = handed_out(AHEAD * pool.count)
         while waiting:
             done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
-            silence.hear(bool(done), f"{len(waiting)} tasks are with {pool.look()}")
+            if done:
+                silence.end()
+            else:
+                silence.go_on(f"{len(waiting)} tasks are with {pool.look()}")
             for future in done:
                 waiting |= handed_out(1)
                 found, there = future.result()
@@ -126,12 +129,14 @@ class Silence:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._since, self._next = clock, clock(), SILENT
 
-    def hear(self, finished: bool, who: str) -> None:
-        """Take a look: whether something has finished since the last one, and who has the rest."""
-        now = self._clock()
-        if finished:
-            self._since = now
-        elif now - self._since >= self._next:
-            self._next = 2 * (now - self._since)
+    def end(self) -> None:
+        """Something has finished."""
+        self._since = self._clock()
+
+    def go_on(self, who: str) -> None:
+        """Nothing has finished since the last call; who: has the rest."""
+        seconds = self._clock() - self._since
+        if seconds >= self._next:
+            self._next = 2 * seconds
             words = "nothing has finished for %.0f s: %s. If no processor is busy with them, Ctrl-C stops the run"
-            LOGGER.warning(words, now - self._since, who)
+            LOGGER.warning(words, seconds, who)
