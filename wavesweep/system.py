@@ -3,8 +3,10 @@
 import errno
 import os
 import signal
+import sys
 from collections.abc import Iterable
 from contextlib import suppress
+from pathlib import Path
 
 try:
     import fcntl
@@ -33,6 +35,23 @@ def lock(descriptor: int, wait: bool) -> None:
     if fcntl is None:
         raise OSError(errno.ENOTSUP, os.strerror(errno.ENOTSUP))
     fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+
+
+def peer_user(own: tuple[str, int], peer: tuple[str, int]) -> int | None:
+    """The id of the user whose process has the other end of a connection within this machine; None where no one tells.
+
+    own, peer: addresses (IPv4, port) of both ends. A process may reach an IPv4 address by a socket of IPv6 as well.
+    """
+    import socket
+
+    ends = [f"{int.from_bytes(socket.inet_aton(host), sys.byteorder):08X}:{port:04X}" for host, port in (peer, own)]
+    for table in ("tcp", "tcp6"):
+        with suppress(OSError), Path(f"/proc/net/{table}").open(encoding="ascii") as lines:
+            for line in lines:
+                words = line.split()
+                if words[1].endswith(ends[0]) and words[2].endswith(ends[1]):
+                    return int(words[7])
+    return None
 
 
 KEPT = 2**27  # bytes that the allocator keeps

@@ -72,9 +72,10 @@ def test_mistakes_of_a_spec_are_lines_that_begin_with_their_place(wavesweep, swe
         (["zwidth"], "Missing argument 'SPEC'"),
         (["zwdith", "wall.toml"], "No such command 'zwdith'"),
         (["zwidth", "wall.toml", "--jobs", "0"], "0 is not in the range x>=1"),
-        (["zwidth", "wall.toml", "--scheduler", "tcp://there:8786"], "--scheduler needs --backend dask"),
+        (["zwidth", "wall.toml", "--scheduler", "tcp://there:8786"], "--scheduler needs --backend dask or ray"),
         (["zwidth", "nowhere.toml"], "nowhere.toml"),
         (["bode", "wall.toml", "wall.toml"], "two specs are called wall"),
+        (["bode", "a\x1b[2J.toml", "a\x1b[2J.toml"], "two specs are called a\\x1b[2J"),
     ],
 )
 def test_what_cannot_be_asked_is_a_usage_error(arguments, message, wavesweep, sweep, spec):

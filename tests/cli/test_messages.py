@@ -1,5 +1,6 @@
 """Progress goes to a terminal and nowhere else; colours respect NO_COLOR."""
 
+import logging
 import os
 import pty
 import re
@@ -57,6 +58,13 @@ def test_a_bar_fits_into_its_terminal(columns, monkeypatch):
     assert any("certified" in line for line in lines) == (columns >= 80)
 
 
+def test_a_bar_says_what_is_done_if_it_is_no_computing(monkeypatch):
+    with terminal(monkeypatch) as said:
+        with messages.progress(False, "writing") as report:
+            report(1, 4)
+        assert "writing  [" in said()
+
+
 def test_nothing_moves_where_nobody_watches(monkeypatch):
     with terminal(monkeypatch) as said:
         with messages.progress(quiet=True) as report:
@@ -97,6 +105,13 @@ def test_a_run_without_a_report_says_that_it_is_at_work(monkeypatch, capsys):
     with messages.progress(quiet=False) as report:
         report(1, 4)
         assert not [each for each in threading.enumerate() if isinstance(each, threading.Timer) and not each.finished.is_set()]
+
+
+@pytest.mark.parametrize(("quiet", "expected"), [(False, "nothing has finished\n"), (True, "")])
+def test_what_a_run_warns_of_is_said_unless_it_is_quiet(capsys, quiet, expected):
+    with messages.progress(quiet):
+        logging.getLogger("wavesweep").warning("nothing has %s", "finished")
+    assert capsys.readouterr() == ("", expected)
 
 
 @pytest.mark.parametrize(("no_color", "coloured"), [("", True), ("1", False)])

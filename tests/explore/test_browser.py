@@ -116,6 +116,12 @@ def test_the_intervals_on_the_page_are_those_of_zwidth(opened, client):
     assert radius == pytest.approx(wavesweep.verdict(HOLE)["spectral_radius"], rel=1e-12)
 
 
+def test_a_browser_that_is_started_with_the_address_for_once_can_load_the_page_again(opened, client):
+    page = opened(client.server.invite())
+    assert page.url == client.server.address
+    assert page.reload().status == 200
+
+
 def test_a_slider_is_dragged_and_the_numbers_follow(opened, client):
     page = settled(opened(client.server.address))
     page.evaluate("""window.said = new Set();

@@ -5,15 +5,19 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from support.program import PROGRAM
 
+from wavesweep.explore import server as module
 from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
+from wavesweep.system import peer_user
 
 QUESTION = json.dumps({"values": {}})
 
@@ -161,6 +165,73 @@ def test_numbers_that_are_not_finite_are_null():
         as_json({"a": [1.5, float("nan"), (float("inf"), 2)], "b": True, "c": None})
         == '{"a":[1.5,null,[null,2]],"b":true,"c":null}'
     )
+
+
+def opened(server, path):
+    """The answer to a request for a path."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=30)
+    connection.request("GET", path)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, answer.getheader("Location"), text
+
+
+def test_the_address_for_a_browser_leads_to_the_page_once(client):
+    server = client.server
+    path = server.invite().partition(str(server.server_address[1]))[2]
+    assert server.token not in path
+    assert opened(server, path)[:2] == (303, f"/{server.token}/")
+    status, place, text = opened(server, path)
+    assert (status, place) == (410, None)
+    assert "another user of this computer may have it" in text
+    assert server.token not in text
+    assert client.send("POST", "quick", QUESTION, token=path.strip("/"))[0] == 403
+
+
+def test_the_address_for_a_browser_is_worthless_later(client, monkeypatch):
+    monkeypatch.setattr(module, "TICKET", -1.0)
+    path = client.server.invite().partition(str(client.server.server_address[1]))[2]
+    assert opened(client.server, path)[0] == 410
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="this system does not tell whose a connection is")
+@pytest.mark.parametrize("family", ["AF_INET", "AF_INET6"])
+def test_a_process_of_another_user_is_answered_nothing(client, monkeypatch, family):
+    """Even if it was quicker than the browser. A socket of IPv6 can reach the server as well."""
+    port = client.server.server_address[1]
+    with socket.socket(getattr(socket, family)) as own:
+        try:
+            own.connect(("127.0.0.1" if family == "AF_INET" else "::ffff:127.0.0.1", port))
+        except OSError:
+            pytest.skip("no IPv6 here")
+        assert peer_user(("127.0.0.1", port), ("127.0.0.1", own.getsockname()[1])) == os.geteuid()
+    path = client.server.invite().partition(str(port))[2]
+    monkeypatch.setattr(module, "peer_user", lambda *_: os.geteuid() + 1)
+    assert client.send("GET", "")[0] == opened(client.server, path)[0] == 403
+    monkeypatch.undo()
+    assert opened(client.server, path)[0] == 303  # it has not used up the address
+
+
+def test_half_open_requests_keep_nobody_out(client, monkeypatch):
+    monkeypatch.setattr(module, "HURRY", 1e6)
+    port = client.server.server_address[1]
+    strangers = []
+    for _ in range(2 * module.STRANGERS):
+        strangers.append(socket.create_connection(("127.0.0.1", port), timeout=30))
+        strangers[-1].sendall(b"GET / HTTP/1.1\r\nHost: ")
+    assert client.send("GET", "")[0] == 200
+    assert strangers[0].recv(1) == b""  # the oldest is closed
+    assert len(client.server._strangers) <= module.STRANGERS
+    for each in strangers:
+        each.close()
+
+
+def test_a_request_that_never_ends_is_given_up(client, monkeypatch):
+    monkeypatch.setattr(module, "HURRY", 0.0)
+    with socket.create_connection(("127.0.0.1", client.server.server_address[1]), timeout=30) as slow:
+        slow.sendall(b"GET / HTTP/1.1\r\n")
+        assert slow.recv(1) == b""
 
 
 SPEC = 'controller.kind = "pmw"\n'

@@ -10,6 +10,7 @@ from itertools import pairwise
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib import font_manager
 
 import wavesweep
 import wavesweep.sweep
@@ -621,3 +622,10 @@ def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
             assert min(abs(row.high - y)) <= 1e-9 * y
     found = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[0.99 * tip, 1.02 * tip])
     assert found.intervals.tolist() == [2, 2, 1]
+
+
+def test_figures_need_no_list_of_fonts_that_somebody_stored(monkeypatch):
+    """matplotlib believes a stored list even if a full disk has left it empty."""
+    monkeypatch.setattr(font_manager.fontManager, "ttflist", [])
+    with style.figure(1, 1):
+        assert {"DejaVu Sans", "STIXGeneral"} <= {font.name for font in font_manager.fontManager.ttflist}

@@ -11,6 +11,7 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep import plots
+from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.wiring import wiring_of_drawing
 from wavesweep.plots.routes import APART, ROW
@@ -184,3 +185,16 @@ def test_the_picture_of_rates_that_do_not_divide_has_the_frame_in_which_they_mee
     said = [text.get_text() for text in canvas.axes[0].texts]
     assert any("frame of 50 ticks, 50 ms" in each for each in said)
     assert "every 16.6667 ticks: 60 Hz" in said
+
+
+def test_a_picture_that_nobody_could_read_is_refused():
+    names = [f"b{n}" for n in range(25)]
+    read = " + ".join(f"0.01*{each}.y" for each in names[:20])
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "block": {name: {"type": "delay"} for name in names} | {"arm": {"type": "mass", "mass": 0.2}},
+        "wire": {f"{name}.u": read for name in names} | {"arm.f": "hand - b0.y - arm.x"},
+        "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+    }
+    with pytest.raises(UsageError, match="expected at most 500 wires, which can be read, found 50"):
+        plots.diagram(load(tables))

@@ -89,6 +89,8 @@ def test_times_at_the_fast_rate_are_accepted(record, start):
     ("text", "expected"),
     [
         ("force\n1\n", ":1: expected one column force_N and at most one time_s in the header, found force"),
+        ("root:x:0\ntoor:x:1\n", "at most one time_s in the header, found text that is no table of numbers"),
+        ("secret,key\n", "at most one time_s in the header, found text that is no table of numbers"),
         ("", ":1: expected one column force_N and at most one time_s in the header, found nothing"),
         ("force_N\n", "expected at least one row of numbers below the header, found none"),
         ("force_N\n1\nabc\n", ":3: force_N: expected a number, found abc"),

@@ -112,3 +112,8 @@ def test_progress_counts_slices_up_to_all_of_them(long):
     assert len(told) > 2
     assert told[-1] == (16200, 16200, 16200)
     assert told == sorted(told)
+
+
+def test_a_table_knows_how_many_rows_it_has_before_they_are_read(mixed):
+    table = intervals(mixed)
+    assert table.rows == len(table.columns["low"])

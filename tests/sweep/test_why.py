@@ -294,3 +294,8 @@ def test_a_mode_has_its_strongest_line_within_the_frame():
     assert policy.omega.iloc[-1] == 0
     free = wavesweep.why(load(ROOT / "sweeps/recipes/wheel.toml"))
     assert free.attrs["facts"]["lines_hz"][0] == 0  # the wheel that nothing holds
+
+
+def test_a_loop_with_no_other_number_is_refused():
+    with pytest.raises(UsageError, match="expected a number besides h that the loop varies with smoothly, found none"):
+        wavesweep.why(ROOT / "sweeps" / "recipes" / "batch-reactor.toml")

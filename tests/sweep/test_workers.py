@@ -1,5 +1,6 @@
 """The same bits from any number of workers on any backend; what is missing or dies is named."""
 
+import contextlib
 import logging
 import os
 import platform
@@ -8,13 +9,15 @@ import subprocess
 import sys
 import threading
 import warnings
+from concurrent.futures import Future
 
 import pytest
 from support.chunks import finished_in
 
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep import workers
+from wavesweep.sweep import clusters, pools, workers
+from wavesweep.sweep.pools import Pool
 from wavesweep.sweep.tasks import timed
 from wavesweep.sweep.workers import Workers, results
 from wavesweep.tables.intervals import intervals
@@ -61,7 +64,7 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, s
 
 @pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, long, monkeypatch, tmp_path):
-    monkeypatch.setattr(workers, "PATIENCE", 1.0)
+    monkeypatch.setattr(clusters, "PATIENCE", 1.0)
     with pytest.raises(UsageError, match=r"^scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
         intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address") as refused:
@@ -154,7 +157,7 @@ def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_
 @pytest.mark.slow
 def test_a_lock_that_is_never_given_back_does_not_keep_an_interrupted_run(monkeypatch):
     """loky's own shutdown waits for this one for ever; the run waits ENDING, and its exception comes first."""
-    monkeypatch.setattr(workers, "ENDING", 0.1)
+    monkeypatch.setattr(pools, "ENDING", 0.1)
     run = workers.BACKENDS["loky"](Workers(2, "loky", None, ""))
     executor = run.__enter__().submit.__self__
     executor.submit(len, "").result()
@@ -183,7 +186,7 @@ def test_what_fails_in_a_worker_fails_here(monkeypatch):
 def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tmp_path):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(workers, "ALONE", 1.0)
+    monkeypatch.setattr(clusters, "ALONE", 1.0)
     monkeypatch.setattr(workers, "LOOK", 0.2)
     here = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
     with warnings.catch_warnings():
@@ -191,6 +194,116 @@ def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tm
         running = LocalCluster(n_workers=0, **here)
     with running, pytest.raises(WavesweepError, match="has had no workers for 1 s"):
         intervals(long, backend="dask", scheduler=running.scheduler_address, checkpoint=tmp_path / "parts")
+
+
+def test_a_run_in_which_nothing_finishes_says_so_once_and_then_rarely(caplog):
+    now = [0.0]
+    silence = workers.Silence(clock=lambda: now[0])
+    for second in range(0, 1000, 2):
+        now[0] = float(second)
+        if second in (10, 100):
+            silence.end()
+        else:
+            silence.go_on("6 tasks are with 2 processes")
+    said = [record.getMessage() for record in caplog.records]
+    assert [text.split(":")[0] for text in said] == [f"nothing has finished for {s} s" for s in (20, 40, 80, 160, 320, 640)]
+    assert said[0].endswith(": 6 tasks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")
+
+
+class Held(logging.Handler):
+    """Keeps what is said, and lets the work go on."""
+
+    def __init__(self):
+        super().__init__()
+        self.said, self.going = [], threading.Event()
+
+    def emit(self, record):
+        self.said.append(record.getMessage())
+        self.going.set()
+
+
+def test_a_run_says_who_is_waited_for(monkeypatch):
+    monkeypatch.setattr(workers, "SILENT", 0.0)
+    monkeypatch.setattr(workers, "LOOK", 0.01)
+    held = Held()
+    monkeypatch.setattr(workers, "timed", lambda *_: (held.going.wait(60), None, 0.0))
+    workers.LOGGER.addHandler(held)
+    try:
+        assert list(results(Workers(2, "threading", None, ""), [0, 1, 2], lambda number: number)) == [(True, None, 0.0)] * 3
+    finally:
+        workers.LOGGER.removeHandler(held)
+    assert "3 tasks are with 2 threads of this process" in held.said[0]
+
+
+@pytest.mark.parametrize(("seconds", "together"), [(0.0, 8), (0.4, 2), (3.0, 1)])
+def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
+    """Its scheduler takes milliseconds for a task, however small."""
+    sizes = []
+
+    def submit(function, each_of, work, batch):
+        sizes.append(len(batch))
+        done = Future()
+        done.set_result(function(each_of, work, batch))
+        return done
+
+    monkeypatch.setitem(workers.BACKENDS, "dask", lambda _: contextlib.nullcontext(Pool(submit, 1, str, 8)))
+    monkeypatch.setattr(workers, "timed", lambda number, _: (number, None, seconds))
+    found = list(results(Workers(1, "dask", None, ""), range(50), lambda number: number))
+    assert sorted(number for number, *_ in found) == list(range(50))
+    assert max(sizes) == together
+
+
+class Ray:
+    """A ray that cannot be reached, and records what is asked of it."""
+
+    def __init__(self):
+        self.started = []
+        self.exceptions = self
+
+    RayError = RuntimeError
+
+    def init(self, **given):
+        self.started.append(given)
+        raise ConnectionError("none")
+
+    def is_initialized(self):
+        return False
+
+    def shutdown(self):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("scheduler", "variable", "expected"),
+    [
+        (None, "", {"address": "local", "num_cpus": 2, "include_dashboard": False}),
+        ("auto", "", {"address": "auto"}),
+        (None, "auto", {"address": "auto"}),  # ray refuses num_cpus for a cluster that is there
+    ],
+)
+def test_a_ray_cluster_that_is_there_is_used_as_it_is(monkeypatch, scheduler, variable, expected):
+    module = Ray()
+    monkeypatch.setattr(clusters, "import_module", lambda _: module)
+    monkeypatch.setattr(clusters, "unheard", contextlib.nullcontext)
+    monkeypatch.setenv("RAY_ADDRESS", variable)
+    with pytest.raises(WavesweepError, match=r"no (ray )?cluster"):
+        list(results(Workers(2, "ray", scheduler, ""), [0], lambda number: number))
+    assert module.started == [expected | {"log_to_driver": False, "configure_logging": False}]
+
+
+@pytest.mark.parametrize("address", ["foo", "ray://", "127.0.0.1:9"])
+def test_an_address_without_a_ray_cluster_is_refused_in_a_line(mixed, monkeypatch, address):
+    monkeypatch.setattr(clusters, "import_module", lambda _: Ray())
+    with pytest.raises(UsageError, match=r"^scheduler .*: (expected an address such as host:6379|no ray scheduler answers)"):
+        intervals(mixed, backend="ray", scheduler=address)
+
+
+@pytest.mark.thorough
+def test_a_ray_worker_that_dies_has_its_chunks_done_again(long, long_table, same, monkeypatch, tmp_path):
+    pytest.importorskip("ray")
+    monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
+    same(intervals(long, backend="ray").columns, long_table)
+    assert (tmp_path / "died").exists()
 
 
 FAULTS = """

@@ -181,6 +181,9 @@ def _exit_code(error: BaseException) -> int:
         case SystemExit():  # click's way to end, for a reader of stdout who has gone as well
             return error.code if isinstance(error.code, int) else int(error.code is not None)
         case click.ClickException():
+            from wavesweep.cli.messages import printable
+
+            error.message = printable(error.message)
             with suppress(OSError):
                 error.show()
             return error.exit_code

@@ -70,7 +70,7 @@ def command(
         import threading
         import webbrowser
 
-        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+        threading.Thread(target=webbrowser.open, args=(server.invite(),), daemon=True).start()
     server.serve()
 
 

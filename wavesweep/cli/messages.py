@@ -40,18 +40,22 @@ def say(text: str, warning: bool = False) -> None:
 
 
 @contextmanager
-def progress(quiet: bool) -> Iterator[Progress | None]:
+def progress(quiet: bool, doing: str = "") -> Iterator[Progress | None]:
     """Yield a function of (done, total, certified) that moves a progress bar; None if nothing is to be said.
+
+    doing: what is done, if it is no computing.
 
     If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely. Until the
     first report there is a line after FIRST_WORD seconds in any case.
     """
-    if quiet:
-        yield None
-        return
     opened = ExitStack()
-    move = _bar(opened) if sys.stderr.isatty() else Murmur().hear
-    with patience("still at work on the first chunk") as reached:
+    opened.enter_context(_heard(quiet))
+    if quiet:
+        with opened:
+            yield None
+        return
+    move = _bar(opened, doing) if sys.stderr.isatty() else Murmur(doing).hear
+    with patience(f"still {doing or 'at work on the first chunk'}") as reached:
 
         def report(*given: Any) -> None:
             reached()
@@ -62,6 +66,23 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
         finally:
             with suppress(OSError):
                 opened.close()
+
+
+@contextmanager
+def _heard(quiet: bool) -> Iterator[None]:
+    """Say what the run warns of meanwhile, such as workers that finish nothing."""
+    import logging
+
+    class Said(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            say("\n" * sys.stderr.isatty() + record.getMessage(), warning=True)
+
+    handler, logger = logging.NullHandler() if quiet else Said(), logging.getLogger("wavesweep")
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 @contextmanager
@@ -78,7 +99,7 @@ def patience(words: str) -> Iterator[Callable[[], None]]:
         timer.cancel()
 
 
-def _bar(opened: ExitStack) -> Progress:
+def _bar(opened: ExitStack, doing: str) -> Progress:
     bars: list[Any] = []
 
     def move(done: int, total: int, certified: int | None = None) -> None:
@@ -86,9 +107,9 @@ def _bar(opened: ExitStack) -> Progress:
         with suppress(OSError):
             # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
             if not bars:
-                room = _columns() - len(f"  []  {total}/{total}  0d 00:00:00 ")  # a longer line would scroll
+                room = _columns() - len(f"{doing}  []  {total}/{total}  0d 00:00:00 ")  # a longer line would scroll
                 rates = len(f"  999,999/s  {total:,} certified")
-                shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
+                shown = {"file": sys.stderr, "show_pos": True, "label": doing, "item_show_func": lambda text: text}
                 width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
                 bars.append(opened.enter_context(click.progressbar(length=total, width=width, **shown)))
                 bars.append(_Rate(done) if room > rates else None)
@@ -109,10 +130,11 @@ def _columns() -> int:
 class Murmur:
     """A line of progress on stderr after FIRST_WORD seconds, and again each time the run has taken twice as long.
 
-    clock: gives the time in seconds.
+    doing: what is done, if it is no computing. clock: gives the time in seconds.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, doing: str = "", clock: Callable[[], float] = time.monotonic) -> None:
+        self._doing = f"{doing}: " if doing else ""
         self._clock, self._started, self._next = clock, clock(), FIRST_WORD
         self._first: tuple[int, float] | None = None
 
@@ -127,7 +149,7 @@ class Murmur:
         self._next = 2 * seconds
         advance, taken = done - self._first[0], seconds - self._first[1]
         left = f", about {_duration(taken * (total - done) / advance)} left" if advance and taken > 0 else ""
-        say(f"{done:,} of {total:,} done ({100 * done // total} %) after {_duration(seconds)}{left}")
+        say(f"{self._doing}{done:,} of {total:,} done ({100 * done // total} %) after {_duration(seconds)}{left}")
 
 
 def _duration(seconds: float) -> str:

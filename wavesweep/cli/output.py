@@ -15,7 +15,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from wavesweep.cli.messages import progress, say, show_json, where
+from wavesweep.cli.messages import Progress, progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.disk import write_files
 from wavesweep.errors import UsageError
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
 FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
+LONG = 1_000_000  # rows, whose writing takes some seconds and has a bar of its own
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -72,7 +73,8 @@ def produce(
         before = None if options.to_stdout else results.existing_facts(tables[0].kind, directory)
         tables = [replace(table, facts={**table.facts, "spec_place": place, **measured}) for table in tables]
         try:
-            finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
+            with progress(options.quiet or max(table.rows for table in tables) < LONG, "writing") as report:
+                finished = [_finish(table, directory, options, table is tables[0], report) for table in tables]
         except BaseException as error:
             if kept is not None and kept.is_file():
                 error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
@@ -237,12 +239,14 @@ class Finished(NamedTuple):
     paths: list[Path]
 
 
-def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
-    """Write a table to files, or to stdout if it is the main one, and summarise it."""
+def _finish(table: Table, directory: Path, options: Options, main: bool, report: Progress | None) -> Finished:
+    """Write a table to files, or to stdout if it is the main one, and summarise it. report: of the rows written."""
     from wavesweep import results
     from wavesweep.tables import kind_named
 
     tally, paths, notices = kind_named(table.kind).tally(table), [], [str(notice) for notice in table.facts.get("notices", ())]
+    if report and table.rows >= LONG:
+        table = table.watched(_moving(report, table.rows))
     if not options.to_stdout:
         if options.plot:
             from wavesweep.plots import drawn
@@ -261,6 +265,18 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     table.forget()
     warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
     return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
+
+
+def _moving(report: Progress, total: int) -> Callable[[Mapping[str, Any]], None]:
+    """A function that takes a block of rows, and reports how many there were."""
+    done = 0
+
+    def count(columns: Mapping[str, Any]) -> None:
+        nonlocal done
+        done += len(next(iter(columns.values())))
+        report(done, total)
+
+    return count
 
 
 def refuse_other_things(*files: Path) -> None:

@@ -1,28 +1,44 @@
 """The server of a page: on this machine's loopback alone, behind a token, and over as soon as the page is closed.
 
 A request is answered only if it names this address as its host (which a page of another site cannot make a browser do), comes
-from the page itself if it has an origin, and has the token in its path. There is no path to any file.
+from the page itself if it has an origin and from a process of this user as far as the system tells, and has the token in its
+path. There is no path to any file. A browser is started with another address, since all users can see its arguments: it leads
+to the page once, and soon. (A cookie would go to the servers of other users as well, whose addresses differ in the port alone.)
 """
 
 from __future__ import annotations
 
 import hmac
 import json
+import os
 import secrets
+import socket
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import cached_property
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
+
+from wavesweep.system import peer_user
 
 LOOPBACK = "127.0.0.1"
 LARGEST = 64 * 1024  # bytes of a question
 BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
 GRACE = 3.0  # s without any page after which the server ends; a page that is loaded again takes less
+STRANGERS = 64  # connections without a request that was answered, beyond which the oldest is closed
+HURRY = 5.0  # s that such a connection has for its request
+TICKET = 60.0  # s in which a browser has to be there
 LOOK = 0.25  # s between two looks at the pages
 POLICY = "no-store", "no-referrer", "nosniff", "same-origin", "DENY"
 HEADERS = ("Cache-Control", "Referrer-Policy", "X-Content-Type-Options", "Cross-Origin-Resource-Policy", "X-Frame-Options")
+
+USED = (
+    "This address works once and soon. The one on the terminal opens the page again. If no page of yours was opened by it, "
+    "another user of this computer may have it: end wavesweep with Ctrl-C.\n"
+)
 
 Answer = Callable[[Mapping[str, object]], Mapping[str, object]]
 
@@ -34,7 +50,7 @@ class Server(ThreadingHTTPServer):
     any free one.
     """
 
-    request_queue_size = 64  # a browser may ask for many things at once
+    request_queue_size = 512  # a browser may ask for many things at once, and others may knock
 
     daemon_threads = True
     block_on_close = False
@@ -44,17 +60,62 @@ class Server(ThreadingHTTPServer):
         super().__init__((LOOPBACK, port), Handler)
         self.page, self.answers, self.token = page, answers, secrets.token_urlsafe(24)
         self._pages, self._seen, self._lock = 0, None, Lock()
+        self._strangers: dict[socket.socket, float] = {}
+        self._ticket, self._until = secrets.token_urlsafe(24), 0.0
 
     @property
     def address(self) -> str:
         """The address of the page."""
         return f"http://{LOOPBACK}:{self.server_address[1]}/{self.token}/"
 
+    def invite(self) -> str:
+        """An address that leads to the page once, within TICKET seconds."""
+        self._until = time.monotonic() + TICKET
+        return self.address.replace(self.token, self._ticket)
+
+    def is_ticket(self, ticket: str) -> bool:
+        """Whether this is the ticket of `invite`."""
+        return hmac.compare_digest(ticket.encode(), self._ticket.encode())
+
+    def redeem(self) -> bool:
+        """Whether the ticket is still good, which it is once."""
+        with self._lock:
+            good, self._until = time.monotonic() < self._until, 0.0
+        return good
+
     def serve(self) -> None:
         """Answer until the last page has been closed for GRACE seconds."""
         with self:
             while not self.over():
                 self.handle_request()
+                self._close_strangers()
+
+    def process_request(self, request, client_address) -> None:
+        """Answer a connection in a thread of its own."""
+        with self._lock:
+            self._strangers[request] = time.monotonic()
+        self._close_strangers()
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request) -> None:
+        """Close a connection."""
+        self.know(request)
+        super().shutdown_request(request)
+
+    def know(self, request) -> None:
+        """Let a connection stay: it had the token, or is over."""
+        with self._lock:
+            self._strangers.pop(request, None)
+
+    def _close_strangers(self) -> None:
+        """Close connections that are too many, or have taken too long; their threads end by that."""
+        with self._lock:
+            late, many = time.monotonic() - HURRY, len(self._strangers) - STRANGERS
+            closed = [each for number, (each, since) in enumerate(self._strangers.items()) if since < late or number < many]
+            for each in closed:
+                del self._strangers[each]
+                with suppress(OSError):
+                    each.shutdown(socket.SHUT_RDWR)
 
     def over(self) -> bool:
         """Whether there was a page and there is none any more."""
@@ -90,7 +151,11 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The page, and the connection that it keeps open."""
-        name, address = self._asked(), self.path.partition("?")[0]
+        address = self.path.partition("?")[0]
+        if self._from_here() and self.server.is_ticket(address.strip("/")):
+            self._let_in()
+            return
+        name = self._asked()
         if name == "" and not address.endswith("/"):  # the page asks beside its own address
             self._head(HTTPStatus.PERMANENT_REDIRECT, "text/plain; charset=utf-8", 0, place=f"{address}/")
         elif name == "":
@@ -121,17 +186,35 @@ class Handler(BaseHTTPRequestHandler):
 
     def _asked(self, asking: bool = False) -> str | None:
         """The last part of the path; None, with a refusal, unless host, origin and token are those of the page."""
+        _, token, name = (*self.path.partition("?")[0].split("/", 2), "", "")[:3]
+        if not (self._from_here(asking) and hmac.compare_digest(token.encode(), self.server.token.encode())):
+            self._refuse(HTTPStatus.FORBIDDEN)
+            return None
+        self.server.know(self.connection)
+        return name
+
+    def _from_here(self, asking: bool = False) -> bool:
+        """Whether host and origin are those of the page, and the process on the other end is of this user, or of root."""
         port = self.server.server_address[1]
         hosts = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
         origin = self.headers.get("Origin")
         right = self.headers.get_all("Host") in [[host] for host in hosts]
         right &= origin in [f"http://{host}" for host in hosts] or (origin is None and not asking)
         right &= not asking or self.headers.get_content_type() == "application/json"
-        _, token, name = (*self.path.partition("?")[0].split("/", 2), "", "")[:3]
-        if not (right and hmac.compare_digest(token.encode(), self.server.token.encode())):
-            self._refuse(HTTPStatus.FORBIDDEN)
-            return None
-        return name
+        return right and self._own
+
+    @cached_property
+    def _own(self) -> bool:
+        user = peer_user(self.server.server_address, self.client_address)
+        return user in {None, 0} or user == os.geteuid()
+
+    def _let_in(self) -> None:
+        """Lead the browser that was started to the page."""
+        if self.server.redeem():
+            self._head(HTTPStatus.SEE_OTHER, "text/plain; charset=utf-8", 0, place=f"/{self.server.token}/")
+        else:
+            self.close_connection = True
+            self._send(HTTPStatus.GONE, USED.encode(), "text/plain; charset=utf-8")
 
     def _stay(self) -> None:
         """Keep the connection until the page has gone; a browser does not slow this down in a tab that is not seen."""

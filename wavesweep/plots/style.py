@@ -8,6 +8,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from threading import RLock
 from typing import Any
 
@@ -170,7 +171,11 @@ def style(scale: float = 1.0) -> Iterator[None]:
     are there again afterwards.
     """
     import matplotlib
+    from matplotlib.font_manager import fontManager
 
+    if not any(font.name == "DejaVu Sans" for font in fontManager.ttflist):  # its stored list of fonts is empty
+        for path in Path(matplotlib.get_data_path(), "fonts", "ttf").glob("*.ttf"):
+            fontManager.addfont(path)
     settings = {**_STYLE, **_ASKED.get()[1]}
     settings |= {name: scale * size for name, size in settings.items() if name in _SIZES and not isinstance(size, str)}
     with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **settings, "backend": "agg"}):

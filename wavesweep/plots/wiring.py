@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
+from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.wiring import Part, Terms, Wiring, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
@@ -21,6 +22,7 @@ PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from i
 LONGEST = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
+MOST_WIRES = 500  # beyond which a picture is a black area that takes minutes
 
 
 def diagram(spec: Spec) -> Any:
@@ -65,7 +67,13 @@ def wiring(loop: Wiring, title: str) -> Any:
 
 
 def placed(loop: Wiring) -> tuple[list[Box], Routes]:
-    """The boxes of the parts, first in their order, and the places and routes of the picture."""
+    """The boxes of the parts, first in their order, and the places and routes of the picture.
+
+    Errors: UsageError for more than MOST_WIRES wires.
+    """
+    wires = sum(len(terms) for part in loop.parts for _, terms in part.inputs)
+    if wires > MOST_WIRES:
+        raise UsageError(f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}")
     boxes, bands = lay_out([_box(part) for part in loop.parts], WIDEST - 2 * MARGIN, CHANNEL)
     return boxes, route(boxes, bands)
 

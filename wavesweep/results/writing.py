@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import closing, nullcontext
 from itertools import chain
 from numbers import Integral
@@ -85,12 +85,14 @@ def _of_folder(error: OSError, directory: Path) -> OSError:
 def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix."""
     lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
+    groups, place = _groups(fields, blocks, partition), stem.with_suffix(".parquet")
     if partition is None:
-        _write_rows(stem, fields, lasting, blocks)
+        with closing(ParquetFile(place, fields, lasting)) as parquet, stem.with_suffix(".csv").open("wb") as csv:
+            csv.write(csv_header(fields))
+            _write_rows(groups, parquet, csv)
     else:
-        with closing(ParquetParts(stem.with_suffix(".parquet"), fields, lasting, partition)) as parts:
-            for group in _groups(fields, blocks, partition):
-                parts.append(group)
+        with closing(ParquetParts(place, fields, lasting, partition)) as parquet:
+            _write_rows(groups, parquet)
     draw: Any = table.figure
     for form in formats if draw else ():
         try:
@@ -122,29 +124,27 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
     return fields, chain([checked(fields, first)], blocks)
 
 
-def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
-    """Write both files, in threads if there are several groups: Arrow leaves Python to the next group then."""
-    parquet = ParquetFile(stem.with_suffix(".parquet"), fields, facts)
-    with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
-        csv.write(csv_header(fields))
-        groups = _groups(fields, blocks)
-        first, second = next(groups, None), next(groups, None)
-        if second is None:
-            for group in () if first is None else (first,):
+def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts, csv: BinaryIO | None = None) -> None:
+    """Write the groups to the open files, in threads if there are several: Arrow leaves Python to the next group then."""
+    first, second = next(groups, None), next(groups, None)
+    if second is None:
+        for group in () if first is None else (first,):
+            if csv:
                 csv.write(csv_rows(group))
-                parquet.append(group)
-            return
-        from concurrent.futures import ThreadPoolExecutor
+            parquet.append(group)
+        return
+    from concurrent.futures import ThreadPoolExecutor
 
-        with ThreadPoolExecutor(2) as of_csv, ThreadPoolExecutor(1) as of_parquet:
-            begun: deque = deque()
-            every: Iterable[Columns | None] = chain([first, second], groups, (None,) * AHEAD)
-            for each in every:
-                begun.append(each and (of_csv.submit(csv_rows, each), of_parquet.submit(parquet.append, each)))
-                done = begun.popleft() if len(begun) > AHEAD else None
-                if done:
+    with ThreadPoolExecutor(2) as of_csv, ThreadPoolExecutor(1) as of_parquet:
+        begun: deque = deque()
+        every: Iterable[Columns | None] = chain([first, second], groups, (None,) * AHEAD)
+        for each in every:
+            begun.append(each and (csv and of_csv.submit(csv_rows, each), of_parquet.submit(parquet.append, each)))
+            done = begun.popleft() if len(begun) > AHEAD else None
+            if done:
+                if csv:
                     csv.write(done[0].result())
-                    done[1].result()
+                done[1].result()
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:

@@ -170,6 +170,7 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         lines.pop()
     if header.count("force_N") != 1 or header.count("time_s") > 1:
         found = ", ".join(header)[:MOST_SHOWN] or "nothing"
+        found = found if not header or _of_numbers(header, lines) else "text that is no table of numbers"
         raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {found}")
     if not lines:
         raise UsageError(f"{path}: expected at least one row of numbers below the header, found none")
@@ -182,6 +183,11 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
     if "time_s" in header:
         _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz, rate)
     return Input(force)
+
+
+def _of_numbers(header: list, lines: list) -> bool:
+    """Whether these are columns of numbers below their names: a spec may name any file, whose text is not for everybody."""
+    return bool(lines) and len(header) == len(lines[0][1]) and all(math.isfinite(_number(cell)) for cell in lines[0][1])
 
 
 def _column(path: str | Path, lines: list, header: list, name: str) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Spec
@@ -45,7 +46,11 @@ def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -
     """How each end of intervals, and the stiffness felt there, moves with each number, for every combination of a grid.
 
     found: the table of the intervals along `axis`. names: of the columns behind those of the axes, in order.
+    Errors: UsageError for a loop that varies smoothly with no other number, which has no such row.
     """
+    if not set(_smooth(grid.spec)) - {axis.path}:
+        expected = f"expected a number besides {axis.name} that the loop varies with smoothly"
+        raise UsageError(f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]")
     ends, parts = _Ends.of(found, axis), []
     changes = {other.path: np.asarray(found[other.name])[ends.row] for other in grid.axes}
     for members, drawing, values in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):

@@ -44,9 +44,9 @@ class Work:
     """How a run is done.
 
     jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
-    scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
-    certified ones, None if no slice can be. checkpoint: file for finished chunks, from which a run of the same spec goes on;
-    by default they stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs keep
+    scheduler: address of a dask scheduler or a ray cluster. progress: is called with the number of slices done, of all slices,
+    and of certified ones, None if no slice can be. checkpoint: file for finished chunks, from which a run of the same spec
+    goes on; by default they stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs keep
     their chunks in one. Errors: UsageError.
     """
 
@@ -70,8 +70,8 @@ class Work:
     def __post_init__(self):
         if self.jobs is not None and not (_whole(self.jobs) and self.jobs >= 1):
             raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
-        if self.scheduler is not None and self.backend != "dask":
-            raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
+        if self.scheduler is not None and self.backend not in ("dask", "ray"):
+            raise UsageError(f'scheduler: expected backend = "dask" or "ray" beside it, found {self.backend!r}')
         if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
             raise UsageError(f"checkpoint: expected a file, found {self.checkpoint!r:.60}")
         object.__setattr__(self, "force", boolean("force", self.force))
@@ -83,16 +83,17 @@ def _whole(value):
 
 
 class Tally:
-    """Counts of slices, of those taken from a checkpoint, and of certified ones, and the seconds spent in the workers."""
+    """Counts of slices, of those taken from a checkpoint, of certified ones and of records, and the seconds of the workers."""
 
     def __init__(self):
-        self.done = self.kept = self.certified = 0
+        self.done = self.kept = self.certified = self.records = 0
         self.seconds = 0.0
 
-    def add(self, slices, certified, seconds=0.0):
+    def add(self, slices, certified, records, seconds=0.0):
         """Count a chunk."""
         self.done += slices
         self.certified += certified
+        self.records += records
         self.seconds += seconds
 
 
@@ -111,6 +112,11 @@ class Run:
     def certified(self) -> int:
         """Number of certified slices."""
         return sum(tally.certified for tally in self.tallies.values())
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of all jobs; those of a slice are repeated for each combination of axes that it does not depend on."""
+        return sum(self.tallies[name].records * job.size // job.slices for name, job in self.jobs.items() if job.slices)
 
     @property
     def timings(self) -> dict[str, float]:
@@ -207,7 +213,7 @@ def compute(
         except DamagedError as error:
             store.set_aside(number, error)
         else:
-            tally.add(job.slices_of(job.chunks[number]), job.certified(records))
+            tally.add(job.slices_of(job.chunks[number]), job.certified(records), len(records))
             tally.kept += job.slices_of(job.chunks[number])
     known = set(store.finished())
     missing = (number for number in numbers if number not in known)
@@ -215,7 +221,7 @@ def compute(
     with resumable(job, store, tally), closing(finished), naming_values(job):
         for number, records, seconds in finished:
             store.save(number, records)
-            tally.add(job.slices_of(job.chunks[number]), job.certified(records), seconds)
+            tally.add(job.slices_of(job.chunks[number]), job.certified(records), len(records), seconds)
             if progress:
                 progress(min(tally.done, job.slices), job.slices, tally.certified if job.proves else None)
     return tally

@@ -79,6 +79,11 @@ def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
     return function(*arguments), versions()
 
 
+def each_of(function: Callable, calls: list[tuple]) -> list:
+    """The results of a function for the arguments of each call."""
+    return [function(*call) for call in calls]
+
+
 def settle_in(parent: int) -> None:
     """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
 

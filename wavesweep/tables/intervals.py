@@ -103,7 +103,8 @@ def intervals(
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
     facts = _with_proofs(facts, stages[0], found) if prove else facts
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
-    return Table("zwidth-hands" if hands else "zwidth", partial(_rows, stages, found, hands), facts, axes, forget=found.forget)
+    blocks = partial(_rows, stages, found, hands)
+    return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
 
 
 @dataclass(frozen=True, slots=True)

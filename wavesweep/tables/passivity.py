@@ -85,7 +85,7 @@ def passivity(
     counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(found)}
     facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
-    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget)
+    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
 
 
 def in_memory(spec: Spec, axes) -> Columns:

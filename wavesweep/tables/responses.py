@@ -96,7 +96,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     if kind == "bode":
         units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
     facts = with_unlike_units(facts, units)
-    return Table(kind, partial(_blocks, kind, asked, found), facts, forget=found.forget)
+    return Table(kind, partial(_blocks, kind, asked, found), facts, forget=found.forget, rows=found.rows)
 
 
 def routes_of(spec: Spec) -> tuple:

@@ -21,7 +21,7 @@ class Table:
     leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
         they are not those of its kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
     Markdown. beside: writes further files, which appear together with the table, into a folder. forget: removes the
-    checkpoint that the rows are read from, once they are safe elsewhere.
+    checkpoint that the rows are read from, once they are safe elsewhere. rows: how many there are, 0 if it is not known.
     """
 
     kind: str
@@ -33,6 +33,7 @@ class Table:
     text: str | None = None
     beside: Callable[[Path], None] | None = None
     forget: Callable[[], None] = lambda: None
+    rows: int = 0
 
     @classmethod
     def of(cls, kind: str, columns: Columns, facts: Mapping[str, Any], **more: Any) -> Table:
