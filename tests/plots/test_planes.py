@@ -1,7 +1,10 @@
 """Lines of a plane that follow intervals from column to column."""
 
-from wavesweep.plots.planes import _followed, region_of
+from itertools import pairwise
+
+from wavesweep.plots.planes import _followed, draw_region, region_of
 from wavesweep.plots.refine import KNOWN, NARROW, Curve, Interval, View, _is_straight
+from wavesweep.plots.style import Look
 
 VIEW = View("B_VE", False, 500, 400)
 
@@ -67,3 +70,19 @@ def test_the_outer_boundary_goes_on_where_a_hole_begins():
     ):
         _, jumps, *_ = _followed(Curve(columns, {(1.0, 2.0): NARROW}))
         assert [line for line in jumps if line[0][0] != line[1][0]] == lines
+
+
+def test_what_is_stable_and_not_certified_is_not_filled():
+    """It is dotted on white, above the fill."""
+    from matplotlib.figure import Figure
+
+    doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), False
+    columns = {0.0: column((0, 1)), 1.0: doubted, 2.0: doubted, 3.0: column((0, 1))}
+    axes = Figure().subplots()
+    draw_region(axes, Curve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW, Look("#0072B2", "-"), filled=True)
+    dotted = [each for each in axes.collections if each.get_hatch()]
+    assert [each.get_facecolor()[0].tolist() for each in dotted] == [[1, 1, 1, 1]]
+    corners = [tuple(corner) for path in dotted[0].get_paths() for corner in path.vertices.tolist()]
+    assert {(1.0, 1.0), (2.0, 1.0), (1.0, 0.0), (2.0, 0.0)} <= set(corners)
+    filled = next(each for each in axes.collections if not each.get_hatch())
+    assert dotted[0].get_zorder() > filled.get_zorder()

@@ -30,6 +30,7 @@ from wavesweep.plots.style import (
     ONE_COLUMN,
     TWO_COLUMNS,
     UNKNOWN,
+    UNPROVED,
     Look,
     assumed,
     by_factors,
@@ -50,6 +51,7 @@ _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
 _APART = 1.6  # points between thin bars of two members
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
+_WIDEST = 52  # letters of an entry of the legend
 _HALF_BAR = 0.32  # of the distance between two bars
 
 # From the one that promises least to the one that promises most; the looks stay the same whichever are there.
@@ -182,7 +184,7 @@ def _in_a_row(entries: Sequence[Any]) -> int:
 
 
 def _rows(entries: Sequence[Any]) -> int:
-    return -(-len(entries) // _in_a_row(entries)) + any("\n" in str(entry.get_label()) for entry in entries)
+    return -(-len(entries) // _in_a_row(entries)) + max((str(entry.get_label()).count("\n") for entry in entries), default=0)
 
 
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
@@ -369,6 +371,7 @@ def _entries(
 ) -> tuple[list[Any], list[Any]]:
     """The entries of the legend: the members of a family or the hands, and the marks."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     certain = bool((columns["certified"] | promised(columns)).all())
     members, handles = hand_handles(columns) if whose_column(columns) else [], []
@@ -392,6 +395,8 @@ def _entries(
         handles.append(Line2D([], [], **_OWN, label="the spec's own"))
     if not certain:
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
+        if layout.x is not None and len(layout.bars) == 1 and layout.family is None and not whose_column(columns):
+            handles[-1] = Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, linestyle="--", label="not certified")
     if range_end(columns, "low") is not None or range_end(columns, "high") is not None:
         handles.append(range_handle())
     return members, handles
@@ -427,8 +432,9 @@ def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> s
         return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip() + start
     first, *others = (f"{felt:.4g} N/m", *_over_band(best, facts, felt))
     texts = [f"stiffest felt{sure and ','}{sure}: {first}{' at rest' if others else ''}", *others]
-    last = [*texts[3:], f"of a wall of {over}{best['high']:.5g} N/m"]
-    return ", ".join(texts[:3]) + ",\n" + ", ".join(last)
+    texts.append(f"of a wall of {over}{best['high']:.5g} N/m")
+    unbroken = ", ".join(text.replace(" ", "\N{NO-BREAK SPACE}") for text in texts)
+    return "\n".join(wrap(unbroken, _WIDEST)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _over_band(best: Mapping[str, Any], facts: Mapping[str, Any], felt: float) -> list[str]:

@@ -16,6 +16,7 @@ from wavesweep.plots.style import (
     ONE_COLUMN,
     TWO_COLUMNS,
     UNKNOWN,
+    UNPROVED,
     Look,
     family_looks,
     figure,
@@ -112,6 +113,8 @@ def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool, s
     else:
         shade = {"facecolor": look.colour, "alpha": _FAINT, "linewidth": 0}
     axes.add_collection(PolyCollection(region.areas, **shade))
+    if filled:  # what is stable and not certified is dotted
+        axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
     strokes = [] if filled else [withTickedStroke(angle=75, spacing=9, length=0.45, linewidth=0.7)]
     line = {"linewidths": 1.2, "path_effects": strokes}
     axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))

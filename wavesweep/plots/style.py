@@ -29,6 +29,7 @@ NARROW = 1.5  # points, at least, between two numbers below a panel
 IDEAL = "black"
 DOUBTFUL = "#d62728"
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
+UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
 
 # Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
