@@ -31,11 +31,14 @@ class Terms:
         return (self.x, self.v) if name == K_VE else (self.v, self.x)
 
 
-def terms_of(cut: Cut, w, G) -> Terms:
-    """Return the terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms."""
+def terms_of(cut: Cut, w, G, one=1.0) -> Terms:
+    """Return the terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
+
+    one: a factor that the rows of G have as well.
+    """
     if not cut.integrates:
-        return Terms(np.ones_like(G[..., V]), G[..., OFFSET], G[..., V])
-    return Terms(w + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
+        return Terms(one + 0 * G[..., V], G[..., OFFSET], G[..., V])
+    return Terms(w * one + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
 
 
 def _slopes_of(cut, w, G, dG) -> Terms:
