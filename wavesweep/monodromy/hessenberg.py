@@ -61,7 +61,7 @@ def reduced(whole):
 
 
 def polynomials(form, w):
-    """Return pole polynomials `det(w I - E)`, `(loops, points)`, and these times `C (w I - E)^-1 B`, `(loops, outputs, points)`.
+    """Return pole polynomials `det(w I - E)`, `(loops, points)`, and with them `C (w I - E)^-1 B` times these, for each output.
 
     form: of `reduced`; w: `(loops, points)`. Hyman's recurrence.
     Accuracy: that of Hessenberg matrices each of whose entries differs by some roundings.
