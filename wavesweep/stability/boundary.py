@@ -91,10 +91,12 @@ def _shifted(cut, w):
 
 
 def times(matrix, columns):
-    """Return the product of real matrices and columns `(..., n, 1)`, without a complex copy of the matrices."""
-    if not np.iscomplexobj(columns):
-        return matrix @ columns
-    return (matrix @ np.ascontiguousarray(columns).view(float)).view(complex)
+    """Return the product of real matrices and columns `(..., n, 1)`, without a complex copy of the matrices.
+
+    BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.
+    """
+    matrix, columns = np.ascontiguousarray(matrix), np.ascontiguousarray(columns)
+    return (matrix @ columns.view(float)).view(columns.dtype)
 
 
 def _outputs(cut, state):

@@ -152,17 +152,23 @@ def _first_counts(owner, above, follows, least, count):
     above: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
     relative to the first region. count(columns): eigenvalues outside. At infinite values of the wall parameter as many
     eigenvalues are outside as the loop has zeros there from the wall's force to the signal that the wall reads, for any value
-    of the other parameter. So the eigenvalues counted in the first column of a loop of which all crossings are known, and the
-    growth at these, give the counts of all others, unless one is negative.
+    of the other parameter. That number less the growth at the crossings must be the same in the first and the last column of a
+    loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
-    begins, counted, known = np.full(owner.size, -1), np.ones(owner.size, bool), np.flatnonzero(follows)
-    counted[known[1:]] = np.diff(owner[known]) != 0
+    begins, known = np.full(owner.size, -1), np.flatnonzero(follows)
+    counted = np.ones(owner.size, bool)
+    new = np.diff(owner[known], prepend=-1) != 0
+    begin, end = known[new], known[np.append(new[1:], True)[: known.size]]
+    counted[known] = False
+    counted[begin] = counted[end] = True
     at = np.flatnonzero(counted)
     begins[at] = count(at)
-    first = np.maximum.accumulate(np.where(counted[known], known, 0))
-    left = np.where(begins[first] < 0, np.nan, begins[first] + above[first] - above[known])
-    sure = counted[known] | (left + least[known] >= 0)
-    begins[known[sure]] = np.where(counted[known[sure]], begins[known[sure]], left[sure])
+    grown = [np.where(begins[some] < 0, np.nan, begins[some] + above[some]) for some in (begin, end)]
+    agreed = np.where(grown[0] == grown[1], grown[0], np.nan)[np.cumsum(new) - 1]
+    between = ~counted[known]
+    known, left = known[between], (agreed - above[known])[between]
+    sure = left + least[known] >= 0
+    begins[known[sure]] = left[sure]
     again = known[~sure]
     begins[again], counted[again] = count(again), True
     return begins, counted

@@ -96,7 +96,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Interval
     further real root for any coefficients within their measured error (`isolate`), so that no pair of crossings can hide. Both
     ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
     (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
-    from one number per loop, known by the eigenvalues that are counted in its first column (`regions`). Columns that are
+    from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
     unstable for every wall are certified so from their trace. Columns that fail are computed again on arcs in state space
     (`arcs`); if they fail again, they are in doubt, and the regions whose label is not known are left out. If the frame of a
     loop overflows, nothing is known of it.
