@@ -53,7 +53,7 @@ def test_the_bound_is_that_of_perturbed_entries(kind, along):
     for _ in range(20):
         moved = {part: getattr(cut, part) * (1 + 1e-7 * r.choice([-1, 1], getattr(cut, part).shape)) for part in "EBCD"}
         found.append(end(replace(cut, **moved))[0])
-    assert 0.05 * bound < np.abs(np.array(found) - value).max() <= bound
+    assert 0.05 * bound < np.abs(np.array(found) - value).max() <= bound * (1 + 1e-6)  # it is of first order in 1e-7
 
 
 def test_what_a_nearly_ill_posed_loop_lost_is_known():

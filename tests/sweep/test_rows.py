@@ -96,7 +96,7 @@ def test_chunks_cover_every_column_once(loops, walls):
     assert columns == list(range(loops * walls))
     owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])
     assert np.array_equal(chunks.of(np.arange(loops * walls)), owner)
-    assert chunks[0].slices == (8192 if loops == 500_000 else min(loops * walls, 4096 // walls * walls or 4096))
+    assert chunks[0].slices == (15625 if loops == 500_000 else min(loops * walls, 4096 // walls * walls or 4096))
 
 
 def _columns(chunks: Chunks, number):

@@ -40,14 +40,3 @@ def inverse(A):
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:
         return solve(A, np.broadcast_to(np.eye(A.shape[-1]), A.shape))
-
-
-def refined(A, inverse_of_A, b):
-    """Return `A^-1 b` with one step of iterative refinement.
-
-    One step makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980). That of a plain solve is small
-    only relative to the largest entry, and states may differ in size by ten decades.
-    """
-    x = inverse_of_A @ b
-    with np.errstate(over="ignore", invalid="ignore"):  # at a pole the state is huge, and stays so
-        return x + inverse_of_A @ (b - A @ x)

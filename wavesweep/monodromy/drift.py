@@ -128,18 +128,18 @@ def counted_row(row, groups):
 
 def _counted(block, groups, leads, copies):
     """The map of a tick in these states; copies: source -> its copies, which either take over its value or keep theirs."""
-    parts, sizes, before = [block.E, block.B, block.C], list(block.terms[:3]), block.E
+    parts, sizes = ([each.copy() for each in some] for some in ((block.E, block.B, block.C), block.terms[:3]))
     for lead, others in groups:
         for index, factor in others:
-            for part, by in ((parts, factor), (sizes, abs(factor))):
-                part[0], part[2] = (_column_added(each, lead, index, by) for each in (part[0], part[2]))
-            if lead not in copies:
-                for part, by in ((parts, -factor), (sizes, abs(factor))):
-                    part[0], part[1] = (_row_added(each, index, lead, by) for each in part[:2])
-                continue
-            for part, sign in ((parts, -1.0), (sizes, 1.0)):
-                part[0], part[1] = (_row_set(each, index, sign * each[..., lead, :]) for each in part[:2])
-                part[0][..., index, index] += sign * np.abs(before[..., index, index])
+            for (E, B, C), sign in ((parts, 1.0), (sizes, -1.0)):
+                by = factor if sign > 0 else abs(factor)
+                for each in (E, C):
+                    each[..., lead] += by * each[..., index]
+                for each in (E, B):
+                    kept, share = (0.0, 1.0) if lead in copies else (each[..., index, :], by)
+                    each[..., index, :] = kept - sign * share * each[..., lead, :]
+                if lead in copies:
+                    E[..., index, index] -= sign * np.abs(block.E[..., index, index])
     E, B, C = (_cleaned(part, ALIKE * size) for part, size in zip(parts, sizes, strict=True))
     E[..., leads] = 0.0  # nothing opposes a drift
     sizes = [np.where(part == 0, 0.0, size) for part, size in zip((E, B, C), sizes, strict=True)]
@@ -150,22 +150,6 @@ def _cleaned(part, rounding):
     """The part without what is rounding of its terms, if rounding is small beside the row: else an entry may be lost in it."""
     least = NEGLIGIBLE * np.abs(part).max(-1, keepdims=True, initial=0.0)
     return np.where((np.abs(part) <= rounding) & (rounding <= least), 0.0, part)
-
-
-def _row_added(part, row, other, factor):
-    return _row_set(part, row, part[..., row, :] + factor * part[..., other, :])
-
-
-def _row_set(part, row, values):
-    part = part.copy()
-    part[..., row, :] = values
-    return part
-
-
-def _column_added(part, column, other, factor):
-    part = part.copy()
-    part[..., column] += factor * part[..., other]
-    return part
 
 
 def _copies(ticks):

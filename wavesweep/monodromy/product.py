@@ -107,7 +107,10 @@ def _after_with_errors(ramp, over, first, second):
 
 def _largest(over, E):
     """The sizes of the entries of E, and of I + E, the largest over a batch of loops or each one's."""
-    return over(np.abs(E)), over(np.abs(E + np.eye(*E.shape[-2:])))
+    size, index = over(np.abs(E)), np.arange(E.shape[-2])
+    whole = size.copy()
+    whole[..., index, index] = over(np.abs(1 + E[..., index, index])[..., None, :])[..., 0, :]
+    return size, whole
 
 
 def _over_batch(size):

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError
 
 from wavesweep.robust.checking import Norms, shrink
 from wavesweep.robust.family import Family
@@ -219,7 +218,7 @@ def _back(family, centre, factor, aim, reached, work):
         stalled, at = abs(far - at) <= LEAST_AGAIN * abs(far - reached), far
         try:
             centre = finer(last, family.at(at), family.follows) if stalled else last
-        except LinAlgError:
+        except np.linalg.LinAlgError:
             break
         if centre is None:
             break
@@ -314,7 +313,7 @@ def _covered(family, centre, start, goal, least, work):
             try:
                 both, x = advanced(both, lambda x, fixed=fixed: np.concatenate([family.at(x), fixed]), x, target)
                 both = both.rounded()
-            except LinAlgError:
+            except np.linalg.LinAlgError:
                 break
             step = x - before
         centre, most = replace(both, graph=graph), 4 * most

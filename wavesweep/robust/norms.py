@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from wavesweep.robust.graph import Graph
 
@@ -97,7 +96,7 @@ def found(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work:
         if factor == 1:
             more = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
             centre = more if more.shrinks(A) else centre
-    except LinAlgError:  # equations of which rounding leaves nothing
+    except np.linalg.LinAlgError:  # equations of which rounding leaves nothing
         if start and factor < 1:
             return found(A, follows, None, work - centre.work)
     return centre, factor
@@ -117,7 +116,7 @@ def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
     for _ in range(steps):
         try:
             newton = _Newton.of(P, seen, centre.graph)
-        except LinAlgError:  # equations of which rounding leaves nothing
+        except np.linalg.LinAlgError:  # equations of which rounding leaves nothing
             break
         step = newton.solved(-newton.gradient)
         work += newton.work
@@ -240,6 +239,8 @@ class _Newton:
 
     @staticmethod
     def of(P, A, graph) -> "_Newton":
+        from scipy.linalg import cho_factor
+
         nodes, n = P.shape[0], P.shape[-1]
         gradient, (inverse, _, moved, arriving) = _gradient(P, A, graph)
         hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
@@ -259,6 +260,8 @@ class _Newton:
 
     def solved(self, right) -> np.ndarray:
         """The changes of the forms for a right side."""
+        from scipy.linalg import cho_solve
+
         return _unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.monodromy.circle import inverse, on_circle, solve
-from wavesweep.monodromy.cut import ADVANCE, OFFSET, Cut, V, open_in
-from wavesweep.stability.boundary import K_VE, Terms, polish, read, terms, terms_and_inverse
+from wavesweep.monodromy.circle import inverse, on_circle
+from wavesweep.monodromy.cut import Cut, open_in
+from wavesweep.monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.stability.boundary import K_VE, polish, terms, terms_and_inverse, terms_of
 from wavesweep.stability.real_roots import EDGE, isolate
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
@@ -69,10 +70,10 @@ def sampled_polynomial(cut: Cut, along: str, scale, *, alone: bool = False) -> P
     fixed = 0 * fixed if alone else fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
     on_one, on_fixed = one * solved.conj(), fixed * solved.conj()
-    size = [np.abs(part).max(-1) for part in (on_one, on_fixed, solved)]
+    size = [np.abs(part).max((0, -1)) for part in (on_one, on_fixed, solved)]
     factors = 0 if np.any(fixed) else (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
     divided = [part / (1 - np.cos(phi)) ** factors for part in (on_one, on_fixed)] if factors else (on_one, on_fixed)
-    sizes = [np.abs(part).max(-1) for part in divided] if factors else size[:2]
+    sizes = [np.abs(part).max((0, -1)) for part in divided] if factors else size[:2]
     curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)
     real = [part * np.sin(phi) for part in (on_one.real, on_fixed.real, np.abs(solved) ** 2)]
     value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
@@ -93,28 +94,36 @@ def poles_at_one(E) -> int:
 
 
 def _sines(samples, size, transform, degree):
-    """Return the first coefficients of sine polynomials from their samples, and bounds on the errors of each of them."""
-    # Sums and not a matrix product: BLAS may round a row differently in another batch, and a sweep's bytes must not change.
-    found = (np.stack(samples, axis=-2)[..., None] * transform).sum(-2)
+    """Return the first coefficients of sine polynomials from their samples, and bounds on the errors of each of them.
+
+    samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of either.
+    """
+    found = np.stack(samples, axis=-2) @ transform
     floor = 4 * len(transform) * np.finfo(float).eps
-    return found[..., :degree], 8 * np.abs(found[..., degree:]).max(-1) + floor * np.stack(size, axis=-1)
+    beyond, apart = np.abs(found[..., degree:]).max((0, -1)), np.abs(found[0] - found[1]).max(-1)
+    return found[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
 
 
 def _scaled(cut, zeta, scale, along):
-    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(..., count)` each."""
-    r = np.asarray(scale)[..., None]
+    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(2, loops, points)` each.
+
+    They are computed a second time with the states in reverse order, since an orthogonal reduction leaves errors that no
+    polynomial shows by itself.
+    """
+    r = np.asarray(scale)[:, None]
     a = (1 - r) / (1 + r)
-    top, bottom = (1 - a) * (zeta - 1), 1 + a * zeta  # w = top/bottom
-    A = top[..., None, None] * np.eye(cut.E.shape[-1]) - bottom[..., None, None] * cut.E[..., None, :, :]
-    B, C, D = (part[..., None, :, :] for part in (cut.B, cut.C, cut.D))
-    phase, log_size = np.linalg.slogdet(A)
-    pole = phase * np.exp(log_size - log_size.max(-1, keepdims=True))
-    G = bottom[..., None] * read(C, solve(A, B + 0j * A[..., :1])) + D[..., 0]
-    if cut.integrates:
-        scaled = Terms(pole * top, pole * (bottom * G[..., ADVANCE] + top * G[..., OFFSET]), pole * top * G[..., V])
-    else:
-        scaled = Terms(pole, pole * G[..., OFFSET], pole * G[..., V])
-    return *scaled.along(along), scaled.one
+    bottom = 1 + a * zeta
+    w = (1 - a) * (zeta - 1) / bottom
+    n, parts = cut.E.shape[-1], (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
+    whole = in_even_units(*parts)
+    reverse = np.concatenate([whole[n - 1 :: -1], whole[n:]])[:, [0, *range(n, 0, -1)]]
+    pole, over = polynomials(reduced(np.concatenate([whole, reverse], axis=-1)), np.concatenate([w, w]))
+    pole, over = pole.reshape(2, *w.shape), over.reshape(2, len(w), -1, w.shape[-1])
+    size = bottom ** (n + cut.integrates)
+    size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
+    pole = pole * size
+    found = terms_of(cut, w, np.moveaxis(over * size[:, None] + cut.D * pole[:, :, None], -2, -1), pole)
+    return *found.along(along), found.one
 
 
 def angle(cosine, scale):

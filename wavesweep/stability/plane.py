@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesweep.monodromy.circle import on_circle, solve
 from wavesweep.monodromy.cut import Cut, close
-from wavesweep.stability.boundary import read, terms_of
+from wavesweep.stability.boundary import terms_of, times
 from wavesweep.stability.spectrum import is_stable
 
 
@@ -42,7 +42,7 @@ def _terms(cut, theta):
     w = on_circle(theta)
     with np.errstate(all="ignore"):
         state = solve(w[:, None, None] * np.eye(cut.E.shape[-1]) - cut.E, cut.B + 0 * w[:, None, None])
-        return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0])
+        return terms_of(cut, w, (times(cut.C, state) + cut.D)[..., 0])
 
 
 POINTS, HALVINGS = 160, 4  # angles of a curve at the start, and how often steps longer than a hundredth of a window are halved

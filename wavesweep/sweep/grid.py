@@ -215,12 +215,7 @@ def distinct(columns, size) -> list[np.ndarray]:
     """Indices of the rows that agree in all columns, in order of first appearance."""
     if size < 2 or all((column == column[0]).all() for column in columns):
         return [np.arange(size)] if size else []
-    if len(columns) == 1 and columns[0].dtype == bool:
-        like_first = columns[0] == columns[0][0]
-        return [np.flatnonzero(like_first), np.flatnonzero(~like_first)]
-    whole = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
-    _, label = np.unique(whole, axis=0 if len(columns) > 1 else None, return_inverse=True)
-    label = label.reshape(-1)
+    label = _labels(columns, size)[1]
     order = np.argsort(label, kind="stable")
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
 
@@ -230,10 +225,21 @@ def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndar
 
     columns: arrays `(size,)` of numbers; none: all rows are the same.
     """
-    if not columns:
-        return np.zeros(1, int), np.zeros(size, int)
-    _, first, back = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_index=True, return_inverse=True)
-    return first, back.reshape(-1)
+    return _labels(list(columns.values()), size)
+
+
+def _labels(columns, size):
+    """`distinct_rows`, from the first row of every run of equal ones: many neighbours of a sweep have the same loop."""
+    begins = np.append(True, np.zeros(size - 1, bool))
+    for column in columns:
+        begins[1:] |= column[1:] != column[:-1]
+    starts = np.flatnonzero(begins)
+    label = np.zeros(starts.size, int)
+    for column in columns:
+        values, place = np.unique(column[starts], return_inverse=True)
+        label = np.unique(label * values.size + place, return_inverse=True)[1]
+    first = np.unique(label, return_index=True)[1]
+    return starts[first], np.repeat(label, np.diff(starts, append=size))
 
 
 def items_of(values: Mapping[str, object]) -> tuple:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 # Seconds per slice and squared order, measured: one polynomial per slice; arcs, which crowded poles of high order need;
 # panels, along any parameter but the wall.
-BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
+BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.2e-6, 30e-6, 15e-6
 BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies

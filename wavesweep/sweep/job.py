@@ -16,7 +16,7 @@ from wavesweep.sweep.tasks import Task, certified_slices
 
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
-FEWEST, MANY, MOST = 16, 4096, 8192  # slices of a chunk; more would leave the processor's cache
+FEWEST, MANY, MOST = 16, 4096, 16384  # slices of a chunk; more would leave the processor's cache
 ENOUGH = 32  # chunks, from which on they may have more than MANY slices: the last ones leave no worker idle for long
 
 

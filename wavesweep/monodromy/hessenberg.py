@@ -1,0 +1,78 @@
+"""The transfer functions of loops of one input as quotients of polynomials, from one orthogonal reduction of each loop.
+
+The loops are the last axis of the arrays here, along which a processor adds and multiplies many at a time.
+"""
+
+import numpy as np
+
+ROUNDS = 5  # towards units in which entries of a row and of a column are alike
+STEP = 0.25  # of what would make the largest of them equal, since every state takes its step at once
+
+
+def in_even_units(E, B, C):
+    """Return loops `(loops, n, n)`, `(loops, n, 1)`, `(loops, outputs, n)` in units of their states in which the largest
+    entries of each row and its column are alike, as one matrix [[B, E], [0, C]], `(n + outputs, n + 1, loops)`.
+
+    The units are powers of two, and rough: a fast relative of `balance`.
+    """
+    n = E.shape[-1]
+    whole = np.zeros((n + C.shape[-2], n + 1, len(E)))
+    whole[:n, :1], whole[:n, 1:], whole[n:, 1:] = (np.moveaxis(part, 0, -1) for part in (B, E, C))
+    index, units = np.arange(n), np.zeros((n, len(E)), np.float32)
+    with np.errstate(all="ignore"):
+        size = np.log2(np.abs(whole[:n, 1:], dtype=np.float32))
+        size[index, index] = -np.inf
+        for _ in range(ROUNDS):
+            now = size + (units - units[:, None])
+            step = STEP * (now.max(1) - now.max(0))
+            units += np.where(np.isfinite(step), step, 0)
+    units = np.exp2(np.round(units).astype(float))
+    whole[:, 1:] *= units
+    whole[:n] /= units[:, None]
+    return whole
+
+
+def reduced(whole):
+    """Return loops [[B, E], [0, C]] in controller-Hessenberg form: H, C and the input's gain.
+
+    H `(n, n, loops)`: upper Hessenberg; what is below its diagonal is 1, its entries above are multiplied by what was there. So
+    is C, and the input acts on the first state alone, by the gain, `(loops,)`. Householder's reflections (C. C. Paige, IEEE
+    Trans. Automat. Control 26, 1981).
+    Accuracy: exact for matrices that differ from the given ones by some roundings of their largest entries.
+    """
+    n = whole.shape[1] - 1
+    whole = whole.copy()
+    for k in range(n - 1):
+        v = whole[k:n, k].copy()
+        size = np.sqrt((v * v).sum(0))
+        v[0] += np.copysign(size, v[0])
+        length = (v * v).sum(0)
+        v *= np.sqrt(2 / np.where(length > 0, length, np.inf))
+        right = whole[k:n, k:]
+        right -= v[:, None] * (v[:, None] * right).sum(0)
+        below = whole[:, k + 1 :]
+        below -= (below * v).sum(1)[:, None] * v
+    H, C = whole[:n, 1:], whole[n:, 1:]
+    scale = np.zeros(H.shape)
+    scale[-1, -1] = 1.0
+    for k in range(n - 2, -1, -1):
+        scale[k, k], scale[k, k + 1 :] = 1.0, H[k + 1, k] * scale[k + 1, k + 1 :]
+    return H * scale, C * scale[0], whole[0, 0]
+
+
+def polynomials(form, w):
+    """Return pole polynomials `det(w I - E)`, `(loops, points)`, and with them `C (w I - E)^-1 B` times these, for each output.
+
+    form: of `reduced`; w: `(loops, points)`. Hyman's recurrence.
+    Accuracy: that of Hessenberg matrices each of whose entries differs by some roundings.
+    """
+    H, C, gain = form
+    n, H, C = len(H), *(np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in (H, gain * C))
+    Q = np.empty((len(H), n, w.shape[-1]), complex)
+    parts, Q[:, -1] = Q.view(float), 1.0
+    for k in range(n - 1, 0, -1):
+        np.multiply(w, Q[:, k], out=Q[:, k - 1])
+        parts[:, k - 1] -= (H[:, k : k + 1, k:] @ parts[:, k:])[:, 0]
+    pole = w * Q[:, 0]
+    pole.view(float)[...] -= (H[:, :1] @ parts)[:, 0]
+    return pole, (C @ parts).view(complex)
