@@ -273,12 +273,12 @@ def _felt(felt: Facts, *units: str) -> str:
 
 def _hardware(found: Facts, force: str, length: str) -> Iterator[str]:
     """What encoder, friction and motors do to the design."""
-    if step := found.get("resolution"):
-        known = "a force that is not known to be bounded"
+    if "chatter" in found:
+        known = "makes a force that is not known to be bounded"
         if found["chatter"] is not None:
             largest = f"moves the force by up to {found['step_force']:.4g} {force}"
             known = f"{largest}, and the rounding of all readings by at most {found['chatter']:.4g} {force}"
-        yield f"encoder: a step of {step:.4g} {length} {known if found['chatter'] is not None else 'makes ' + known}"
+        yield f"encoder: a step of {found['resolution']:.4g} {length} {known}"
     unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
     if "holds_to" in found:
         held = f"holds the device against such a step up to {found['holds_to']:.6g} {unit}"

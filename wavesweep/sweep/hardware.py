@@ -64,8 +64,9 @@ def hardware_of(spec: Spec) -> dict[str, float | None]:
     the stiffness felt at rest.
     """
     found: dict[str, float | None] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
-    if step := found.get("resolution"):
-        peak = peak_of_encoder(*own_loop(spec))
+    drawing, values = own_loop(spec)
+    if (step := found.get("resolution")) and device_of(drawing) and drawing.hand[2] is not None:
+        peak = peak_of_encoder(drawing, values)
         found |= {"step_force": peak and peak.step * step, "chatter": peak and peak.gain * step / 2}
     return found | limits_of_walls(spec) if found else {}
 
