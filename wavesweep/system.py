@@ -6,7 +6,6 @@ import signal
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
-from pathlib import Path
 
 try:
     import fcntl
@@ -46,7 +45,7 @@ def peer_user(own: tuple[str, int], peer: tuple[str, int]) -> int | None:
 
     ends = [f"{int.from_bytes(socket.inet_aton(host), sys.byteorder):08X}:{port:04X}" for host, port in (peer, own)]
     for table in ("tcp", "tcp6"):
-        with suppress(OSError), Path(f"/proc/net/{table}").open(encoding="ascii") as lines:
+        with suppress(OSError), open(f"/proc/net/{table}", encoding="ascii") as lines:  # noqa: PTH123 - specs load this, and no pathlib
             for line in lines:
                 words = line.split()
                 if words[1].endswith(ends[0]) and words[2].endswith(ends[1]):

@@ -80,10 +80,11 @@ def by_discs(coefficients, noise) -> Roots:
 
 
 def _of_size_one(coefficients, noise):
-    """Return both divided by the largest coefficient of the row."""
+    """Return both divided by the largest coefficient of the row; of one that overflowed nothing is left but noise."""
     size = np.abs(coefficients).max(-1, initial=0)
-    size = np.where(size > 0, size, 1)
-    return coefficients / size[:, None], noise / size
+    known, size = np.isfinite(size), np.where(size > 0, size, 1)
+    with np.errstate(all="ignore"):
+        return np.where(known[:, None], coefficients / size[:, None], 0), np.where(known, noise / size, 1)
 
 
 def _none(coefficients) -> Roots:
