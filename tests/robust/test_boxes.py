@@ -38,3 +38,18 @@ def test_a_pocket_between_the_nodes_is_not_proved(numbers, depth):
 def test_a_box_that_is_almost_unstable_within_is_proved(numbers, depth):
     found = touching(numbers, depth)
     assert (len(found.open), len(found.unstable)) == (0, 0)
+
+
+def test_a_piece_whose_maps_hardly_depend_on_a_number_is_divided_along_the_others():
+    """Of the first number one coefficient is left."""
+
+    def frames(x):
+        E = np.zeros((len(x), 2, 2), np.result_type(x, float))
+        E[:, 0, 0] = -0.5 + 1e-13 * x[:, 0]
+        E[:, 1, 1] = -1e-3 - 0.3 * (x[:, 1] - 0.1) ** 2
+        E[:, 0, 1] = 0.1
+        return Frames.of(E)
+
+    everywhere = np.array([[-np.inf] * 2, [np.inf] * 2])
+    found = cover(frames, np.array([[-1.0] * 2, [1.0] * 2]), everywhere, 100_000)
+    assert (len(found.open), len(found.unstable)) == (0, 0)

@@ -52,6 +52,19 @@ def test_a_single_value_is_the_interval_of_the_spec():
     assert (row["low"], row["high"], row["settled"]) == (own["low"], pytest.approx(own["high"], rel=1e-12), True)
 
 
+def test_a_gain_that_the_spec_does_not_have_is_in_the_loops_of_its_range():
+    """Without Kp its wire is not drawn; what holds for all of a range has to hold for each of its values."""
+    (own,), (row,) = for_all(FIG4, **{"controller.Kp": {"start": 20, "stop": 60}})
+    ends = wavesweep.compile(FIG4).stable_intervals(Kp=[20.0, 32.0, 45.0, 60.0])["high"]
+    assert row["high"] <= ends.min() < own["high"]
+    assert row["settled"]
+
+
+def test_a_range_of_what_decides_how_a_loop_is_built_is_of_whole_numbers():
+    with pytest.raises(UsageError, match="expected values of a number that decides how the loop is built"):
+        for_all(FIG4, **{"rates.fast_hz": {"start": 999.5, "stop": 1000.5}})
+
+
 @pytest.mark.slow
 def test_the_worst_device_under_a_hand_that_may_let_go():
     ranges = {"device.mass": {"start": 0.08, "stop": 0.125}, "operator.stiffness": {"start": 0, "stop": 1000}}

@@ -244,7 +244,9 @@ def _positive(values, noise):
         pieces, low, high = pieces[open_], low[open_], high[open_]
         if not len(pieces) or len(pieces) > MOST_PIECES:
             break
-        which = np.stack([np.abs(np.diff(pieces, axis=1 + axis)).max(over) for axis in range(dimensions)]).argmax(0)
+        which = np.stack([np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0) for axis in range(dimensions)]).argmax(
+            0
+        )
         parts = []
         for axis in np.unique(which):
             some = which == axis

@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.spec import Spec
+from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.for_all import values_of_range
@@ -81,11 +81,21 @@ def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
         (timed, "values of a number that dead times follow from", f"the range of {', '.join(timed)}"),
+        (
+            parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
+            "values of a number that decides how the loop is built and need not be whole",
+            f"the range of {', '.join(parts)}",
+        ),
     ):
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
     if rules.vary:
         rules.family(drawing, dict(spec.values), along or _number(spec))
+
+
+def _has_parts(spec: Spec, axis: Axis) -> bool:
+    """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
+    return bool(axis.structural and not axis.values and not spec.drawing and spec.names.find(axis.name).type != "integer")
 
 
 def _number(spec: Spec) -> str:
@@ -132,11 +142,11 @@ class _Loop:
         unknown = [axis for axis in task.rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
         ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
         listed = [axis for axis in unknown if axis.values or axis.structural]
-        self.cases = []
+        self.cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
         for each in product(*map(values_of_range, listed)):
             fixed = dict(zip((axis.path for axis in listed), each, strict=True))
             own = values | fixed
-            drawn = loop_drawing(own, (task.along,)) if "controller.kind" in own else drawing
+            drawn = loop_drawing(own, (task.along, *gains)) if "controller.kind" in own else drawing
             self.cases.append(Case(drawn, own, task.along, task.span, ranges, fixed))
 
     @property
