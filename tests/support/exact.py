@@ -1,9 +1,11 @@
 """The loop of the model at 50 digits, tick by tick from its equations: a witness that shares no code with the package.
 
 Every signal of a tick is a linear form in the state before the tick, the hand's force, the wall's force and the wave
-v_m that closes the algebraic loop; the form of v_m is solved for itself and put into all others.
+v_m that closes the algebraic loop; the form of v_m is solved for itself and put into all others. `march` runs the ticks in
+doubles, one after the other.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass
 
 import mpmath
@@ -54,11 +56,10 @@ def filter_response(order, cutoff_hz, T, highpass, z):
 
 @dataclass(frozen=True)
 class Tick:
-    """One tick: next state and outputs as matrices over (state, f_h, F_s); the wall reads x_tilde and x_dot."""
+    """One tick: next state and signals as matrices over (state, f_h, F_s); the wall reads x_tilde and x_dot."""
 
     step: np.ndarray
-    x: np.ndarray
-    f_m: np.ndarray
+    seen: dict[str, np.ndarray]
     x_tilde: np.ndarray | None
     x_dot: np.ndarray | None
 
@@ -72,7 +73,7 @@ class Sheet:
         self.now = {name: self.unit(i) for i, name in enumerate(names)}
         self.after = dict(self.now)
         self.f_h, self.F, self.loop = (self.unit(len(names) + i) for i in range(3))
-        self.closing = closing
+        self.closing, self.seen = closing, {}
 
     def unit(self, index):
         """The form that is one variable."""
@@ -125,7 +126,9 @@ def tick(values, phase):
     after["v"] = now["x"] * flow[1][0] + now["v"] * flow[1][1] + f * push[1]
     after["x_before"] = now["x"]
     put = sheet.closed(v_m)
-    return Tick(np.array([put(after[name]) for name in sheet.names]), put(now["x"]), put(f_m), *(put(r) for r in read))
+    seen = {**sheet.seen, "x": now["x"], "v": now["v"], "v_hat": v_hat, "f_m": f_m}
+    step = np.array([put(after[name]) for name in sheet.names])
+    return Tick(step, {name: put(form) for name, form in seen.items()}, *(put(r) for r in read))
 
 
 def direct_controller(sheet, values, _sections, clock, v_hat):
@@ -137,7 +140,7 @@ def direct_controller(sheet, values, _sections, clock, v_hat):
     if phase == D % ratio and D > 0:
         held = waiting
     if phase == 0:
-        read = (now["x"], v_hat)
+        read, sheet.seen["F_s"] = (now["x"], v_hat), sheet.F
         waiting = [sheet.F, *read]
         held = waiting if D == 0 else held
     for names, forms in ((("F", "x_ref", "v_ref"), held), (("F_next", "x_ref_next", "v_ref_next"), waiting)):
@@ -166,14 +169,16 @@ def wave_controller(sheet, values, sections, clock, v_hat):
         x_tilde, x_s = integrate(values["environment.integration"], now["x_s"], now["x_dot"], x_dot, ratio * T)
         after["x_s"], after["x_dot"], read = x_s, x_dot, (x_tilde, x_dot)
         waiting = [u_s - sheet.F * mp.sqrt(2 / b), x_s]
+        sheet.seen |= {"u_s": u_s, "v_s": waiting[0], "x_s": x_s, "x_dot_s": x_dot, "F_s": sheet.F}
         held = waiting if D == 0 else held
     after["v_1"], after["x_bar"] = held
     after["v_next"], after["x_next"] = waiting
     total = held[0] + (held[1] - now["x"]) * Kp
     if values["controller.kind"] == "pmw-lm":
         y = local_branch(sheet, values, sections, u_m, (b, root, T))
-        total = total + (now["v_2"] if values["local_model.delay"] else y)
-        after["v_2"] = y
+        v_2 = now["v_2"] if values["local_model.delay"] else y
+        total, after["v_2"], sheet.seen["v_2"] = total + v_2, y, v_2
+    sheet.seen |= {"u_m": u_m, "v_m": v_m}
     return v_hat * b - v_m * root, total, read
 
 
@@ -197,8 +202,9 @@ def local_branch(sheet, values, sections, u_m, constants):
     x_dot = (u_h * root - at_rest * K) / (b + B + K * share)
     x_tilde, after["x_l"] = integrate(integration, x_l, before, x_dot, T)
     after["x_dot_l"] = x_dot
-    force = x_tilde * K + x_dot * B
-    return sheet.filter("lp2", sections["lp2"], u_h - force * mp.sqrt(2 / b))
+    v_l = u_h - (x_tilde * K + x_dot * B) * mp.sqrt(2 / b)
+    sheet.seen |= {"u_h": u_h, "v_l": v_l}
+    return sheet.filter("lp2", sections["lp2"], v_l)
 
 
 def power(A, n):
@@ -299,7 +305,7 @@ def run(whole, K, B, state, turn):
             known = np.array([*state, f, mp.mpf(0)], dtype=object)
             F = (read @ known) / (1 - read[-1])
         known = np.array([*state, f, F], dtype=object)
-        x, f_m = x + (t.x @ known) / f, f_m + (t.f_m @ known) / f
+        x, f_m = x + (t.seen["x"] @ known) / f, f_m + (t.seen["f_m"] @ known) / f
         state, f = t.step @ known, f * turn
     M = len(whole.ticks)
     return state, x / M, f_m / M
@@ -310,3 +316,24 @@ def limit(values, frequency_hz, whole, step=1e-14):
     sides = [mp.mpf(frequency_hz) * (1 + sign * mp.mpf(step)) for sign in (-1, 1)]
     pairs = [response(values, side, whole) for side in sides]
     return tuple((left + right) / 2 for left, right in zip(*pairs, strict=True))
+
+
+SLOW = ("u_s", "v_s", "x_s", "x_dot_s", "F_s")  # signals with a number per frame
+
+
+def march(values, force):
+    """The signals from rest under the hand's force (N, a number per tick): name -> array, with a number per tick or frame."""
+    ticks = frame(values).ticks
+    doubles = {id(t): [t.step.astype(float), np.array([*t.seen.values()]).astype(float), [*t.seen]] for t in ticks}
+    read = ticks[0].x_tilde * values["environment.K_VE"] + ticks[0].x_dot * values["environment.B_VE"]
+    read, found = (read[:-1] / (1 - read[-1])).astype(float), defaultdict(list)
+    known = np.zeros(len(read) + 1)
+    for k, f_h in enumerate(force):
+        known[-2] = f_h
+        if k % len(ticks) == 0:
+            known[-1] = read @ known[:-1]
+        step, rows, names = doubles[id(ticks[k % len(ticks)])]
+        for name, number in zip(names, (rows @ known).tolist(), strict=True):
+            found[name].append(number)
+        known[:-2] = step @ known
+    return {name: np.array(numbers) for name, numbers in found.items()}

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import butter, sosfilt
 
-from support.controllers import advance, at_rest, butterworth
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.passive.channel import channel_norm, channel_of
 
@@ -45,27 +45,22 @@ def worst_wave(values, frames: int) -> np.ndarray:
     return wave / np.abs(wave).max()
 
 
+def filtered(values, name, waves):
+    """The waves behind the filter of that name, which was at rest before."""
+    order, cutoff_hz = values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"]
+    passes = "high" if name == "hp" else "low"
+    return sosfilt(butter(order, cutoff_hz, passes, fs=values["rates.fast_hz"], output="sos"), waves)
+
+
 def run_out(values, sent, tail_frames: int = 200) -> Passage:
     """Send the wave u_m (`(ticks,)`) to the environment, tick by tick, then nothing for `tail_frames` frames.
 
-    The filters are those of the simulator, which knows nothing of lifting: a witness of `channel_norm`.
+    The filters are scipy's, which knows nothing of lifting: a witness of `channel_norm`.
     """
     fast_hz, ratio = values["rates.fast_hz"], values["rates.ratio"]
-    local = values["controller.kind"] == "pmw-lm"
-    lp1, hp = (
-        butterworth(passes, values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], fast_hz)
-        for name, passes in (("lp1", "low"), ("hp", "high"))
-    )
-    low_state, high_state = at_rest(lp1), at_rest(hp)
-    sampled, passed = [], []
-    for k, wave in enumerate([*np.asarray(sent, float).tolist(), *[0.0] * (ratio * tail_frames)]):
-        low_state, low = advance(lp1, low_state, wave)
-        if k % ratio == 0:
-            sampled.append(low)
-        if local:
-            high_state, high = advance(hp, high_state, wave)
-            passed.append(high)
-    sampled, passed = np.array(sampled), np.array(passed) if local else None
+    waves = np.concatenate([np.asarray(sent, float), np.zeros(ratio * tail_frames)])
+    sampled = filtered(values, "lp1", waves)[::ratio]
+    passed = filtered(values, "hp", waves) if values["controller.kind"] == "pmw-lm" else None
     out = ratio * (sampled**2).sum() + (0.0 if passed is None else (passed**2).sum())
     energy_in = np.square(sent).sum()
     return Passage(np.asarray(sent, float), sampled, passed, float(energy_in / fast_hz), float(out / fast_hz))
@@ -78,14 +73,10 @@ def run_back(values, slow, local, tail_frames: int = 200) -> Passage:
     """
     fast_hz, ratio = values["rates.fast_hz"], values["rates.ratio"]
     delay, late = values["environment.delay"], values["local_model.delay"]
-    lp2 = butterworth("low", values["filters.lp2.order"], values["filters.lp2.cutoff_hz"], fast_hz)
     rest = np.zeros(ratio * tail_frames)
     held = np.concatenate([np.zeros(delay), np.repeat(slow, ratio), rest[delay:]])
-    state, passed = at_rest(lp2), [0.0] * late
-    for wave in [*np.asarray(local, float).tolist(), *rest.tolist()]:
-        state, y = advance(lp2, state, wave)
-        passed.append(y)
-    user = held + np.array(passed[: held.size])
+    passed = filtered(values, "lp2", np.concatenate([local, rest]))
+    user = held + np.concatenate([np.zeros(late), passed])[: held.size]
     energy_in = ratio * np.square(slow).sum() + np.square(local).sum()
     return Passage(
         user,
