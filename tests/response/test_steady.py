@@ -23,9 +23,9 @@ def slow_multiples(values):
 def worst_error(values, frequency_hz, witness):
     """Largest relative error of both answers; of an impedance that vanishes, relative to a thousandth of the wall."""
     floor = 1e-3 * values["environment.K_VE"]
-    worst, whole = 0.0, exact.frame(values)
+    worst = 0.0
     for f, admittance, impedance in zip(frequency_hz, *response(values, frequency_hz), strict=True):
-        wanted = witness(values, f, whole)
+        wanted = witness(values, f)
         error = abs(admittance - wanted[0]) / abs(wanted[0])
         worst = max(worst, float(error), float(abs(impedance - wanted[1]) / max(abs(wanted[1]), floor)))
     return worst
