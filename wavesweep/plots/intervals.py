@@ -79,9 +79,6 @@ def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return picture.draw(facts)
 
 
-stability_region = zwidth_hands = stability_region_hands = zwidth
-
-
 class Picture(Kept):
     """The figure of a table that need not fit into memory: `add` each of its blocks, then `draw`.
 
