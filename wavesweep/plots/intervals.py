@@ -1,7 +1,5 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; for one loop, or for several hands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from textwrap import wrap

@@ -1,7 +1,5 @@
 """Figures of frequency responses: curves of a table, of a simulation beside the linear loop, and magnitudes as in papers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """What every answer has to hold for, the table [for_all]: numbers that are not known, or vary from frame to frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

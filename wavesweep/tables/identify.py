@@ -1,7 +1,5 @@
 """A device found from a log: the table `identify`, with the numbers in its facts and its summary."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256

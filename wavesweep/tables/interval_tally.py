@@ -1,7 +1,5 @@
 """The summary of a table of stable intervals, counted while its rows are written."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

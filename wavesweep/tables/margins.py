@@ -1,7 +1,5 @@
 """How far a loop is from instability at one signal, at which it is broken: the table `margins`."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from math import isnan, pi
