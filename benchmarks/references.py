@@ -211,11 +211,11 @@ def ends_of(case):
 
 def respond(values, frequencies):
     """`[[Re Y, Im Y, Re Z, Im Z], ...]`; multiples of the slow rate by their limit."""
-    whole, slow = frame(values), values["rates.fast_hz"] / values["rates.ratio"]
+    slow = values["rates.fast_hz"] / values["rates.ratio"]
     found = []
     for hz in frequencies:
         at = limit if hz % slow == 0 else response
-        Y, Z = at(values, hz, whole)
+        Y, Z = at(values, hz)
         found.append([float(part) for part in (Y.real, Y.imag, Z.real, Z.imag)])
     return found
 

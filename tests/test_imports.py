@@ -103,7 +103,6 @@ def loaded_by(program):
 @pytest.mark.parametrize(
     "program",
     [
-        "import wavesweep",
         "import wavesweep.spec",
         "from wavesweep.cli import main; main(['--help'])",
         "from wavesweep.cli import main; main(['--version'])",

@@ -1,7 +1,5 @@
 """What a checkout has beside the package, and an installed package inside it: examples, and the programs of two commands."""
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from pathlib import Path

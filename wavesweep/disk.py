@@ -16,7 +16,6 @@ from typing import BinaryIO
 from wavesweep.system import OPEN, READ
 
 RANDOM = "[0-9a-f]{12}"
-TEMPORARY = rf"\.{RANDOM}\.tmp"  # what the name of an unfinished file ends in
 OLD = ".old-"  # between the name of a folder that is being removed and its random part
 _NOT_EMPTY = (errno.ENOTEMPTY, errno.EEXIST)
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # folders of some file systems, or of other users

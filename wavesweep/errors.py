@@ -1,7 +1,5 @@
 """Errors with texts for users, and their exit codes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

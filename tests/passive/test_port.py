@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from support.exact import march
 from support.held import held, more_damping, port_margin
-from support.march import march
 from support.specs import nested
 from support.specs import random_values as random_loop
 
@@ -103,7 +103,7 @@ def test_a_force_that_takes_energy_out_of_a_loop_that_is_not_passive(values):
     _, vectors = np.linalg.eigh((H + H.conj().T) / 2)
     force = (np.exp(1j * theta * np.arange(400))[:, None] * vectors[:, 0]).real.ravel()
     seen = march(v, force)
-    work = np.cumsum(force[:-1] * np.diff(seen.x))
+    work = np.cumsum(force[:-1] * np.diff(seen["x"]))
     assert work[-1] < -1e-6
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stress.drawings import SPANS
 from support.certified import Witness
-from support.drawn import ARM, CORNER, JOINT, NETWORK, PD, WALL, as_blocks, random_feedback, random_tables
+from support.drawn import ARM, CORNER, JOINT, NETWORK, NEXT_TO_ONE, PD, WALL, as_blocks, random_feedback, random_tables
 from support.plants import bodies
 from support.specs import random_values
 
@@ -140,27 +140,6 @@ WEAK = {  # a spring that pushes away, with 1e-12 N/m between masses of a tonne
         "a.f": "-(1000.0*p*(a.x-b.x) + 1000.0*(a.v-b.v)) + 1e-12*a.x",
         "b.f": "1000.0*p*(a.x-b.x) + 1000.0*(a.v-b.v)",
     },
-}
-NEXT_TO_ONE = {  # eigenvalues 1 - 2^-30 and 1 - 2^-30 beside the one that crosses
-    "rates": {"tick_hz": 1.0},
-    "numbers": {"p": 670.779015550422},
-    "block": {
-        "g": {
-            "type": "ss",
-            "discrete": True,
-            "A": [
-                [-1.5, -0.125, -2.4999999990686774, 2.4374999990686774],
-                [1.0, 0.0, 1.0, -1.0],
-                [1.25, 0.75, 2.2499999990686774, -1.7499999990686774],
-                [0.0, 1.0, 0.0, 0.0],
-            ],
-            "B": [[2.0], [0.125], [-2.5], [-1.25]],
-            "C": [[0.875, 0.5, 0.875, 0.125]],
-            "D": [[0.0]],
-            "every": 5,
-        },
-    },
-    "wire": {"g.u": "-p*0.3*g.y"},
 }
 
 

@@ -1,7 +1,7 @@
 """The loop of the model in ball arithmetic (python-flint): every number with a proved bound on its error.
 
-Written down from the model's equations tick by tick, like `exact`, and shares no code with the package or with `exact`. What it
-gives is the characteristic polynomial `d - K_VE N_x - B_VE N_v` of a frame, which is linear in the wall.
+Written down from the model's equations tick by tick, and shares no code with the package. What it gives is the characteristic
+polynomial `d - K_VE N_x - B_VE N_v` of a frame, which is linear in the wall.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Forms:
         self.size = len(names) + 3
         self.names = names
         self.now = {name: self.unit(i) for i, name in enumerate(names)}
-        self.after = {}
+        self.after, self.seen = {}, {}
         self.force, self.hand, self.wave = (self.unit(len(names) + i) for i in range(3))
 
     def unit(self, index=None):
@@ -111,6 +111,7 @@ class Tick:
     f_m: arb_mat
     x_tilde: arb_mat
     x_dot: arb_mat
+    seen: dict[str, arb_mat]
 
     @property
     def size(self):
@@ -133,8 +134,9 @@ def tick(values, phase) -> Tick:
     draw = _direct if values["controller.kind"].startswith("dc") else _waves
     f_m, v_m, x_tilde, x_dot = draw(forms, values, sections, (phase, ratio, delay, T))
     put = _closer(forms, v_m)
-    f_m = put(f_m)
-    return Tick(_step(forms, values, f_m, T, put), put(forms.now["x"]), f_m, put(x_tilde), put(x_dot))
+    seen = {name: put(form) for name, form in {**forms.seen, "x": forms.now["x"], "v": forms.now["v"], "f_m": f_m}.items()}
+    step = _step(forms, values, seen["f_m"], T, put)
+    return Tick(step, seen["x"], seen["f_m"], put(x_tilde), put(x_dot), seen)
 
 
 def frame(values) -> Frame:
@@ -204,7 +206,9 @@ def _states(values, sections, delay):
 
 
 def _velocity(forms, values, T):
-    return forms.now["v"] if values["device.velocity"] == "exact" else (forms.now["x"] - forms.now["x_before"]) * (1 / T)
+    exact = values["device.velocity"] == "exact"
+    forms.seen["v_hat"] = forms.now["v"] if exact else (forms.now["x"] - forms.now["x_before"]) * (1 / T)
+    return forms.seen["v_hat"]
 
 
 def _hold(forms, fresh, phase, ratio, delay):
@@ -225,6 +229,7 @@ def _hold(forms, fresh, phase, ratio, delay):
 def _direct(forms, values, _sections, clock):
     """`dc`, `dc-slow`, `dc-lm`: (f_m, nothing, what the wall reads)."""
     *when, T = clock
+    forms.seen |= {"F_s": forms.force} if clock[0] == 0 else {}
     x, v_hat = forms.now["x"], _velocity(forms, values, T)
     if values["controller.kind"] == "dc":
         return forms.force, None, x, v_hat
@@ -247,13 +252,16 @@ def _waves(forms, values, sections, clock):
     u_s = forms.run("lp1", sections["lp1"], u_m)
     x_dot = (u_s * root - forms.force) * (1 / b)
     x_tilde, x_s = _integrate(forms, "x_s", "x_dot", x_dot, ratio * T, values["environment.integration"], phase == 0)
-    held = _hold(forms, {"v_1": u_s - forms.force * (2 / b).sqrt(), "x_bar": x_s}, phase, ratio, delay)
+    v_s = u_s - forms.force * (2 / b).sqrt()
+    held = _hold(forms, {"v_1": v_s, "x_bar": x_s}, phase, ratio, delay)
     total = held["v_1"] + (held["x_bar"] - forms.now["x"]) * arb(values["controller.Kp"])
     if values["controller.kind"] == "pmw-lm":
         y = _local(forms, values, sections, u_m, T)
-        total = total + forms.now.get("v_2", y)
-        forms.after["v_2"] = y
+        forms.seen["v_2"] = forms.now.get("v_2", y)
+        total, forms.after["v_2"] = total + forms.seen["v_2"], y
         forms.after = {name: form for name, form in forms.after.items() if name in forms.names}
+    forms.seen |= {"u_m": u_m, "v_m": v_m}
+    forms.seen |= {"u_s": u_s, "v_s": v_s, "x_s": x_s, "x_dot_s": x_dot, "F_s": forms.force} if phase == 0 else {}
     return v_hat * b - v_m * root, total, x_tilde, x_dot
 
 
@@ -275,7 +283,8 @@ def _local(forms, values, sections, u_m, T):
     known = x + before * (T / 2) if integration == "trapezoidal" else x
     x_dot = (u_h * (2 * b).sqrt() - known * K) * (1 / (b + B + K * T * SHARE[integration]))
     x_tilde, _ = _integrate(forms, "x_l", "x_dot_l", x_dot, T, integration, True)
-    return forms.run("lp2", sections["lp2"], u_h - (x_tilde * K + x_dot * B) * (2 / b).sqrt())
+    forms.seen |= {"u_h": u_h, "v_l": u_h - (x_tilde * K + x_dot * B) * (2 / b).sqrt()}
+    return forms.run("lp2", sections["lp2"], forms.seen["v_l"])
 
 
 def response(values, frequency_hz):

@@ -72,6 +72,6 @@ def felt_elasticity(values, along, p, path, of_end):
     def felt(change):
         changed = values | {path: number(values[path]) * (1 + change)}
         changed[along] = number(p) * (1 + of_end * change)
-        return response(changed, FREQUENCY, frame(changed))[1].real
+        return response(changed, FREQUENCY)[1].real
 
     return (mp.log(felt(STEP)) - mp.log(felt(-STEP))) / (2 * STEP)

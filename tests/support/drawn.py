@@ -155,6 +155,28 @@ steps = 2
 "a.f" = "-k*a.v"
 """
 
+NEXT_TO_ONE = {  # eigenvalues 1 - 2^-30 and 1 - 2^-30 beside the one that crosses
+    "rates": {"tick_hz": 1.0},
+    "numbers": {"p": 670.779015550422},
+    "block": {
+        "g": {
+            "type": "ss",
+            "discrete": True,
+            "A": [
+                [-1.5, -0.125, -2.4999999990686774, 2.4374999990686774],
+                [1.0, 0.0, 1.0, -1.0],
+                [1.25, 0.75, 2.2499999990686774, -1.7499999990686774],
+                [0.0, 1.0, 0.0, 0.0],
+            ],
+            "B": [[2.0], [0.125], [-2.5], [-1.25]],
+            "C": [[0.875, 0.5, 0.875, 0.125]],
+            "D": [[0.0]],
+            "every": 5,
+        },
+    },
+    "wire": {"g.u": "-p*0.3*g.y"},
+}
+
 NUMBERS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "K_LM": "local_model.K_LM", "B_LM": "local_model.B_LM"}
 NUMBERS |= {"b": "controller.b", "Kp": "controller.Kp"}
 

@@ -1,7 +1,5 @@
 """`wavesweep bench`."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

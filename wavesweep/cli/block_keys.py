@@ -1,7 +1,5 @@
 """The tables of a drawn loop and of [design], explained for `wavesweep keys`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

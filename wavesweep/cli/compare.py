@@ -1,17 +1,10 @@
 """`wavesweep compare`."""
 
-from __future__ import annotations
-
 from functools import partial
-from typing import TYPE_CHECKING, Any
 
 import click
 
 from wavesweep.cli.options import Options, common, refuse_equal_names, workers
-
-if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.tables.table import Table
 
 
 @click.command("compare")
@@ -36,7 +29,7 @@ def command(specs: tuple[str, ...], options: Options) -> None:
 
     refuse_equal_names(specs)
 
-    def compute(loaded: list[Spec], **work: Any) -> list[Table]:
+    def compute(loaded, **work):
         measured = facts_of_points(loaded, "compare")
         walls, responses = compare(loaded, **work)
         if options.to_stdout or not options.plot:

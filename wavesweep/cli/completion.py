@@ -1,7 +1,5 @@
 """Shell completion: specs, keys and values of --set, devices and controllers. Loaded only if a shell asks for it."""
 
-from __future__ import annotations
-
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,16 +1,8 @@
 """`wavesweep design`."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
 import click
 
 from wavesweep.cli.options import Options, common, workers
-
-if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.tables.table import Table
 
 
 @click.command("design")
@@ -46,7 +38,7 @@ def command(spec: str, checked: str, options: Options) -> None:
     from wavesweep.cli.output import produce
     from wavesweep.spec import Spec
 
-    def compute(specs: list[Spec], **work: Any) -> list[Table]:
+    def compute(specs, **work):
         from wavesweep.search.best import with_best
         from wavesweep.search.study import design
 

@@ -1,7 +1,5 @@
 """`wavesweep export`."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from shlex import quote

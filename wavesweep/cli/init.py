@@ -1,7 +1,5 @@
 """`wavesweep init`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from textwrap import wrap

@@ -1,7 +1,5 @@
 """`wavesweep keys`."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator, Mapping

@@ -1,16 +1,8 @@
 """`wavesweep margins`."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
 import click
 
 from wavesweep.cli.options import Options, common
-
-if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.tables.table import Table
 
 
 @click.command("margins")
@@ -40,8 +32,4 @@ def command(spec: str, options: Options, cut: str) -> None:
     from wavesweep.cli.output import produce
     from wavesweep.tables.margins import margins
 
-    def compute(specs: list[Spec], **_work: Any) -> list[Table]:
-        (asked,) = specs
-        return [margins(asked, cut)]
-
-    produce(["margins"], [spec], options, compute)
+    produce(["margins"], [spec], options, lambda specs, **_: [margins(*specs, cut)])

@@ -1,7 +1,5 @@
 """Messages: lines, warnings and progress on stderr, and the summary of a command as JSON on stdout."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

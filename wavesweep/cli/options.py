@@ -1,7 +1,5 @@
 """The options that several commands have: each is defined once and has one meaning."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps

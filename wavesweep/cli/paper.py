@@ -1,7 +1,5 @@
 """`wavesweep paper`."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -1,16 +1,8 @@
 """`wavesweep passivity`."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
 import click
 
 from wavesweep.cli.options import Options, common, partition, workers
-
-if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.tables.table import Table
 
 
 @click.command("passivity")
@@ -49,7 +41,7 @@ def command(spec: str, options: Options, filters: bool, tolerance: float) -> Non
     from wavesweep.cli.output import produce
     from wavesweep.tables.passivity import filter_choices, passivity
 
-    def compute(specs: list[Spec], **work: Any) -> list[Table]:
+    def compute(specs, **work):
         (asked,) = specs
         choices = [filter_choices(asked, tolerance)] if filters else []  # first, since a spec may have none
         return [passivity(asked, tolerance, **work), *choices]

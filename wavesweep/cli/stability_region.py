@@ -1,7 +1,5 @@
 """`wavesweep stability-region`."""
 
-from __future__ import annotations
-
 import click
 
 from wavesweep.cli.options import Options, common, for_hands, partition, prove, workers

@@ -1,7 +1,5 @@
 """`wavesweep verify`."""
 
-from __future__ import annotations
-
 import click
 
 from wavesweep.cli.options import as_json, debug, quiet

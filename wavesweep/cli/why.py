@@ -1,16 +1,8 @@
 """`wavesweep why`."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
 import click
 
 from wavesweep.cli.options import Options, common
-
-if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.tables.table import Table
 
 
 @click.command("why")
@@ -41,8 +33,4 @@ def command(spec: str, options: Options, along: str | None) -> None:
     from wavesweep.cli.output import produce
     from wavesweep.tables.why import why
 
-    def compute(specs: list[Spec], **_work: Any) -> list[Table]:
-        (asked,) = specs
-        return [why(asked, along)]
-
-    produce(["why"], [spec], options, compute)
+    produce(["why"], [spec], options, lambda specs, **_: [why(*specs, along)])

@@ -1,7 +1,5 @@
 """The page of a spec: its text with the data in it, the answers to its questions, and the file that needs no server."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from collections.abc import Callable, Mapping

@@ -6,8 +6,6 @@ path. There is no path to any file. A browser is started with another address, s
 to the page once, and soon. (A cookie would go to the servers of other users as well, whose addresses differ in the port alone.)
 """
 
-from __future__ import annotations
-
 import hmac
 import json
 import os

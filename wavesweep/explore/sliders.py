@@ -1,7 +1,5 @@
 """The numbers of a spec that a page can vary, with the range of each slider, and the spec with other numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context

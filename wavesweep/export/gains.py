@@ -5,8 +5,6 @@ the coefficients of a loop with another value of it come out like that to the la
 through other functions or decide how a tick is built, do not, and stay constants.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 

@@ -3,8 +3,6 @@
 The device are the blocks whose inputs are held over a tick in any case: masses, and continuous models. They are the host's.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

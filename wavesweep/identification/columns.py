@@ -1,7 +1,5 @@
 """Columns of numbers from a CSV file; what cannot be used is refused with one message."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from collections.abc import Sequence

@@ -8,8 +8,6 @@ are those of one motion, and where it creeps or rests, those of another one with
 A stretch in which the device stays within a step, at rest or at a turn, has one reading of its place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product

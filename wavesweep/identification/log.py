@@ -1,7 +1,5 @@
 """A log of force and position, read from a CSV file; what cannot be used is refused with one message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

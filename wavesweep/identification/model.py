@@ -6,8 +6,6 @@ What is fitted is the logarithm of the mass, the other numbers that are free, an
 velocity at its start, and a constant force (gravity, the offset of an amplifier, where a spring rests).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import copysign, exp, sqrt
 

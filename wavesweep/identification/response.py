@@ -1,7 +1,5 @@
 """The same device from a frequency response: the sampled model's admittance against the measured one, with relative errors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Whether a fit explains a log: what is left, held against what the encoder leaves by itself, and which effect is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import dropwhile, takewhile

@@ -78,12 +78,10 @@ def _drawn_of(kind, rows, facts, say):
         from wavesweep.plots.margins import passivity_of
 
         return passivity_of(rows, facts)
-    from wavesweep.plots.responses import bode_of, bode_ports_of
-
     columns, left_out = rows.chosen()
     if left_out:
         say(f"figure of {facts['spec_name']}: {left_out[0].lower()}{left_out[1:-1]}")
-    return (bode_of if kind == "bode" else bode_ports_of)(columns, left_out, facts)
+    return figure_of(kind)(columns, facts, left_out)
 
 
 def with_figure(table: Table, draw: Callable[[], Any]) -> Table:

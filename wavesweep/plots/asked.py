@@ -1,7 +1,5 @@
 """The width and the style of figures that a user asks for, as texts."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The rows of a table that its figure shows: all of a short table, and of a long one those of some values of its axes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np

@@ -20,7 +20,7 @@ from wavesweep.plots.measured import (
 )
 from wavesweep.plots.planes import view_of
 from wavesweep.plots.refine import Curve, Interval, curves_of
-from wavesweep.plots.responses import bode, rounded
+from wavesweep.plots.responses import rounded
 from wavesweep.plots.style import (
     DOUBTFUL,
     TWO_COLUMNS,
@@ -127,11 +127,6 @@ def _stiffness(columns: Columns) -> str:
     """The name of the wall's stiffness, if all specs have the same."""
     names = set(columns["along"].tolist())
     return symbol(names.pop()) if len(names) == 1 else "stiffness of the wall"
-
-
-def compare_bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `compare-bode` table, as a `bode` table is drawn."""
-    return bode(columns, facts)
 
 
 def _handles(

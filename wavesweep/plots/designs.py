@@ -1,7 +1,5 @@
 """The figure of a design study: the front of two wishes, or the wishes of the best designs, beside the spec's own design."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The figure of elasticities: for each limit, bars of how much each number of the loop moves it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from textwrap import wrap
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures as files: PNG, SVG, PDF and EPS, the same bytes for the same drawing."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

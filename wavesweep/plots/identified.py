@@ -1,7 +1,5 @@
 """The figure of a device found from a log: measured and fitted position, what is left, and its spectrum."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

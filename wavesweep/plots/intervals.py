@@ -1,7 +1,5 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; for one loop, or for several hands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from textwrap import wrap
@@ -77,9 +75,6 @@ def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
     picture = Picture(axes_of(columns), lambda: (columns,))
     picture.add(columns)
     return picture.draw(facts)
-
-
-stability_region = zwidth_hands = stability_region_hands = zwidth
 
 
 class Picture(Kept):

@@ -5,8 +5,6 @@ box is one column behind the last box that it reads, a net that passes a column 
 order by the means of their neighbours, and then moved towards these.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

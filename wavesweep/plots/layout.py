@@ -1,7 +1,5 @@
 """The roles of a table's axes in the figure of its intervals, and a note on values that do not fit."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """The figure of the closed-loop poles over a number: a root locus in the plane of the frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

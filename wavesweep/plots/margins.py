@@ -1,7 +1,5 @@
 """Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's port, and filter orders."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from textwrap import wrap
 from typing import Any

@@ -1,7 +1,5 @@
 """What was measured, as points beside computed curves; the facts of a run have them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

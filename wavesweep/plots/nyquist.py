@@ -1,7 +1,5 @@
 """The figure of margins: Nyquist curve and Bode plot of the loop that is broken at a signal, and what it has to avoid."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stable regions of a plane, drawn from curves; the end of the swept range; several designs side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

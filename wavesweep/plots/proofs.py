@@ -1,7 +1,5 @@
 """What [for_all] leaves open and what it refutes, in the figures of intervals: hatches and carets beside what is proved."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of frequency responses: curves of a table, of a simulation beside the linear loop, and magnitudes as in papers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -59,35 +57,32 @@ class Curve:
     style: dict[str, Any]
 
 
-def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
+def bode(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
     """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz, with decibels at the right.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
     numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
     jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that varies. More than a
-    dozen curves have a scale of colours; of hundreds some are shown (see `Curves`).
+    dozen curves have a scale of colours; of hundreds some are shown (see `Curves`). left_out: a sentence about the rows of a
+    table that are not among `columns`, None if these are all.
     """
-    curves = Curves(lambda: (columns,))
-    curves.add(columns)
-    return bode_of(*curves.chosen(), facts)
-
-
-def bode_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
-    """The same for the rows that are shown of a table, and a sentence about the others."""
+    columns, left_out = _shown(columns, left_out)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
     panels = tuple((name, at_hand(title, name, unit, facts)) for name, title, unit in _PANELS)
     return _drawn(columns, panels, left_out, facts)
 
 
-def bode_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `bode-ports` table: magnitude and phase, a curve for each pair of input and output; otherwise as `bode`."""
+def _shown(columns: Columns, left_out: str | None) -> tuple[Columns, str]:
+    if left_out is not None:
+        return columns, left_out
     curves = Curves(lambda: (columns,))
     curves.add(columns)
-    return bode_ports_of(*curves.chosen(), facts)
+    return curves.chosen()
 
 
-def bode_ports_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
-    """The same for the rows that are shown of a table, and a sentence about the others."""
+def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
+    """Draw a `bode-ports` table: magnitude and phase, a curve for each pair of input and output; otherwise as `bode`."""
+    columns, left_out = _shown(columns, left_out)
     units = sorted(set(columns["unit"].tolist()) - {""})
     several = len(set(columns["spec"].tolist())) > 1
     rows = zip(*(columns[name].tolist() for name in ("spec", "from", "to", "unit")), strict=True)

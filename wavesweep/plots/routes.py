@@ -4,8 +4,6 @@ A wire to the next column takes a track between the two. Any other wire goes dow
 of the box that reads it. So no wire passes through a box.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

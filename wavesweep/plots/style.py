@@ -1,7 +1,5 @@
 """The common style of all figures: sizes for a paper, fonts, colours for the colour-blind, and names of axes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar

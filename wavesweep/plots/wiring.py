@@ -1,7 +1,5 @@
 """The picture of a loop: its blocks with type, rate and phase, sums, ports, and wires with their gains; colours are rates."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

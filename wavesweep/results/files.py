@@ -1,7 +1,5 @@
 """A table's rows as CSV and as Parquet, and back from both files to the same bits."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

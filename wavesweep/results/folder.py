@@ -1,7 +1,5 @@
 """The folder of the results: files of earlier runs, and the specs that made them."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """One run at a time for a table of a folder: a lock of the operating system, which ends with the process that holds it."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

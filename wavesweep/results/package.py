@@ -1,7 +1,5 @@
 """The Frictionless data package beside a table: its columns, the hashes of its files, and the facts of the run."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -12,8 +12,6 @@ A table in parts is a folder of Parquet files, which is moved as one, as the fol
 file in its place is put away first.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A folder of results held against its data packages, and a sample of its rows computed again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

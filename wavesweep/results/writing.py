@@ -1,7 +1,5 @@
 """Tables into files or to a stream, block by block; all of a table's files appear whole, or none does."""
 
-from __future__ import annotations
-
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator

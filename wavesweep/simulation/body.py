@@ -3,8 +3,6 @@
 If friction stops the device within a tick, the tick is divided exactly at that time, so that there is no chatter.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

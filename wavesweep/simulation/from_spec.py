@@ -1,7 +1,5 @@
 """The experiment of a spec's [simulate] table."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields
 from pathlib import Path

@@ -3,8 +3,6 @@
 Every effect is off by default. Time is a whole number of fast ticks.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace

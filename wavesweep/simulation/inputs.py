@@ -1,7 +1,5 @@
 """Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read from a CSV file."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

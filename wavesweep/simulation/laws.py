@@ -5,8 +5,6 @@ filters, direct forms for transfer functions, the exponential of each continuous
 shows as a difference between two programs.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence

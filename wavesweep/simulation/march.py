@@ -5,8 +5,6 @@ its own, which has friction and real lengths of ticks. Effects of the device nee
 hand's force acts on. Results of slow blocks, those with another `every` than 1, may come late to the blocks of every tick.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle, repeat

@@ -1,7 +1,5 @@
 """Floats that remember how they were computed from numbers with names, so that C can compute them again."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Mapping

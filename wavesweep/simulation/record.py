@@ -1,7 +1,5 @@
 """The record of a simulation: signals and energies per tick, the table of both, and the response of settled sines."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ What goes round within a tick is solved: some of the numbers on the way are take
 them, and a linear equation gives their values. `Ticks` has a program for each set of blocks that run together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The axes of a sweep: the values or the span of each key, and their spacing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

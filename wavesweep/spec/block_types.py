@@ -4,8 +4,6 @@ Validation and the documents' table derive from this table. The functions of `wa
 the same keys; words of firmware are transfer functions (`wavesweep.spec.words`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Checks of one value against its key, and the text of a mistake: expected, found, and the nearest known name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

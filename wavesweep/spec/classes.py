@@ -4,8 +4,6 @@ In `[block.left] type = "joint"` the block `motor` of the class is `left.motor`,
 signals `left.PORT`, which wires feed and read like those of any block.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

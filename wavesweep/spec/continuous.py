@@ -1,7 +1,5 @@
 """Which terms of a wire act continuously: those by which plants act on each other."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 

@@ -6,8 +6,6 @@ the workspace to which a number applies. A number without a public source is mar
 spec has to give it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

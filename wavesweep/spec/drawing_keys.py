@@ -1,7 +1,5 @@
 """Reading the keys of blocks and the expressions of wires; all mistakes are collected, each at its place."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping
 from functools import partial

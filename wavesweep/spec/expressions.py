@@ -7,8 +7,6 @@
 A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 import re

@@ -1,7 +1,5 @@
 """What every answer has to hold for, the table [for_all]: numbers that are not known, or vary from frame to frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -16,7 +14,6 @@ from wavesweep.spec.sorting import Sorted
 LOST = Key(
     "for_all.lost", "integer", 0, "1", "slow results in a row that may fail to come; the last one is held", low=0, high=16
 )
-VARYING = Key("varying", "boolean", False, "", "whether the number may be another one in every frame, in any order")
 MOST_VARYING = 64  # values of a number that varies
 
 

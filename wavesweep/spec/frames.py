@@ -1,7 +1,5 @@
 """The frames of a simulation, `frames` in [simulate]: each a number of ticks, or a table of ticks, delay and lost."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from wavesweep.errors import Mistake

@@ -3,8 +3,6 @@
 Validation, documents and the units of columns derive from this table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType

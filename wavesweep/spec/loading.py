@@ -1,7 +1,5 @@
 """Loading: from a path or nested tables, and overrides, to a `Spec`."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace

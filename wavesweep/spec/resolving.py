@@ -92,8 +92,8 @@ def check_each(keys: Mapping[str, Key], leaves: Mapping[str, Leaf]) -> tuple[dic
     return checked, mistakes
 
 
-def _rejected(path: str, given: Given, checked: Mapping) -> bool:
-    return path in given.leaves and path not in checked
+def _without_rate(given: Given, checked: Mapping) -> bool:
+    return "rates.fast_hz" in given.leaves and "rates.fast_hz" not in checked
 
 
 def _required(given: Given) -> list[Mistake]:
@@ -116,7 +116,7 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake
     leaf = given.leaf("rates.slow_hz")
     if "rates.ratio" in given.leaves:
         return [leaf.mistake("rates.slow_hz", "either ratio or slow_hz", "both", of_key=True)]
-    if "rates.slow_hz" not in checked or _rejected("rates.fast_hz", given, checked):
+    if "rates.slow_hz" not in checked or _without_rate(given, checked):
         return []
     ratio = _ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
     if ratio is None:
@@ -172,7 +172,7 @@ def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> 
     if len(edges) < len(BAND_EDGES):
         return [leaf.mistake(path, "all of " + ", ".join(BAND_EDGES), "only " + ", ".join(edges), of_key=True)]
     numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
-    if None in numbers or _rejected("rates.fast_hz", given, checked):
+    if None in numbers or _without_rate(given, checked):
         return []
     mistakes = _check_edges(name, numbers, values["rates.fast_hz"], given) or _meet_edges(path, numbers, leaf, values)
     apart = [value is not None and not math.isclose(value, values[key], rel_tol=SAME) for key, value in direct.items()]

@@ -3,8 +3,6 @@
 tomllib stops at the first one, and its message says which part of the grammar it was reading. The line itself shows the rest.
 """
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

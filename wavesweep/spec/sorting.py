@@ -1,7 +1,5 @@
 """Assignment of every leaf of the tables to a key or an axis; a leaf that fits none is a mistake."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 

@@ -4,8 +4,6 @@ Next to z = 1, where the poles of slow filters are, coefficients in powers of z 
 simulation has laws of its own for the same words.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from types import MappingProxyType
 

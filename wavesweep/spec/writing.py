@@ -1,7 +1,5 @@
 """Nested tables as the text of a spec."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

@@ -3,8 +3,6 @@
 A new kind is a file with a `Kind` in it, and its name in `HOMES`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module

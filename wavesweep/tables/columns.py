@@ -1,7 +1,5 @@
 """The columns of a table at hand: their order, kinds and units; columns are checked against them before they are written."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType

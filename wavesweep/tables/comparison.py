@@ -85,5 +85,5 @@ KINDS = (
         figure="comparison.compare",
         before=1,
     ),
-    Kind("compare-bode", BODE, lambda _: BodeTally(), figure="comparison.compare_bode", study="bode"),
+    Kind("compare-bode", BODE, lambda _: BodeTally(), figure="responses.bode", study="bode"),
 )

@@ -1,7 +1,5 @@
 """A design study: the table `design`, whose columns are those that its spec varies and wishes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A device found from a log: the table `identify`, with the numbers in its facts and its summary."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
@@ -319,7 +317,7 @@ def spoken(each: Mapping[str, Any]) -> str:
     return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
 
 
-def spec_text(facts: Mapping[str, Any], table: str = "identify") -> str:
+def spec_text(facts: Mapping[str, Any]) -> str:
     """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
     parameters = facts["parameters"]
     known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
@@ -335,13 +333,13 @@ def spec_text(facts: Mapping[str, Any], table: str = "identify") -> str:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects
     tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
-    return "\n".join([*_comments(facts, table), as_toml(tables)])
+    return "\n".join([*_comments(facts), as_toml(tables)])
 
 
-def _comments(facts: Mapping[str, Any], table: str) -> Sequence[str]:
+def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     delay, millis = facts["parameters"]["delay"], 1e3 * facts["period_s"]
     lines = [
-        f"# The device of {facts['spec_name']}, as wavesweep {table} found it; the controller is a first one, put your own.",
+        f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
         "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
         f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",

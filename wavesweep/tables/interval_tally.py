@@ -1,7 +1,5 @@
 """The summary of a table of stable intervals, counted while its rows are written."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -89,7 +87,6 @@ class IntervalTally:
         self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
 
     def add(self, columns: Columns) -> None:
-        """Count a block of rows."""
         if not len(columns["along"]):
             return
         stable = columns["intervals"] > 0
@@ -132,7 +129,6 @@ class IntervalTally:
             yield f"  {at}{': ' if at else ''}{self._along} {found}"
 
     def numbers(self) -> dict[str, Any]:
-        """The summary as numbers and words."""
         return {
             "along": self._along,
             "unit": self._unit(self._along).strip(),
@@ -358,7 +354,6 @@ class HandTally:
             self._unsettled += int((~columns["settled"]).sum())
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
-        """The summary as numbers and words."""
         slices = {"slices": dict(facts["slices"])}
         if not self._tallies:
             return slices | self._plain.numbers()
@@ -368,7 +363,6 @@ class HandTally:
         return slices | {"hands": hands, "rows_of_the_box_not_proved": self._unsettled}
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the lines, each with a flag that is true for a warning."""
         if not self._tallies:
             yield self._plain.counts(facts["slices"]), False
             yield from ((text, False) for text in self._plain.slices())
@@ -412,11 +406,9 @@ class SpecTally:
             self._tallies[spec].add(rows)
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
-        """The summary as numbers and words."""
         return {"slices": dict(facts["slices"]), "specs": {spec: tally.numbers() for spec, tally in self._tallies.items()}}
 
     def lines(self, _: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the lines, each with a flag that is true for a warning."""
         for spec, tally in self._tallies.items():
             certified, warning = tally.certified()
             parts = [tally.largest() or tally.least(), tally.without_gap(), tally.stiffest_felt(), certified]

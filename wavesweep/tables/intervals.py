@@ -275,14 +275,14 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     )
 
 
-def _kind(name: str, along: str | None, fields: tuple[Field, ...], figure: str) -> Kind:
-    return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), figure, partial(_again, along))
+def _kind(name: str, along: str | None, fields: tuple[Field, ...]) -> Kind:
+    return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), "intervals.zwidth", partial(_again, along))
 
 
 COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT, *FOR_ALL), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT)
 KINDS = (
-    _kind("zwidth", "K_VE", COLUMNS, "intervals.zwidth"),
-    _kind("stability-region", None, COLUMNS, "intervals.stability_region"),
-    _kind("zwidth-hands", "K_VE", WITH_HANDS, "intervals.zwidth"),
-    _kind("stability-region-hands", None, WITH_HANDS, "intervals.stability_region"),
+    _kind("zwidth", "K_VE", COLUMNS),
+    _kind("stability-region", None, COLUMNS),
+    _kind("zwidth-hands", "K_VE", WITH_HANDS),
+    _kind("stability-region-hands", None, WITH_HANDS),
 )

@@ -46,7 +46,7 @@ class Tally(Protocol):
         """The summary as numbers and words that JSON can hold."""
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the summary as lines."""
+        """Yield the summary as lines, each with a flag that is true for a warning."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +115,22 @@ class Whole:
         self._columns = columns
 
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
-        """The summary as numbers and words that JSON can hold."""
         return self._measure(self._columns, facts)
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the summary as lines."""
         yield from self._write(self.numbers(facts))
+
+
+def from_spec(make: Callable[..., Table], *given: str) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:
+    """A way to compute rows again: by `make`, of the spec and these facts of the table."""
+
+    def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+        from wavesweep.spec import load
+
+        spec = load(facts["spec"])
+        return Again(spec.sha256, make(spec, *(facts[name] for name in given)).blocks)
+
+    return again
 
 
 def count(number: int, noun: str) -> str:

@@ -1,9 +1,7 @@
 """How far a loop is from instability at one signal, at which it is broken: the table `margins`."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from math import isnan, pi
 from typing import Any
 
@@ -13,7 +11,7 @@ from wavesweep.errors import UsageError
 from wavesweep.rows import Columns
 from wavesweep.spec import Spec
 from wavesweep.stability.certificate import OF_MARGINS, words
-from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, from_spec
 from wavesweep.tables.table import Table, facts_of, held
 
 METHOD = (
@@ -114,11 +112,6 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield f"{SAID[name]} {margin['value']:.6g}{unit}, {at}{doubt and ', '}{doubt}", bool(doubt)
 
 
-def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
-    from wavesweep.spec import load
-
-    spec = load(facts["spec"])
-    return Again(spec.sha256, margins(spec, facts["cut"]).blocks)
-
-
-KINDS = (Kind("margins", MARGINS, lambda _: Whole(_numbers, _lines), figure="nyquist.margins", again=_again),)
+KINDS = (
+    Kind("margins", MARGINS, lambda _: Whole(_numbers, _lines), figure="nyquist.margins", again=from_spec(margins, "cut")),
+)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Unpack
@@ -14,7 +14,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.rows import Columns, joined
 from wavesweep.tables.columns import at_port
-from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole, count
+from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, count, from_spec
 from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -164,7 +164,6 @@ class PassivityTally:
         self._ranges: dict[str, list[float] | None] = dict.fromkeys(("channel_norm", "port_margin", "damping_needed"))
 
     def add(self, columns: Columns) -> None:
-        """Count a block of rows."""
         needed, passive = columns["damping_needed"], columns["channel_passive"]
         flags = {
             "rows": np.ones(needed.size, bool),
@@ -181,19 +180,16 @@ class PassivityTally:
             self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
 
     def numbers(self, _: Mapping[str, Any]) -> Numbers:
-        """The summary as numbers and words that JSON can hold."""
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
                  "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
         found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
         return {name: found[name] for name in order}
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the lines, each with a flag that is true for a warning."""
-        yield from passivity_lines(self.numbers(facts), facts)
+        yield from _lines(self.numbers(facts), facts)
 
 
-def passivity_lines(found: Numbers, facts: Mapping[str, Any]) -> Iterator[Line]:
-    """Yield the lines, each with a flag that is true for a warning."""
+def _lines(found: Numbers, facts: Mapping[str, Any]) -> Iterator[Line]:
     rows = count(found["rows"], "row")
     if found["channel_norm"]:
         within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
@@ -229,7 +225,6 @@ def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _filter_lines(found: Numbers) -> Iterator[Line]:
-    """Yield the lines, each with a flag that is true for a warning."""
     orders = found["sufficient_orders"]
     known = [f"{each['order']} at {each['cutoff_hz']:g} Hz" for each in orders if each["order"] is not None]
     least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
@@ -253,29 +248,19 @@ def _span(ends: list[float], digits: int = 7) -> str:
     return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
 
 
-def _again(make: Callable[..., Table]) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:
-    def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
-        from wavesweep.spec import load
-
-        spec = load(facts["spec"])
-        return Again(spec.sha256, make(spec, facts["tolerance"]).blocks)
-
-    return again
-
-
 KINDS = (
     Kind(
         "passivity",
         PASSIVITY,
         lambda table: PassivityTally(table.facts),
         figure="margins.passivity",
-        again=_again(partial(passivity, jobs=1)),
+        again=from_spec(partial(passivity, jobs=1), "tolerance"),
     ),
     Kind(
         "passivity-filters",
         PASSIVITY_FILTERS,
         lambda _: Whole(_filter_numbers, _filter_lines),
         figure="margins.passivity_filters",
-        again=_again(filter_choices),
+        again=from_spec(filter_choices, "tolerance"),
     ),
 )

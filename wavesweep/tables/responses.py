@@ -167,7 +167,6 @@ class BodeTally:
         self._doubts.update(columns["doubt"][doubted].tolist())
 
     def numbers(self, _: Mapping[str, Any]) -> Numbers:
-        """The summary as numbers and words that JSON can hold."""
         return {
             "rows": self._rows,
             "frequencies": self._frequencies.size,
@@ -181,8 +180,7 @@ class BodeTally:
         }
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the lines, each with a flag that is true for a warning."""
-        yield from bode_lines(self.numbers(facts))
+        yield from _lines(self.numbers(facts))
 
 
 def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -190,8 +188,7 @@ def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return (one != other) & ((one == one) | (other == other))  # noqa: PLR0124 - a missing number is unequal to itself
 
 
-def bode_lines(found: Numbers) -> Iterator[Line]:
-    """Yield the lines, each with a flag that is true for a warning."""
+def _lines(found: Numbers) -> Iterator[Line]:
     each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
     frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False

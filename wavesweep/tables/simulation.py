@@ -245,7 +245,6 @@ def _energy(columns: Columns) -> Numbers:
 
 
 def _run_lines(found: Numbers) -> Iterator[Line]:
-    """Yield the lines, each with a flag that is true for a warning."""
     ticks, wanted = found["ticks"], found["wanted_ticks"]
     much = f"{ticks}" if ticks == wanted else f"{ticks} of {wanted}"
     if not found["linear_loop"]["stable"]:
@@ -309,7 +308,6 @@ def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
-    """Yield the lines, each with a flag that is true for a warning."""
     where = f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
     if found["undecided"]:
         yield f"{where}: the loop is not known to be stable, and may have no steady response to compare it with", True

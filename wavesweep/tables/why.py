@@ -183,7 +183,6 @@ def _plain(value: Any) -> Any:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    """Yield the lines, each with a flag that is true for a warning."""
     axis, spans = found["along"], found["stable_intervals"]
     name, unit = axis["name"], _unit(axis["unit"])
     searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
