@@ -63,7 +63,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     `felt_over_band`; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line
     in the hand's position (see `strongest_turns`), or as it is seen once a frame if there is no hand, and the states that take
     part most; least_damped: the same of the mode with the lowest damping ratio, if it is another one; channel_norm: of the wave
-    channel, 1 or less if it is passive.
+    channel, 1 or less if it is passive, missing for a frame of more than LONG_CHANNEL ticks.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
