@@ -6,7 +6,8 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.response.dominant import Dominant
+from wavesweep.response.circle import Circle
+from wavesweep.response.dominant import Dominant, _largest
 from wavesweep.response.gain import gain_of
 
 
@@ -123,3 +124,37 @@ def test_two_singular_values_that_nearly_meet_are_told_apart():
     found = wavesweep.compile(tables).response([20.0, 20.0 + 1e-9])
     assert found.worst_gain[0] == pytest.approx(found.worst_gain[1], rel=1e-10)
     assert found.worst_gain[0] >= found.admittance_abs[0]
+
+
+@pytest.mark.parametrize("small", [1.0, 1e-3, 1e-7, 1e-12, 1e-17])
+@pytest.mark.parametrize("steps", [1, 2, 3, 5, 9])
+def test_the_largest_eigenvalue_lies_within_its_residual(steps, small):
+    """Against LAPACK; entries of the bidiagonal matrix may nearly vanish, as they do when a few steps say all."""
+    random = np.random.default_rng(steps)
+    diagonal, beside = random.uniform(0.5, 1.5, (2, steps, 400))
+    diagonal[1:] *= 0.2
+    beside *= np.where(random.random(beside.shape) < 0.5, small, 1) * 0.2
+    with np.errstate(all="ignore"):  # a pivot may vanish
+        square, missed = _largest(list(diagonal), list(beside), np.full(400, np.nan))
+    B = np.zeros((400, steps, steps + 1))
+    at = np.arange(steps)
+    B[:, at, at], B[:, at, at + 1] = diagonal.T, beside.T
+    values = np.linalg.svd(B, compute_uv=False) ** 2
+    others = values[:, 1:].sum(-1)
+    rounding = 1e-14 * values[:, 0]
+    assert (square <= values[:, 0] + rounding).all()
+    proved = square > others
+    assert proved.sum() > 100
+    bound = square + missed / np.where(proved, square - others, np.inf)
+    assert (values[:, 0] <= bound + rounding)[proved].all()
+    vector = np.linalg.eigh(np.swapaxes(B, -1, -2)[:, :steps] @ B[..., :steps])[1][..., -1]
+    residual = (diagonal[-1] * beside[-1] * vector[:, -1]) ** 2
+    assert (missed <= 1.01 * residual + 1e-15 * values[:, 0] ** 2)[proved].all()
+
+
+def test_the_ticks_of_a_circle_do_not_depend_on_what_was_asked_before():
+    frequency = np.geomspace(0.1, 400, 50)
+    fresh, asked = (Circle(frequency, 1000.0, 20) for _ in range(2))
+    for count in (3, 7, 20):
+        asked.ladder(count)
+    assert (asked.ladder(50) == fresh.ladder(50)).all()

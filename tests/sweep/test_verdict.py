@@ -8,7 +8,9 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
+from wavesweep.cli.check import verdict_lines
 from wavesweep.spec import SYMBOLS, load
+from wavesweep.sweep.verdict import own_design
 
 ROOT = Path(__file__).parents[2]
 
@@ -206,3 +208,13 @@ def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, 
     assert slowest["omega"] / (2 * np.pi) == pytest.approx(found, abs=2 * frequency[1])
     s = complex(-1 / slowest["time_constant_s"], slowest["omega"])
     assert slowest["damping_ratio"] == pytest.approx(-s.real / abs(s), rel=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "known"), [("pmw-lm", False), ("pmw", True)])
+def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
+    """Its matrix grows with the frame on both sides with a local model; without one it has a single row."""
+    spec = load(nested(values_of(kind) | {"rates.fast_hz": 10_000.0, "rates.ratio": 200}))
+    assert (own_design(spec)["channel_norm"] is not None) == known
+    said = [line for line in verdict_lines(spec, wavesweep.verdict(spec)) if "wave channel: norm" in line]
+    assert len(said) == 1
+    assert ("not computed" in said[0]) != known

@@ -149,7 +149,10 @@ def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, forma
 
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     """Yield the verdict on the spec's own design, in about eight lines."""
+    from wavesweep.passive.channel import has_waves
+    from wavesweep.passive.margin import LONGEST
     from wavesweep.sweep.assumptions import FAVOURABLE
+    from wavesweep.sweep.grid import own_loop
 
     first = FAVOURABLE in found["assumes"]
     if first:
@@ -174,6 +177,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
             yield f"  least damped mode: {_mode(found['least_damped'])}"
     if found["channel_norm"] is not None:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    elif not spec.drawing and has_waves(own_loop(spec)[0]):
+        yield f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
     yield from (f"  {line}" for line in measured_lines(spec, found.get("measured", {})))
     if found["assumes"] and not first:
         yield f"  assumes: {found['assumes']}"

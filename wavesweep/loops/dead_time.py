@@ -12,7 +12,6 @@ So m, and which comes first, decide how a loop is built, and s is a number of it
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -61,24 +60,35 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
     for which, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
         low, high = sorted(ticks[which, at : at + 2])
-        for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
-            found.add(_whole_at(partial(_ticks, drawing, values, path), which, whole, points[at : at + 2]))
-    return [span[0], *sorted(each for each in found if span[0] < each < span[1]), span[1]]
-
-
-def _whole_at(ticks, which, whole, cell):
-    """The value in a cell at which a sum of ticks is a whole number, which it passes there or meets at one of its ends."""
-    from scipy.optimize import brentq
+        found |= {(which, whole, at) for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1)}
+    which, whole, at = np.array(sorted(found), int).reshape(-1, 3).T
 
     def beyond(p):
-        return float(ticks(np.array([p]))[which, 0]) - whole
+        return _ticks(drawing, values, path, p)[which, np.arange(p.size)] - whole
 
-    ends = list(map(beyond, cell))
-    if ends[0] * ends[1] >= 0:
-        return float(cell[int(np.argmin(np.abs(ends)))])
-    return brentq(beyond, *cell, xtol=float(np.spacing(cell[1])))
+    met = set(_whole_at(beyond, points[at], points[at + 1])) if found else ()
+    return [span[0], *sorted(each for each in met if span[0] < each < span[1]), span[1]]
 
 
+def _whole_at(beyond, low, high):
+    """The values in cells from `low` to `high`, arrays, at which functions are 0, which they pass there or meet at an end.
+
+    beyond: the functions, one for each cell, of an array of values.
+    """
+    ends, at_low, at_high = (low, high), beyond(low), beyond(high)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        before = (beyond(middle) < 0) == (at_low < 0)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    passed = at_low * at_high < 0
+    return np.where(passed, _nearer(low, high, beyond(low), beyond(high)), _nearer(*ends, at_low, at_high)).tolist()
+
+
+def _nearer(low, high, at_low, at_high):
+    return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
+
+
+HALVINGS = 60  # of a cell, after which its ends are the same or neighbours
 POINTS = 4001  # of a span, between which a number of ticks is taken as monotone
 
 

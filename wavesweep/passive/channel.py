@@ -57,6 +57,13 @@ class Channel:
     joined: bool
     frame: np.ndarray
 
+    @property
+    def entries(self) -> int:
+        """Entries of the largest matrix whose singular values are the norm."""
+        ways = (self.whole,) if self.joined else (self.outward, self.inward)
+        shapes = ([way.maps[kind][3].shape[-2:] for kind in way.kind.tolist()] for way in ways)
+        return max(sum(rows for rows, _ in shape) * sum(columns for _, columns in shape) for shape in shapes)
+
 
 def channel_of(drawing: Drawing, values) -> Channel | None:
     """The channel of a drawing; None for one without waves.
@@ -151,8 +158,11 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
     """
     channel = channel_of(drawing, values)
-    if channel is None:
-        return None
+    return None if channel is None else norm_of(channel)
+
+
+def norm_of(channel: Channel) -> ChannelNorm:
+    """`channel_norm` of a channel."""
     peaks = [peak_of(way) for way in (channel.outward, channel.inward)]
     whole = peak_of(channel.whole) if channel.joined else None
     batch, frame = channel.frame.shape, channel.frame

@@ -1,6 +1,6 @@
 """Frequencies on the circles of the tick and of the frame."""
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -44,12 +44,9 @@ class Circle:
 
     def ladder(self, count: int):
         """`exp(j w i T)` for the first ticks i of a frame, `(count, points)`."""
-        z = self.known
-        while len(z) < count:
-            more = min(len(z), count - len(z))
-            z = np.concatenate([z, z[:more] * self.turn(len(z))])
-        self.known = z
-        return z[:count]
+        while len(self.known) < count:  # always doubled, so that bits do not depend on what was asked before
+            self.known = np.concatenate([self.known, self.known * self.turn(len(self.known))])
+        return self.known[:count]
 
     @cached_property
     def tick(self):
@@ -65,6 +62,12 @@ class Circle:
     def share(self):
         """The component at w of a signal that is constant in every frame, times w of the tick over w of the frame."""
         return self.turn(1) * self.turn(self.ratio).conj() / self.ratio
+
+
+@lru_cache(maxsize=4)  # loops are asked again and again for the same frequencies
+def circle_of(frequencies: bytes, rate: float, ratio: int) -> Circle:
+    """Return frequencies (Hz), the bytes of doubles, on the circles of such ticks and frames."""
+    return Circle(np.frombuffer(frequencies), rate, ratio)
 
 
 def _product(a, b):

@@ -14,6 +14,8 @@ SETTLED = 1e-13  # relative width of the bounds on a singular value, at which it
 TILE = 16  # points of one product of matrices
 FLOOR = 1e-3  # of what modes take from the forces, where one takes nothing
 LOOKED = 3, 5, 7, STEPS  # steps after which values are checked; few are settled earlier, and a check costs as much as a step
+NEWTON = 20  # steps of Newton's method; some 6 are enough
+NEARLY = 1e-9  # relative size of such a step, after which x is right to rounding
 NEAR = 0.1  # by how much the modes' inverse may be off for its error to be bounded with it
 
 
@@ -71,7 +73,7 @@ class Dominant:
         v = _tiles(start).view(float)
         v *= len(start) ** -0.5
         v = v if len(v) == len(trace) else np.tile(v, (len(trace) // len(v), 1, 1))
-        best, width = np.full((2, *trace.shape), np.nan)
+        best, width, above = np.full((3, *trace.shape), np.nan)
         maps, at, ticks = self._maps(factor), np.arange(len(trace)), v.shape[1]
         u, across, diagonal, beside = np.zeros(v.shape), np.zeros((len(trace), TILE)), [], []
         scratch = np.empty(v.shape), np.empty(factor.shape, complex)  # fresh memory costs as much as a product
@@ -82,10 +84,11 @@ class Dominant:
             if step not in LOOKED and step < ticks:
                 continue
             open_ = np.nonzero(~(width[at] <= SETTLED * best[at]))  # one that is settled keeps its value
-            square, missed = _largest(*(np.stack([part[open_] for part in parts], -1) for parts in (diagonal, beside)))
             place = at[open_[0]], open_[1]
-            gap = 2 * square - trace[place]
-            best[place], width[place] = np.sqrt(square), np.where(gap > 0, missed / gap, np.inf) / (2 * np.sqrt(square))
+            square, missed = _largest(*([part[open_] for part in parts] for parts in (diagonal, beside)), above[place])
+            gap, value = 2 * square - trace[place], np.sqrt(square)
+            beyond = np.where(gap > 0, missed / gap, np.inf)
+            best[place], width[place], above[place] = value, beyond / (2 * value), square + beyond
             left = np.flatnonzero((~(width[at] <= SETTLED * best[at])).any(-1))
             if not left.size:
                 break
@@ -231,15 +234,41 @@ def _norms(A, axis):
     return np.sqrt((np.abs(A) ** 2).sum(axis))
 
 
-def _largest(diagonal, beside):
-    """Return the largest eigenvalue of `B'B`, and the square of the residual of its eigenvector.
+def _largest(diagonal, beside, above):
+    """Return a Rayleigh quotient of `B'B` next to its largest eigenvalue, and the square of its vector's residual.
 
-    B is bidiagonal with these entries, `(points, steps)`; the residual comes from the next step of the bidiagonalisation.
+    B is bidiagonal with these entries, a list of arrays each. Newton's method for the characteristic polynomial falls from the
+    Frobenius norm, or from `above`, towards the eigenvalue. The vector has the entries `prod_(i < j) d_i/b_i`, with the pivots
+    d of `x - B'B` and its entries b beside the diagonal, up to some j. In `x - B'B` times it only `d_j` and `-b_j` times its
+    last entry are left, so that quotient and residual are known wherever x stands. Of all j the best is taken; the last b is
+    of the next step of the bidiagonalisation.
+    Accuracy: rounding adds up to 1e-15 of the square of the value to that of the residual.
     """
-    steps, last = diagonal.shape[-1], (diagonal[:, -1] * beside[:, -1]) ** 2
-    square, off = diagonal**2, diagonal[:, :-1] * beside[:, :-1]
-    square[:, 1:] += beside[:, :-1] ** 2
-    matrix, index = np.zeros((len(square), steps, steps)), np.arange(steps)
-    matrix[:, index, index], matrix[:, index[1:], index[:-1]] = square, off
-    value, vector = np.linalg.eigh(np.where(np.isfinite(matrix), matrix, 0.0))
-    return value[:, -1], last * vector[:, -1, -1] ** 2
+    on = [diagonal[0] ** 2, *(a * a + b * b for a, b in zip(diagonal[1:], beside, strict=False))]
+    off = [(a * b) ** 2 for a, b in zip(diagonal, beside, strict=True)]
+    x = np.fmin(np.sqrt(sum(part * part for part in on) + 2 * sum(off[:-1])), above)
+    for _ in range(NEWTON):
+        fall = sum(square / d for d, square in _pivots(x, on, off))
+        step = np.where(fall > 0, 1 / fall, 0)
+        x = x - step
+        if not (step > NEARLY * x).any():
+            break
+    value, least = x, np.inf
+    for (d, square), b in zip(_pivots(x, on, off), off, strict=True):
+        left = (d * d + b) / square
+        better = left < least
+        value, least = np.where(better, x - d / square, value), np.where(better, left, least)
+    return value, least
+
+
+def _pivots(x, on, off):
+    """Yield the pivots of `x` less a tridiagonal matrix, each with its derivative, the vector's square over its last entry's.
+
+    on: its diagonal. off: the squares of its entries beside it.
+    """
+    d, square = x - on[0], 1.0
+    yield d, square
+    for a, b in zip(on[1:], off, strict=False):
+        part = b / d
+        d, square = x - a - part, 1 + part / d * square
+        yield d, square

@@ -11,7 +11,7 @@ from wavesweep.monodromy.circle import solve
 from wavesweep.monodromy.periodic import in_a_row, then, ticks_of
 from wavesweep.monodromy.rounding import ENTRIES, ROUNDING, both
 from wavesweep.response.bordered import Bordered
-from wavesweep.response.circle import Circle
+from wavesweep.response.circle import Circle, circle_of
 from wavesweep.response.modal import Modal
 from wavesweep.response.port import Port, reached
 from wavesweep.response.ticks import joined, long_sum, plus, times
@@ -257,7 +257,7 @@ class Lifted:
 
     def circle(self, frequency_hz) -> Circle:
         """Return the frequencies (Hz) on the circles of this loop."""
-        return Circle(np.asarray(frequency_hz, float), self.port.rate, self.frame.ticks)
+        return circle_of(np.asarray(frequency_hz, float).tobytes(), self.port.rate, self.frame.ticks)
 
 
 def _all(frame, test):

@@ -45,7 +45,7 @@ def _size(count):
 PROBES = 6  # samples of the sweep
 SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
 FEW_DRAWN = 8  # loops of a sample that share no drawing
-LONGEST = 0.3  # s; no further sample after that
+LONGEST = 0.1  # s; no further sample after that
 
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:

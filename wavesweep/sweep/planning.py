@@ -18,7 +18,7 @@ from wavesweep.sweep.passivity_job import jobs_of, not_computed
 from wavesweep.sweep.response_job import response_job
 from wavesweep.sweep.workers import choose
 
-PATIENCE = 0.5  # s for samples of work whose parts take unlike times, as at several rates
+PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV
 
 SOLVED = "solved within a tick, in which what they read depends on what they give"

@@ -88,9 +88,7 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None, ro
     resolved = resolve_all(grid, "bode")
     points = frequency.size
     if spec.drawing:
-        if route is None:
-            ports_of(spec, spec.drawing)
-        ticks = assembled(spec.drawing, spec.values).ticks
+        ticks = _ticks_drawn(spec, at_hand=route is None)
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
@@ -98,6 +96,14 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None, ro
     if route:
         return TransferJob(grid, chunks, resolved, frequency, names, read, route)
     return ResponseJob(grid, chunks, resolved, frequency, names, read)
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked again and again
+def _ticks_drawn(spec, *, at_hand):
+    """The ticks of a drawn loop's frame. Errors: SpecError if the responses are at the hand, and it has no port of one."""
+    if at_hand:
+        ports_of(spec, spec.drawing)
+    return assembled(spec.drawing, spec.values).ticks
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,6 +30,7 @@ USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}
 HALVINGS = 30  # towards the end of what a spec takes
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
+LARGEST_CHANNEL = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
 SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
 SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
@@ -63,7 +64,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     `felt_over_band`; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line
     in the hand's position (see `strongest_turns`), or as it is seen once a frame if there is no hand, and the states that take
     part most; least_damped: the same of the mode with the lowest damping ratio, if it is another one; channel_norm: of the wave
-    channel, 1 or less if it is passive.
+    channel, 1 or less if it is passive, missing if its matrix has more than LARGEST_CHANNEL entries.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
@@ -272,11 +273,11 @@ def _channel_norm(values):
 @lru_cache(maxsize=64)  # a design that is varied by something else keeps its channel
 def _norm_of(kept):
     from wavesweep.loops.controllers import loop_drawing
-    from wavesweep.passive import channel_norm
+    from wavesweep.passive.channel import channel_of, norm_of
 
     values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
-    norm = channel_norm(loop_drawing(values), values)
-    return None if norm is None else _number(norm.norm)
+    channel = channel_of(loop_drawing(values), values)
+    return None if channel is None or channel.entries > LARGEST_CHANNEL else _number(norm_of(channel).norm)
 
 
 def _number(value):
