@@ -51,13 +51,15 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     if (there == there[0]).all():
         kinds, kind = there[:1], np.zeros(len(there), int)
     else:
-        kinds, kind = np.unique(there, axis=0, return_inverse=True)
+        number, names = {}, np.packbits(there.reshape(len(there), -1), axis=-1)
+        kind = np.array([number.setdefault(name.tobytes(), len(number)) for name in names])
+        kinds = there[np.unique(kind, return_index=True)[1]]
     parts = [_parts(n, each.tobytes()) for each in kinds]
     if max(len(several) for several, _ in parts) < 2:
         return []
     found = []
     for number, (several, alone) in enumerate(parts):
-        some = np.flatnonzero(kind.reshape(-1) == number)
+        some = np.flatnonzero(kind == number)
         own = E.reshape(-1, n, n)[some]
         found.append((some, [own[:, at[:, None], at] for at in several], own[:, alone[:, None], alone]))
     return found

@@ -43,7 +43,7 @@ from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, one_loop, watched_drift
 from wavesweep.sweep.grid import distinct, distinct_rows, selected
-from wavesweep.sweep.open_loops import Opened, varied_beside
+from wavesweep.sweep.open_loops import Opened, varied_beside, with_intervals
 from wavesweep.sweep.proving import with_proofs, with_tries
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
@@ -74,10 +74,11 @@ class DrawnTask:
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
+        return self.records_of(self.opened_groups())
+
+    def records_of(self, opened) -> np.ndarray:
+        """The same; opened: see `opened_groups`."""
         parts, slices = [], []
-        for _, values in () if self.checked else self.groups:
-            refuse_unsuitable(self.drawing, values)
-        opened = self._opened()
         for members, values, each in opened:
             parts.append(self._intervals(values, members.size, each))
             slices.append(members[parts[-1].column])
@@ -125,8 +126,10 @@ class DrawnTask:
         found, tried = with_proofs(found, self.drawing, self.groups, self.along, self.span)
         return with_tries(records_of(found), tried)
 
-    def _opened(self):
+    def opened_groups(self) -> list[tuple[np.ndarray, Mapping[str, object], Opened | None]]:
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
+        for _, values in () if self.checked else self.groups:
+            refuse_unsuitable(self.drawing, values)
         whole = self._with_zeros()
         if whole:
             opened = self.opened(whole[1], whole[0].size)
@@ -292,6 +295,8 @@ class DrawnTask:
         return whole.take(np.argsort(whole.column, kind="stable"))
 
     def _by_cut(self, opened):
+        if opened.known is not None:
+            return opened.known
         loops, size = opened.loops, int(opened.which.max()) + 1
         return opened.intervals(loops.alone if size == 1 else with_batch(loops.cut, size), self.span, self.bound)
 
@@ -406,13 +411,21 @@ class DrawnTask:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeveralTasks:
-    """Tasks for loops of different drawings, whose members number the loops of all."""
+    """Tasks for loops of different drawings along the same range, whose members number the loops of all.
+
+    order: the number of states to which loops are filled up, so that all are computed in one call; 0 if they are not.
+    """
 
     tasks: tuple[DrawnTask, ...]
+    order: int = 0
 
     def records(self) -> np.ndarray:
         """The intervals of all loops as records, sorted by slice."""
-        found = np.concatenate([task.records() for task in self.tasks])
+        opened = [task.opened_groups() for task in self.tasks]
+        if self.order:
+            found = iter(with_intervals([each for groups in opened for *_, each in groups], self.order, self.tasks[0].span))
+            opened = [[(members, values, next(found)) for members, values, _ in groups] for groups in opened]
+        found = np.concatenate([task.records_of(each) for task, each in zip(self.tasks, opened, strict=True)])
         return found[np.argsort(found["slice"], kind="stable")]
 
 

@@ -34,6 +34,7 @@ BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that co
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
+FEW = 1000  # loops of several structures, up to which a call for each takes longer than states that fill them up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +43,7 @@ class IntervalJob(Job):
 
     guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. exact: whether
     the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. prove: whether columns in doubt are
-    computed again in ball arithmetic. require: of every mode, in place of stability alone.
+    computed again in ball arithmetic. require: of every mode, in place of stability alone. order: see `SeveralTasks`.
     """
 
     axis: Axis
@@ -50,6 +51,7 @@ class IntervalJob(Job):
     exact: bool | None = False
     prove: bool = False
     require: Require | None = None
+    order: int = 0
     rows: ClassVar[float] = 1.2  # some slices have several intervals
     row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
@@ -76,7 +78,7 @@ class IntervalJob(Job):
             whole = ((members, drawing_for(spec, values, along), values) for members, values in parts)
             return self.guarantee.task(along, _span(self.axis), tuple(whole))
         checked = self.grid.loops <= CHECKED
-        options = {"checked": checked, "prove": self.prove, "require": self.require}
+        options = {"checked": checked, "prove": self.prove, "require": self.require, "order": self.order}
         return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
@@ -99,11 +101,12 @@ def task_over(
     checked=False,
     prove=False,
     require: Require | None = None,
+    order=0,
 ) -> Task:
     """The task for `size` loops of the spec.
 
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt, checked, prove: see `DrawnTask`. require: see `IntervalJob`.
+    factors of it. felt, checked, prove: see `DrawnTask`. require: see `IntervalJob`. order: see `SeveralTasks`.
     """
     parts: dict = {}
     for members, values in groups(spec, changes, size, resolved, rates=True):
@@ -115,7 +118,7 @@ def task_over(
         drawn = drawing.tied(axis.path, ties) if ties else drawing
         known = checked or not spec.drawing
         tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), felt, known, prove, bound))
-    return tasks[0] if len(tasks) == 1 else SeveralTasks(tuple(tasks))
+    return tasks[0] if len(tasks) == 1 and not order else SeveralTasks(tuple(tasks), order)
 
 
 def _span(axis):
@@ -150,10 +153,11 @@ def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | 
             raise UsageError(f"{axis.name} changes the time of a frame: require radius along it, and not settling")
         domain(drawing, values, axis.path, _span(axis))
     ours = ((drawing, selected(values, [0])) for _, drawing, values in parts[:STRUCTURES])
-    costs, ways = zip(*(_cost(spec, drawing, axis, values) for drawing, values in ours), strict=True)
+    orders, ways = zip(*(_order_of(spec, drawing, axis, values) for drawing, values in ours), strict=True)
     exact = ways[0] if len({*ways}) == 1 else None
-    cost = BY_DISCS if _takes_discs(require) else costs[0]
-    job = IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, prove=prove, require=require)
+    cost = BY_DISCS if _takes_discs(require) else expected_cost(orders[0], ways[0])
+    order = max(orders) if len(orders) > 1 and exact and not require and grid.loops <= FEW else 0
+    job = IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, prove=prove, require=require, order=order)
     return cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)) if prove else job
 
 
@@ -179,13 +183,12 @@ def expected_cost(order: int, wall: bool) -> float:
 def cost_of(spec: Spec, axis: Axis) -> tuple[float, bool]:
     """Expected s per slice of the spec along the axis, and whether it goes the exact way."""
     drawing, values = own_loop(spec, axis.path)
-    return _cost(spec, drawing, axis, values)
-
-
-def _cost(spec, drawing, axis, values):
-    values = _like_own(values, spec, drawing)
-    order, exact = _order_of_drawing(drawing, axis.path, items_of(values))
+    order, exact = _order_of(spec, drawing, axis, values)
     return expected_cost(order, exact), exact
+
+
+def _order_of(spec, drawing, axis, values):
+    return _order_of_drawing(drawing, axis.path, items_of(_like_own(values, spec, drawing)))
 
 
 def _like_own(values, spec, drawing):

@@ -1,6 +1,6 @@
 """Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -20,6 +20,7 @@ from wavesweep.response.resting import Resting
 from wavesweep.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.stability import Intervals, stable_intervals
+from wavesweep.stability.together import each_in_one_call, may_join
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
 from wavesweep.sweep.grid import distinct_rows, items_of, read_by, selected
@@ -127,7 +128,7 @@ class Opened:
 
     which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, and
     the intervals are those of the one beside it, as of a damping beside a stiffness. alone: whether each slice has a loop and
-    bounds on rounding of its own.
+    bounds on rounding of its own. known: the intervals, if they have been computed.
     """
 
     loops: OpenLoops
@@ -135,6 +136,7 @@ class Opened:
     beside: np.ndarray
     swapped: bool = False
     alone: bool = False
+    known: Intervals | None = None
 
     @staticmethod
     def of(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
@@ -171,17 +173,48 @@ class Opened:
 
     def intervals(self, cut, span, bound: Bound | None = None) -> Intervals:
         """The intervals of the cut loops, sorted by slice; bound: on the eigenvalues, in place of the unit circle."""
-        order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
-        starts, parts = np.cumsum(counts) - counts, []
-        for count in np.unique(counts[counts > 0]).tolist():
-            some = np.flatnonzero(counts == count)
-            slices = order[starts[some][:, None] + np.arange(count)]
-            loops = cut if some.size == counts.size else cut.at(some)
+        parts = []
+        for some, slices in self.alike:
+            loops = cut if some.size == cut.batch[0] else cut.at(some)
             radius = bound and bound.radius_of(loops.period)
-            found = stable_intervals(loops, "B_VE" if self.swapped else "K_VE", span, self.beside[slices], radius)
+            found = stable_intervals(loops, self.along, span, self.beside[slices], radius)
             parts.append(replace(found, column=slices.reshape(-1)[found.column]))
-        whole = Intervals.join(parts)
-        return whole.take(np.argsort(whole.column, kind="stable"))
+        return _by_slice(Intervals.join(parts))
+
+    @property
+    def along(self) -> str:
+        """Which number of the cut the intervals are those of."""
+        return "B_VE" if self.swapped else "K_VE"
+
+    @property
+    def alike(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Loops with equally many slices, `(loops,)`, and these, `(loops, slices)`."""
+        order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
+        starts = np.cumsum(counts) - counts
+        few = [(np.flatnonzero(counts == count), np.arange(count)) for count in np.unique(counts[counts > 0]).tolist()]
+        return [(some, order[starts[some][:, None] + own]) for some, own in few]
+
+
+def _by_slice(found):
+    return found.take(np.argsort(found.column, kind="stable"))
+
+
+def with_intervals(opened: Sequence[Opened | None], order: int, span) -> list[Opened | None]:
+    """The same with their intervals, if their loops may be filled up to `order` states and so be computed in one call."""
+    found, kinds = list(opened), {}
+    for at, each in enumerate(opened):
+        cut = each and each.loops.cut
+        if cut and may_join(cut, order) and len(each.alike) == 1:
+            kinds.setdefault((cut.integrates, each.along, each.alike[0][1].shape[-1]), []).append(at)
+    for (_, along, _), members in kinds.items():
+        some = [opened[at] for at in members]
+        slices = [each.alike[0][1] for each in some]
+        cuts = [with_batch(each.loops.cut, len(own)) for each, own in zip(some, slices, strict=True)]
+        beside = [each.beside[own] for each, own in zip(some, slices, strict=True)]
+        parts = each_in_one_call(cuts, along, span, beside, order)
+        for at, each, own, part in zip(members, some, slices, parts, strict=True):
+            found[at] = replace(each, known=_by_slice(replace(part, column=own.reshape(-1)[part.column])))
+    return found
 
 
 def varied_beside(drawing, values, number: str) -> str:
