@@ -42,12 +42,11 @@ def warp_scale(cut: Cut, *, alone: bool = False):
     alone: without those that are divided out, see `sampled_polynomial`.
     """
     n = cut.E.shape[-1] - (cut.poles_at_one if alone else 0)
-    if alone:
-        with np.errstate(divide="ignore"):
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        if alone:
             log_size = np.log(np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)[..., cut.poles_at_one :]).sum(-1)
-    else:
-        _, log_size = np.linalg.slogdet(cut.E)
-    with np.errstate(over="ignore", invalid="ignore"):
+        else:
+            _, log_size = np.linalg.slogdet(cut.E)
         mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
     return np.clip(mean, NEAREST, FARTHEST)
 

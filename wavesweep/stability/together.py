@@ -18,23 +18,23 @@ def may_join(cut: Cut, order: int) -> bool:
     return LEAST * order <= cut.order <= order and not (cut.others or cut.poles_at_one)
 
 
-def filled_up(cut: Cut, order: int) -> Cut:
-    """Return the loops with further states, `order` in all, that nothing acts on and nothing reads.
+def filled_up(cuts: Sequence[Cut], order: int) -> Cut:
+    """Return all the loops of several batches in one, with further states, `order` in all, that nothing acts on or reads.
 
-    Their eigenvalues are as far from 1 as the poles are in the mean, so the scale of the warp remains (`warp_scale`). On the
-    circle the characteristic equation gains a factor without a zero.
+    The further eigenvalues are as far from 1 as the poles are in the mean, so the scale of the warp remains (`warp_scale`). On
+    the circle the characteristic equation gains a factor without a zero.
     """
-    n, more = cut.E.shape[-1], order - cut.order
-    if not more:
-        return cut
-    own, after = np.arange(n, n + more), ((0, 0),) * len(cut.batch)
-    rows, columns = (*after, (0, more), (0, 0)), (*after, (0, 0), (0, more))
-    found = {}
-    for E, B, C in (("E", "B", "C"), ("dE", "dB", "dC")):
-        found[E] = np.pad(getattr(cut, E), (*after, (0, more), (0, more)))
-        found[B], found[C] = np.pad(getattr(cut, B), rows), np.pad(getattr(cut, C), columns)
-    found["E"][..., own, own] = -np.broadcast_to(warp_scale(cut), cut.batch)[..., None]
-    return replace(cut, **found, states=(*cut.states, *[""] * more))
+    n, ends = order - cuts[0].integrates, np.cumsum([0, *(cut.batch[0] for cut in cuts)])
+    shapes = {"E": (n, n), "B": (n, 1), "C": (3, n), "D": (3, 1)}
+    found = {name: np.zeros((ends[-1], *shapes[name[-1]])) for name in (*PARTS, *ERRORS)}
+    for cut, *loops in zip(cuts, ends[:-1], ends[1:], strict=True):
+        for name, part in found.items():
+            own = getattr(cut, name)
+            part[slice(*loops), : own.shape[-2], : own.shape[-1]] = own
+        further = np.arange(cut.E.shape[-1], n)
+        found["E"][slice(*loops), further, further] = -warp_scale(cut)[:, None]
+    period = np.concatenate([np.broadcast_to(cut.period, cut.batch) for cut in cuts])
+    return replace(max(cuts, key=lambda cut: cut.order), **found, period=period)
 
 
 def each_in_one_call(cuts: Sequence[Cut], along: str, span, fixed: Sequence[np.ndarray], order: int) -> list[Intervals]:
@@ -43,10 +43,7 @@ def each_in_one_call(cuts: Sequence[Cut], along: str, span, fixed: Sequence[np.n
     fixed: of each batch, `(loops, columns)`, equally many columns in all; loops: as `may_join` permits, which either all have
     an integrator or none. order: of the loops filled up.
     """
-    filled = [filled_up(cut, order) for cut in cuts]
-    parts = {name: np.concatenate([getattr(each, name) for each in filled]) for name in (*PARTS, *ERRORS, "period")}
-    whole = stable_intervals(replace(filled[0], **parts), along, span, np.concatenate(fixed))
+    whole = stable_intervals(filled_up(cuts, order), along, span, np.concatenate(fixed))
     begins = np.cumsum([0, *(each.size for each in fixed)])
-    ends = np.searchsorted(whole.column, begins)
-    parts = [whole.take(slice(*pair)) for pair in pairwise(ends)]
+    parts = [whole.take(slice(*pair)) for pair in pairwise(np.searchsorted(whole.column, begins))]
     return [replace(part, column=part.column - begin) for part, begin in zip(parts, begins[:-1], strict=True)]

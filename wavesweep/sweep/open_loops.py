@@ -203,17 +203,15 @@ def with_intervals(opened: Sequence[Opened | None], order: int, span) -> list[Op
     """The same with their intervals, if their loops may be filled up to `order` states and so be computed in one call."""
     found, kinds = list(opened), {}
     for at, each in enumerate(opened):
-        cut = each and each.loops.cut
-        if cut and may_join(cut, order) and len(each.alike) == 1:
-            kinds.setdefault((cut.integrates, each.along, each.alike[0][1].shape[-1]), []).append(at)
-    for (_, along, _), members in kinds.items():
-        some = [opened[at] for at in members]
-        slices = [each.alike[0][1] for each in some]
-        cuts = [with_batch(each.loops.cut, len(own)) for each, own in zip(some, slices, strict=True)]
-        beside = [each.beside[own] for each, own in zip(some, slices, strict=True)]
-        parts = each_in_one_call(cuts, along, span, beside, order)
-        for at, each, own, part in zip(members, some, slices, parts, strict=True):
-            found[at] = replace(each, known=_by_slice(replace(part, column=own.reshape(-1)[part.column])))
+        cut, alike = each and each.loops.cut, each.alike if each else []
+        if cut and may_join(cut, order) and len(alike) == 1:
+            slices = alike[0][1]
+            own = at, slices, with_batch(cut, len(slices)), each.beside[slices]
+            kinds.setdefault((cut.integrates, each.along, slices.shape[-1]), []).append(own)
+    for (_, along, _), some in kinds.items():
+        members, slices, cuts, beside = zip(*some, strict=True)
+        for at, own, part in zip(members, slices, each_in_one_call(cuts, along, span, beside, order), strict=True):
+            found[at] = replace(opened[at], known=_by_slice(replace(part, column=own.reshape(-1)[part.column])))
     return found
 
 
