@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.monodromy.cut import ERRORS, PARTS, Cut
+from wavesweep.stability.bernstein import MOST
 from wavesweep.stability.crossings import warp_scale
 from wavesweep.stability.stable import Intervals, stable_intervals
 
@@ -14,8 +15,9 @@ LEAST = 0.5  # of the states, that a loop which is filled up has of its own
 
 
 def may_join(cut: Cut, order: int) -> bool:
-    """Whether loops may be filled up to `order` states: not if the numbers do not act on some, or if poles are exactly 1."""
-    return LEAST * order <= cut.order <= order and not (cut.others or cut.poles_at_one)
+    """Whether loops may be filled up to `order` states: not if the numbers do not act on some, or if poles are exactly 1, or if
+    the signs of so many coefficients prove nothing."""
+    return LEAST * order <= cut.order <= order <= MOST and not (cut.others or cut.poles_at_one)
 
 
 def filled_up(cuts: Sequence[Cut], order: int) -> Cut:
