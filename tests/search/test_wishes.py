@@ -446,3 +446,12 @@ def test_a_design_that_is_direct_coupling_itself_has_no_error():
     found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"device.damping": np.array([1.0, 3.0])}, 1.0)
     assert (found["transparency"].value < 1e-12).all()
     assert found["transparency"].certified.all()
+
+
+def test_what_is_felt_over_a_band_is_the_least_impedance_of_the_stiffest_wall():
+    wish = {"felt": {"B_VE": [1], "band_hz": [0.1, 3.0]}, "z_width": {"B_VE": [1]}}
+    spec = load(TABLES | {"design": TABLES["design"] | {"wish": wish, "for_all": {}}})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)
+    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0, "K_VE": float(found["z_width"].value[0])}))
+    least = loop.response(np.geomspace(0.1, 3.0, 4001))["impedance_abs"].min()
+    assert found["felt"].value[0] == pytest.approx(least, rel=1e-3)
