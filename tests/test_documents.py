@@ -130,6 +130,21 @@ def test_the_library_example_runs_as_it_stands(page, monkeypatch):
     assert names["table"].certified.all()
 
 
+@pytest.mark.slow
+def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
+    """As an editor does: the README's example has no fault, and its names have types, so that each misspelling is found."""
+    mypy = pytest.importorskip("mypy.api")
+    example = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
+    slips = ["wavesweep.zwidht(loop.spec)", "wavesweep.zwidth(loop.spec, jbos=3)", "loop.plot_zwith()", "loop.margins()"]
+    (tmp_path / "right.py").write_text(example, encoding="utf-8")
+    (tmp_path / "slips.py").write_text(example + "\n".join(slips), encoding="utf-8")
+    options = ["--python-executable", sys.executable, "--cache-dir", str(tmp_path), "--follow-imports=silent"]
+    said, _, code = mypy.run([*options, *(str(tmp_path / name) for name in ("right.py", "slips.py"))])
+    first = example.count("\n") + 1
+    faults = [int(line) for line in re.findall(r"^.*slips\.py:(\d+): error", said, re.MULTILINE)]
+    assert (code, "right.py" in said, faults) == (1, False, [*range(first, first + len(slips))]), said
+
+
 @pytest.mark.parametrize(("name", "link"), LINKS)
 def test_links_lead_somewhere(name, link):
     """To a file that there is and, where the link names one, to a heading in it."""

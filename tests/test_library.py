@@ -293,3 +293,12 @@ def test_specs_that_are_called_alike_have_rows_that_can_be_told_apart():
 def test_a_path_may_be_bytes(tmp_path):
     (tmp_path / "direct.toml").write_text('[controller]\nkind = "dc"\n')
     assert wavesweep.load(bytes(tmp_path / "direct.toml")).name == "direct"
+
+
+def test_a_loop_in_a_notebook_shows_its_question_its_intervals_and_their_figure():
+    shown = wavesweep.compile({"controller": {"kind": "dc-slow"}})._repr_html_()
+    assert "For which K_VE from 0 to 20000" in shown
+    assert "263.137165" in shown
+    assert "<svg" in shown
+    undecided = {"rates": {"tick_hz": 100.0}, "block": {"m": {"type": "mass", "mass": 1.0}}, "wire": {"m.f": "-m.x - m.v"}}
+    assert wavesweep.compile(undecided)._repr_html_() is None  # no axis: the text alone

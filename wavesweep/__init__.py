@@ -3,33 +3,63 @@
 Importing the package costs nothing; a name is loaded when it is first touched.
 """
 
+TYPE_CHECKING = False  # type checkers take it for that of typing, whose import is not needed
+
 __version__ = "0.1.0"
+__all__ = [
+    "CheckpointError",
+    "IllPosedLoopError",
+    "Loop",
+    "Spec",
+    "SpecError",
+    "UsageError",
+    "WavesweepError",
+    "__version__",
+    "bode",
+    "compile",
+    "design",
+    "filter_choices",
+    "identify",
+    "load",
+    "passivity",
+    "results",
+    "simulate",
+    "stability_region",
+    "verdict",
+    "why",
+    "zwidth",
+]
 
-_HOMES = {
-    "load": "wavesweep.spec",
-    "Spec": "wavesweep.spec",
-    **dict.fromkeys(
-        (
-            *("compile", "Loop", "zwidth", "stability_region", "bode", "design", "passivity", "filter_choices", "simulate"),
-            *("verdict", "why", "identify"),
-        ),
-        "wavesweep.api",
-    ),
-    **dict.fromkeys(("WavesweepError", "UsageError", "SpecError", "IllPosedLoopError", "CheckpointError"), "wavesweep.errors"),
-}
-_STAGES = ("results",)  # modules with functions for users
-__all__ = ["__version__", *_HOMES, *_STAGES]  # noqa: PLE0604 - the names are strings
+if TYPE_CHECKING:  # what an editor and a type checker read; at run time `__getattr__` loads the same names
+    from wavesweep import results
+    from wavesweep.api import (
+        Loop,
+        bode,
+        compile,  # noqa: A004 - the name that the interface gives it
+        design,
+        filter_choices,
+        identify,
+        passivity,
+        simulate,
+        stability_region,
+        verdict,
+        why,
+        zwidth,
+    )
+    from wavesweep.errors import CheckpointError, IllPosedLoopError, SpecError, UsageError, WavesweepError
+    from wavesweep.spec import Spec, load
+else:
 
+    def __getattr__(name):
+        from importlib import import_module
 
-def __getattr__(name):
-    from importlib import import_module
-
-    if name in _STAGES:
-        return import_module(f"{__name__}.{name}")
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+        if name == "results":  # a module with functions for users
+            return import_module("wavesweep.results")
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        homes = ("wavesweep.errors",) if name.endswith("Error") else ("wavesweep.spec",) if name in ("load", "Spec") else ()
+        return getattr(import_module(*homes or ("wavesweep.api",)), name)
 
 
 def __dir__():
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
@@ -41,7 +41,11 @@ Source = Spec | str | Path | Mapping[str, Any]
 Span = tuple[float, float]
 
 
-def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:  # noqa: A001 - the name that the interface gives it
+@overload
+def compile(source: Source) -> Loop: ...
+@overload
+def compile(source: MultirateLoop) -> DrawnLoop: ...
+def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
     """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `MultirateLoop`) once, for any number of calls."""
     if isinstance(source, MultirateLoop):
         source.refuse_wrong_names()
@@ -79,6 +83,21 @@ class Loop:
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
         return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
+
+    def _repr_html_(self) -> str | None:
+        """For notebooks: the question, its stable intervals and their figure. None, for the text alone, without an axis."""
+        from html import escape
+        from io import StringIO
+
+        try:
+            axis = axis_along(self.spec, self._usual, None)
+        except UsageError:  # a drawn loop whose [sweep] has no range to look along
+            return None
+        picture = StringIO()
+        self.plot_zwidth().savefig(picture, format="svg")
+        question = f"For which {axis.name} from {axis.start:g} to {axis.stop:g} is this loop stable? {self!r}"
+        svg = picture.getvalue().partition("<svg")
+        return f"<p>{escape(question)}</p>{self.stable_intervals().to_html(index=False)}<p>{svg[1]}{svg[2]}</p>"
 
     def with_(self, **values: float | str) -> Loop:
         """The loop with other numbers: `loop.with_(b=30, **{"device.mass": 0.2})`. Errors: as for a spec's own numbers."""

@@ -1,7 +1,10 @@
 """The library: a loop drawn in Python, whose methods return DataFrames and arrays."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +17,10 @@ from wavesweep.response.port import Ports, port_of
 from wavesweep.response.steady import respond
 from wavesweep.stability.spectrum import radius_of
 from wavesweep.sweep.drawn_loops import named_loops
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +36,7 @@ class DrawnLoop:
         with named_loops(self.drawn):
             return radius_of(*telling_frame(self.drawn, self.drift))
 
-    def response(self, frequency_hz, force: str, position: str, reaction: str = ""):
+    def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
         """Admittance and impedance at a port: a DataFrame with a row per frequency.
 
         frequency_hz: Hz, from 0 (the static limit) up to half the tick's rate. force: the input of the drawing (N). position: a
@@ -57,7 +64,7 @@ class DrawnLoop:
         found = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
         return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
 
-    def simulate(self, inputs: Mapping, signals):
+    def simulate(self, inputs: Mapping[str, ArrayLike], signals: Iterable[str]) -> DataFrame:
         """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
 
         inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
