@@ -32,14 +32,20 @@ EACH_AXIS = (
 @click.command("keys")
 @click.argument("name", metavar="[KEY]", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print the keys as one JSON object.")
+@click.option("--schema", is_flag=True, help="Print the JSON Schema of a spec, for editors.")
 @click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
-def command(name: str | None, as_json: bool, **_: bool) -> None:
+def command(name: str | None, as_json: bool, schema: bool, **_: bool) -> None:
     """Explain the keys of a spec: values, units and defaults.
 
     KEY is a path (device.mass), a symbol (b), an axis (sweep.b) or a table (filters.lp1). Without it all keys are listed.
     `wavesweep keys device.preset` lists the devices with their numbers and the sources of these, `wavesweep keys block` the
     types of blocks of drawn loops.
     """
+    if schema:
+        from wavesweep.spec.schema import schema as of_specs
+
+        click.echo(json.dumps(of_specs(), indent=1))
+        return
     if name is not None and block_keys.is_drawn(name):
         click.echo(json.dumps(block_keys.record(name), indent=2) if as_json else "\n".join(block_keys.lines(name)))
         return
