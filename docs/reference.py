@@ -199,14 +199,19 @@ SAMPLED = {
 def summaries() -> str:
     """What commands print with --json for a small spec."""
     parts = [f"`mine.toml`:\n\n```toml\n{SAMPLE}```"]
+    for name, line, printed in sampled():
+        parts += [f"## `{name} --json`", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
+    return "\n\n".join(parts)
+
+
+def sampled():
+    """Yield the name of each command that has --json, a line that runs it, and the object that it prints."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         Path("mine.toml").write_text(SAMPLE, encoding="utf-8")
         Path("pushed.csv").write_bytes((HERE.parent / "sweeps/examples/pushed.csv").read_bytes())
         for name, line in SAMPLED.items():
             words = shlex.split(line)
-            printed = _printed(*words, *(["--no-plot"] if "--no-plot" in switches(name) else []))
-            parts += [f"## `{name} --json`", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
-    return "\n\n".join(parts)
+            yield name, line, _printed(*words, *(["--no-plot"] if "--no-plot" in switches(name) else []))
 
 
 def switches(name: str) -> set[str]:

@@ -1,14 +1,17 @@
 """The documents cannot rot: what they list is what the program has, their code runs, and all links lead somewhere."""
 
+import json
 import pathlib
 import re
 import sys
 import tomllib
 from importlib import import_module
 
+import jsonschema
 import pytest
 
 import wavesweep
+from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec import KEYS
@@ -64,6 +67,21 @@ def test_nothing_is_missing_in_the_reference(reference):
     text = reference.library()
     assert [name for name in PUBLIC if f"## wavesweep.{name}\n" not in text] == []
     assert {name for name in COMMANDS if "--json" in reference.switches(name)} - OTHERWISE == set(reference.SAMPLED)
+
+
+@pytest.mark.slow
+def test_what_commands_print_as_json_fits_the_schema_of_the_documents(reference, capsys):
+    schema = jsonschema.Draft202012Validator(json.loads((ROOT / "docs" / "summary.schema.json").read_text(encoding="utf-8")))
+    printed = {name: each for name, _, each in reference.sampled()}
+    assert set(printed) == set(reference.SAMPLED)
+    for name, each in printed.items():
+        assert [f"{name}: {error.message[:200]}" for error in schema.iter_errors(each)] == []
+    for words in (["zwidth", "missing.toml"], ["zwidth"], ["bode", "missing.toml", "--nothing"]):
+        code = main([*words, "--json"])
+        failed = json.loads(capsys.readouterr().out)
+        schema.validate(failed)
+        assert (code, failed["exit_code"]) == (2, 2)
+        assert failed["error"]
 
 
 PICTURES = re.findall(r"^<!-- from the code: picture ([\w-]+) -->$", PAGES["gallery.md"], re.MULTILINE)

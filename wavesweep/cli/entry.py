@@ -157,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A notebook names its own, and matplotlib does not even start if it cannot find it. No window is ever opened here.
         os.environ.pop("MPLBACKEND", None)
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    debug, stopped = "--debug" in arguments, False
+    debug, as_json, stopped = "--debug" in arguments, "--json" in arguments, False
     try:
         if COMPLETING in os.environ:
             _completion().register()
@@ -168,46 +168,54 @@ def main(arguments: Sequence[str] | None = None) -> int:
             import traceback
 
             traceback.print_exception(error)
-        code, stopped = _exit_code(error), isinstance(error, Stopped)
+        code, stopped = _exit_code(error, as_json), isinstance(error, Stopped)
     code = _flushed(code if isinstance(code, int) else 0)
     if as_program and stopped:
         os._exit(code)  # Python's own end would wait for threads, and a further signal would change the exit code
     return code
 
 
-def _exit_code(error: BaseException) -> int:
-    """Print a line about the error and return its exit code."""
-    match error:
-        case SystemExit():  # click's way to end, for a reader of stdout who has gone as well
-            return error.code if isinstance(error.code, int) else int(error.code is not None)
-        case click.ClickException():
-            from wavesweep.cli.messages import printable
+def _exit_code(error: BaseException, as_json: bool) -> int:
+    """Print a line about the error, and with --json an object as well, and return its exit code."""
+    if isinstance(error, SystemExit):  # click's way to end, for a reader of stdout who has gone as well
+        return error.code if isinstance(error.code, int) else int(error.code is not None)
+    from wavesweep.cli.messages import printable, show_json
 
-            error.message = printable(error.message)
-            with suppress(OSError):
-                error.show()
-            return error.exit_code
+    if isinstance(error, click.ClickException):
+        error.message = printable(error.message)
+        code, line = error.exit_code, error.format_message()
+        with suppress(OSError):
+            error.show()
+    else:
+        code, line = _line(error)
+        _say(line)
+    if as_json:
+        with suppress(OSError):
+            show_json({"error": line.removeprefix("Error: "), "exit_code": code})
+    return code
+
+
+def _line(error: BaseException) -> tuple[int, str]:
+    """The exit code of an error, and what is said of it."""
+    match error:
         case KeyboardInterrupt() | click.Abort():
-            _say(_with_notes("Interrupted.", error))
-            return INTERRUPTED
+            return INTERRUPTED, _with_notes("Interrupted.", error)
         case Stopped():
-            _say(_with_notes(error.line, error))
-            return error.exit_code
+            return error.exit_code, _with_notes(error.line, error)
         case SpecError():
             # Its lines begin with file:line:column, which editors and terminals follow.
-            _say(str(error))
+            return error.exit_code, str(error)
         case WavesweepError():
-            _say(_with_notes(f"Error: {error}", error))
+            return error.exit_code, _with_notes(f"Error: {error}", error)
         case MemoryError():
-            _say(_with_notes("Error: out of memory; fewer values per axis or fewer --jobs take less", error))
+            said = "Error: out of memory; fewer values per axis or fewer --jobs take less"
         case OSError():
-            _say(_with_notes(f"Error: {_os_error(error)}", error))
+            said = f"Error: {_os_error(error)}"
         case _ if type(error).__name__ in BEYOND_DOUBLES:
             said = f"Error: numbers beyond double precision ({error}); are the spec's values as meant? (--debug shows where)"
-            _say(_with_notes(said, error))
         case _:
-            _say(_with_notes(f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)", error))
-    return error.exit_code if isinstance(error, WavesweepError) else 1
+            said = f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)"
+    return 1, _with_notes(said, error)
 
 
 def _say(text: str) -> None:

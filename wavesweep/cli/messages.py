@@ -12,6 +12,7 @@ import click
 
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
+SCHEMA_VERSION = 1  # of what --json prints; another one if a key goes away or changes its meaning
 FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
 
 
@@ -19,7 +20,7 @@ def show_json(summary: Mapping[str, Any]) -> None:
     """Print the summary of a command as one JSON object on stdout."""
     import json
 
-    click.echo(json.dumps(summary, allow_nan=False))
+    click.echo(json.dumps({"schema_version": SCHEMA_VERSION, **summary}, allow_nan=False))
 
 
 def printable(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -131,6 +132,11 @@ def from_spec(make: Callable[..., Table], *given: str) -> Callable[[Mapping[str,
         return Again(spec.sha256, make(spec, *(facts[name] for name in given)).blocks)
 
     return again
+
+
+def counted_doubts(words: np.ndarray) -> dict[str, int]:
+    """How many rows have each word of a column `doubt`, without those that have none, the most frequent first."""
+    return dict(Counter(word for word in words.tolist() if word).most_common())
 
 
 def count(number: int, noun: str) -> str:

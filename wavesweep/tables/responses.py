@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -140,7 +141,7 @@ class BodeTally:
         self._frequencies = np.empty(0)
         self._last: list[np.ndarray] = []
         self._unstable: set[str] = set()
-        self._doubts: set[str] = set()
+        self._doubts: Counter[str] = Counter()
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows; a curve is rows with the same values, one after the other."""
@@ -176,7 +177,7 @@ class BodeTally:
             "undecided_curves": self._undecided,
             "doubted_rows": self._doubted,
             "doubted_worst_gains": self._gains,
-            "doubts": sorted(self._doubts),
+            "doubts": dict(sorted(self._doubts.items())),
         }
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:

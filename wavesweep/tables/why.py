@@ -16,7 +16,7 @@ from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
 from wavesweep.stability.certificate import OF_DERIVATIVES
 from wavesweep.tables.intervals import ALONG
-from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole, counted_doubts
 from wavesweep.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     timings = {"compute_s": time.perf_counter() - started}
     facts = facts_of(spec, {"intervals": method(job), "why": METHOD}, counts, timings, notices, [axis.path])
     spans = [{"low": low, "high": high} for low, high in _spans(found)]
-    doubts = [word for word in dict.fromkeys(found["doubt"].tolist()) if word]
+    doubts = counted_doubts(found["doubt"])
     searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
     facts |= {"along": searched, "intervals": spans, "doubts": doubts, "lines_hz": _lines_hz(spec, axis, columns)}
     return Table.of("why", columns, facts)
@@ -155,7 +155,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "along": dict(facts["along"]),
         "stable_intervals": [list(each.values()) for each in facts["intervals"]],
         "slices": dict(facts["slices"]),
-        "doubts": list(facts["doubts"]),
+        "doubts": dict(facts["doubts"]),
         "ends": ends,
     }
 
@@ -168,7 +168,7 @@ def _limit(columns: Columns, rows: np.ndarray) -> Numbers | None:
     elasticity = columns["elasticity"][some]
     known = some[~np.isnan(elasticity)]
     order = known[np.argsort(-np.abs(columns["elasticity"][known]), kind="stable")][:FIRST]
-    doubts = [word for word in dict.fromkeys(columns["doubt"][some].tolist()) if word]
+    doubts = counted_doubts(columns["doubt"][some])
     return {
         "value": float(columns["limit"][some[0]]),
         "unit": str(columns["unit"][some[0]]),
