@@ -192,6 +192,7 @@ SAMPLED = {
     "identify": "identify pushed.csv --friction",
     "check": "check mine.toml",
     "export": "export mine.toml --to c",
+    "inspect": "inspect results/mine/zwidth.parquet",
     "verify": "verify results/mine",
 }
 

@@ -89,7 +89,7 @@ PICTURES = re.findall(r"^<!-- from the code: picture ([\w-]+) -->$", PAGES["gall
 
 def test_the_gallery_has_every_kind_of_figure():
     commands = re.findall(r"^    wavesweep ([\w-]+) ", PAGES["gallery.md"], re.MULTILINE)
-    others = {"init", "keys", "verify", "plot", "export", "explore", "paper", "bench", "completion"}
+    others = {"init", "inspect", "keys", "verify", "plot", "export", "explore", "paper", "bench", "completion"}
     assert {*COMMANDS} - others == set(commands)
     assert len(PICTURES) == len(set(PICTURES)) == len(commands)
 

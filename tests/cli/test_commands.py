@@ -15,7 +15,7 @@ from wavesweep.cli.entry import COMMANDS, group, module_of
 ROOT = Path(__file__).parents[2]
 
 # Those of a SPEC that write tables.
-OTHERS = ("check", "verify", "explore", "export", "paper", "bench", "keys", "init", "plot", "identify")
+OTHERS = ("check", "verify", "explore", "export", "paper", "bench", "keys", "init", "plot", "identify", "inspect")
 WITH_TABLES = [name for name in COMMANDS if name not in OTHERS]
 SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare", "design", "why", "margins")]
 

@@ -50,6 +50,7 @@ COMMANDS = MappingProxyType(
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
         "plot": "Draw the figure of a table again, as PNG, SVG, PDF or EPS.",
+        "inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.",
         "verify": "Hold results against their data packages, and compute a sample of the rows again.",
         "check": "Judge a spec's own design, and list the work that each command would do.",
         "explore": "Show the boundary of stability in a browser, and vary every number by a slider.",

@@ -31,8 +31,9 @@ class ParquetFile:
         columns = [
             pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
         ]
-        text = json.dumps(facts, allow_nan=False)
-        self._path, self._schema = path, pyarrow.schema(columns, metadata={"wavesweep": text})
+        text, units = json.dumps(facts, allow_nan=False), json.dumps({"units": {f.name: f.unit for f in fields}})
+        # pandas puts what it finds under its own key into `.attrs`.
+        self._path, self._schema = path, pyarrow.schema(columns, metadata={"wavesweep": text, "PANDAS_ATTRS": units})
         self._writer: Any = None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
