@@ -1,7 +1,11 @@
 """[for_all]: what is proved for all values of numbers that are not known, and what refutes more."""
 
+from functools import reduce
+from itertools import product
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
@@ -174,6 +178,7 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
             "states mean the same at every period",
         ),
         (PD, {"kd": {"values": [3, 4], "varying": True}}, "expected one number, which `every` of blocks reads"),
+        (PD, {"lost": 2}, "a built-in controller, whose results may be lost"),
         (PD, {"n": {"values": [2, 5], "varying": True}, "kd": {"start": 3, "stop": 4}}, "the range of kd"),
     ],
 )
@@ -187,6 +192,51 @@ def test_check_says_whether_the_design_holds_for_all():
     assert good == {"verdict": "proved", "counterexample": ""}
     bad = wavesweep.verdict(PD | {"for_all": {"kd": {"start": 0.2, "stop": 5}}})["for_all"]
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2")
+
+
+SAMPLED = {
+    "rates": {"tick_hz": 100},
+    "numbers": {"n": 18},
+    "block": {
+        "plant": {
+            "type": "ss",
+            "inputs": ["u"],
+            "outputs": ["x1", "x2"],
+            "A": [[1, 3], [2, 1]],
+            "B": [[1], [0.6]],
+            "C": [[1, 0], [0, 1]],
+        },
+        "sample": {"type": "hold", "every": "n"},
+    },
+    "wire": {"sample.u": "-plant.x1 - 6*plant.x2", "plant.u": "sample.y"},
+}
+
+
+def sampled_frame(ticks):
+    """The same loop over so many ticks: `x' = F x + G u`, `u = -[1, 6] x`, from the exponential of the whole."""
+    block = np.zeros((3, 3))
+    block[:2, :2], block[:2, 2] = SAMPLED["block"]["plant"]["A"], [1, 0.6]
+    held = expm(block * ticks / 100)
+    return held[:2, :2] - np.outer(held[:2, 2], [1, 6])
+
+
+@pytest.mark.parametrize(("nominal", "lengths"), [(18, [18, 54]), (18, [18, 20]), (1, [1, 2])])
+def test_periods_in_any_order_are_judged_without_an_axis(nominal, lengths):
+    """Each period by itself is stable; a counterexample has to grow, and where there is none no word of nine frames does."""
+    spec = SAMPLED | {"numbers": {"n": nominal}, "for_all": {"n": {"values": lengths, "varying": True}}}
+    found, frames = wavesweep.verdict(spec)["for_all"], {ticks: sampled_frame(ticks) for ticks in lengths}
+
+    def radius(word):
+        return np.abs(np.linalg.eigvals(reduce(np.matmul, [frames[ticks] for ticks in reversed(word)]))).max()
+
+    assert max(radius([ticks]) for ticks in lengths) < 1
+    if lengths == [18, 54]:
+        word = [int(ticks) for ticks in found["counterexample"].removeprefix("frames ").split(", ")]
+        assert (found["verdict"], sorted(word)) == ("refuted", [18, 18, 54])
+        assert radius(word) > 1
+    else:
+        assert found == {"verdict": "proved", "counterexample": ""}
+        assert max(radius(word) for word in product(lengths, repeat=9)) < 1
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_plac
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import counted_ticks, drift_of_drawn
 from wavesweep.monodromy.open_ticks import OpenTicks
-from wavesweep.monodromy.periodic import Ticks
+from wavesweep.monodromy.periodic import Ticks, ticks_of
 from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
 from wavesweep.robust.enclosure import Enclosure
@@ -75,10 +75,10 @@ class Symbol:
 
 
 def frames_of_controller(values: Mapping[str, object], frames: Frames, number: str = "environment.K_VE") -> "LoopFrames":
-    """Return the frames of a spec's controller, whose slow environment varies, as a family along one of its keys.
+    """Return the frames of a spec's controller, whose slow environment varies, as a family along one of its keys, if any.
 
     values: flat keys with numbers; `environment.delay` is replaced by `frames.delays`, and `rates.ratio` is the nominal length
-    of a frame. number: a key that one wire or gain reads, such as a wall's.
+    of a frame. number: a key that one wire or gain reads, such as a wall's; empty for the loop at its own values alone.
     Errors: UsageError for a controller without a slow environment, or a number that the loop reads in several places.
     """
     ratio = values[RATIO]
@@ -115,7 +115,7 @@ def frames_of_drawing(
 
     These run with the same `every`, its nominal length, each at its own phase of the frame, which has to be shorter than the
     shortest frame. elapsed: whether their periods are the times since their last runs; if not, they are the nominal ones.
-    number: a key that one wire or gain reads.
+    number: a key that one wire or gain reads; empty for the loop at its own values alone.
     Errors: UsageError.
     """
     known = {name_of(path): value for path, value in values.items()}
@@ -176,26 +176,27 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
     kinds: of ticks, the slow blocks that run in each, None for a moment at which only the blocks `shown` run. rest: gives the
     kinds of a symbol's ticks after its sample.
     """
-    if not scalar_place(drawing, name_of(number)):
+    if number and not scalar_place(drawing, name_of(number)):
         raise UsageError(f"{number}: expected a number that one wire, or one gain, reads linearly, found another one")
-    path, slow = path_of(name_of(number)), set().union(*(each or () for each in kinds.values()))
+    slow, varied = set().union(*(each or () for each in kinds.values())), {path_of(name_of(number)): ANY} if number else {}
     steps = sorted({*frames.lengths}) if frames.elapsed else [nominal]
     order = list(kinds)
     maps, index = [], {}
     for step in steps:
         at_step = _with_period(drawing, slow, step)
-        pair = [
-            _scheduled(loop, kinds, shown, slow)
-            for loop in (assembled(at_step, {**values, path: 0.0}, name_of(number)), assembled(at_step, {**values, path: ANY}))
-        ]
-        ticks = OpenTicks.of(*pair, PRODUCT, FACTOR).ticks
+        whole = _scheduled(assembled(at_step, values | varied), kinds, shown, slow)
+        if number:
+            cut_open = assembled(at_step, values | dict.fromkeys(varied, 0.0), name_of(number))
+            ticks = OpenTicks.of(_scheduled(cut_open, kinds, shown, slow), whole, PRODUCT, FACTOR).ticks
+        else:
+            ticks = ticks_of(whole, alone=True, terms=True)
         for position, kind in enumerate(order):
             own = ticks.maps[ticks.kind[position]]
             alike = next((i for i in range(len(maps)) if _alike(maps[i], own)), len(maps))
             if alike == len(maps):
                 maps.append(own)
             index[kind, step] = alike
-    both_loops = twins(_with_period(drawing, slow, nominal), {**values, path: ANY})
+    both_loops = twins(_with_period(drawing, slow, nominal), values | varied)
     drift = drift_of_drawn(*(_scheduled(loop, kinds, shown, slow) for loop in both_loops))
     if drift.folded:
         raise UsageError(f"{number}: expected a loop whose drift does not depend on it, found one whose drift does")

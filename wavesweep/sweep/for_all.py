@@ -90,18 +90,12 @@ def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
     if rules.vary:
-        rules.family(drawing, dict(spec.values), along or _number(spec))
+        rules.family(drawing, dict(spec.values), along)
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
     """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
     return bool(axis.structural and not axis.values and not spec.drawing and spec.names.find(axis.name).type != "integer")
-
-
-def _number(spec: Spec) -> str:
-    """A number along which the frames of a design alone are looked at: that of its intervals, or of its wall."""
-    name = spec.along or "K_VE"
-    return spec.names.find(name).path
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -232,8 +226,7 @@ def verdict(spec: Spec) -> dict[str, str]:
     loop, known = _Loop(ForAllTask(rules, "", (0.0, 0.0), ()), own_loop(spec)[0], values), True
     for case in loop.cases:
         if rules.vary:
-            number = _number(spec)
-            said, pattern = decided(rules.family(case.drawing, values | case.fixed, number), float(values[number]))
+            said, pattern = decided(rules.family(case.drawing, values | case.fixed, ""))
             if said == "refuted":
                 return {"verdict": said, "counterexample": _numbers({**case.fixed, pattern: None})}
             known &= said == "proved"

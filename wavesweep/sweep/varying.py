@@ -41,7 +41,10 @@ class Rules:
         return bool(self.for_all.changing or self.for_all.lost)
 
     def family(self, drawing: Drawing, values: Mapping[str, object], along: str) -> LoopFrames:
-        """The frames of a loop along a number. Errors: UsageError for numbers that cannot vary, or another one along."""
+        """The frames of a loop along a number, empty for the loop at its own values.
+
+        Errors: UsageError for numbers that cannot vary, or another one along.
+        """
         axes = {axis.path: axis for axis in self.for_all.changing}
         if KIND in values:
             if wrong := axes.keys() - {RATIO, DELAY}:
@@ -52,14 +55,17 @@ class Rules:
             delays = values_of_range(axes[DELAY]) if DELAY in axes else (FRAME if self.with_frame else values[DELAY],)
             frames = Frames(tuple(map(int, lengths)), tuple(delays), self.for_all.lost, self.elapsed)
             return frames_of_controller(values, frames, along)
+        if self.for_all.lost:
+            raise UsageError("[for_all] lost: expected a built-in controller, whose results may be lost, found a drawn loop")
         running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
         wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
-        if wrong or len(axes) != 1 or self.for_all.lost:
-            found = ", ".join([axis.name for axis in axes.values()] + ["lost"] * bool(self.for_all.lost))
+        if wrong or len(axes) != 1:
+            found = ", ".join(axis.name for axis in axes.values())
             raise UsageError(f"[for_all] varying: expected one number, which `every` of blocks reads, found {found}")
         ((path, axis),) = axes.items()
         lengths = tuple(map(int, values_of_range(axis)))
-        return frames_of_drawing(drawing, {**values, path: int(values[path])}, lengths, along, elapsed=self.elapsed)
+        # At the longest, blocks that follow it differ from those of every tick, which they may not at the spec's own.
+        return frames_of_drawing(drawing, {**values, path: max(lengths)}, lengths, along, elapsed=self.elapsed)
 
 
 def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
@@ -72,9 +78,9 @@ def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float,
     return None
 
 
-def decided(family: LoopFrames, value: float) -> tuple[str, str]:
-    """Whether a loop is stable for every order of frames at a value of the number, and the pattern with which it is not."""
-    found = decide(family, value)
+def decided(family: LoopFrames) -> tuple[str, str]:
+    """Whether a loop is stable for every order of frames, and the pattern with which it is not; family: along no number."""
+    found = decide(family)
     words = {PROVED: "proved", REFUTED: "refuted"}
     return words.get(found.verdict, "unknown"), text_of(family, found.word)
 
