@@ -183,6 +183,79 @@ def test_a_file_that_is_no_checkpoint_is_moved_away_and_all_is_computed(stopped,
     assert (left.name, left.read_bytes()) == (".zwidth.sqlite.damaged", before)
 
 
+@pytest.fixture(scope="module")
+def four(tmp_path_factory):
+    """A small file with four chunks, and their records."""
+    place = tmp_path_factory.mktemp("four") / "kept.sqlite"
+    records = [np.array([(number, 1.0)], [("slice", "i8"), ("low", "f8")]) for number in range(4)]
+    store = checkpoint.FileCheckpoint(place, "zwidth", {"layout": 1}, records[0].dtype, False, [])
+    for number, each in enumerate(records):
+        store.save(number, each)
+    store.close()
+    return place.read_bytes(), records
+
+
+def used_bytes(content):
+    """Bytes of the file that are not zero, or beside one that is not: its words, its structure and the chunks."""
+    used = np.frombuffer(content, np.uint8) > 0
+    return np.flatnonzero(np.convolve(used, np.ones(3), "same"))
+
+
+def is_gone_through(place, records, force):
+    """Go on from the file, and end with all chunks right and nothing left in its place."""
+    store = checkpoint.FileCheckpoint(place, "zwidth", {"layout": 1}, records[0].dtype, force, [])
+    for number in store.finished():
+        try:
+            assert store.load(number).tobytes() == records[number].tobytes()
+        except checkpoint.DamagedError as error:
+            store.set_aside(number, error)
+    for number in set(range(len(records))) - set(store.finished()):
+        store.save(number, records[number])
+    assert [store.load(number).tobytes() for number in range(len(records))] == [each.tobytes() for each in records]
+    store.remove()
+    assert not place.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [True, False])
+def test_no_flipped_bit_stops_a_run_or_changes_a_chunk(four, tmp_path, force):
+    """One in each tenth byte that is used: in the schema, in a name, in an index, in what SQLite says of the file itself."""
+    content, records = four
+    flips = np.random.default_rng(5)
+    for at in used_bytes(content)[::10]:
+        flipped = bytearray(content)
+        flipped[at] ^= 1 << int(flips.integers(8))
+        (tmp_path / "kept.sqlite").write_bytes(flipped)
+        is_gone_through(tmp_path / "kept.sqlite", records, force)
+
+
+def test_a_column_whose_name_lost_a_bit_costs_the_file(four, tmp_path):
+    content, records = four
+    place, warnings = tmp_path / "kept.sqlite", []
+    place.write_bytes(content.replace(b"records BLOB", b"recozds BLOB"))
+    store = checkpoint.FileCheckpoint(place, "zwidth", {"layout": 1}, records[0].dtype, False, warnings)
+    with pytest.raises(checkpoint.DamagedError):
+        store.load(0)
+    assert "it was moved to kept.sqlite.damaged" in warnings[0]
+    is_gone_through(place, records, False)
+
+
+def test_a_file_that_another_program_has_open_is_named_and_restart_begins_anew(four, tmp_path, monkeypatch):
+    content, records = four
+    monkeypatch.setattr(checkpoint, "PATIENCE", 0.01)
+    place = tmp_path / "kept.sqlite"
+    place.write_bytes(content)
+    other = sqlite3.connect(place, isolation_level=None)
+    other.execute("PRAGMA locking_mode = EXCLUSIVE")
+    other.execute("UPDATE runs SET name = name")
+    given = (place, "zwidth", {"layout": 1}, records[0].dtype)
+    with pytest.raises(OSError, match="database is locked; another program has it open: close it there, or give --restart"):
+        checkpoint.FileCheckpoint(*given, False, [])
+    assert place.read_bytes() == content
+    assert checkpoint.FileCheckpoint(*given, True, []).finished() == []
+    other.close()
+
+
 def test_a_file_that_is_damaged_during_the_run_is_made_anew(stopped, long, long_table, same):
     run = intervals(long, jobs=1, checkpoint=stopped)
     some_text(stopped)

@@ -25,6 +25,9 @@ SUFFIX = ".sqlite"  # of the name of a checkpoint
 BESIDE = ("", "-journal", "-wal", "-shm")  # behind it: the file itself, and those that SQLite puts beside it
 DAMAGED = ".damaged"  # behind the name of a file that was moved away
 PATIENCE = 2.0  # s for a lock
+# What SQLite says of the disk or of other programs, and not of the file, each with what helps.
+IN_USE = "; another program has it open: close it there, or give --restart to begin anew"
+OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM"), "") | dict.fromkeys(("BUSY", "LOCKED", "PROTOCOL"), IN_USE)
 OURS = 0x77617665  # application_id of the file
 TABLES = f"""
 BEGIN;
@@ -82,7 +85,8 @@ class FileCheckpoint:
         self._db, self.place, self._name, self._dtype, self._force = None, place, name, dtype, force
         self._identity, self.warnings = json.dumps({"job": name, **identity}, sort_keys=True), warnings
         self._digest = hashlib.sha256(self._identity.encode()).digest()
-        self._numbers = {number for (number,) in self._do("SELECT number FROM chunks WHERE run = ?", self._digest)}
+        numbers = self._do("SELECT number FROM chunks WHERE run = ? AND typeof(number) = 'integer'", self._digest)
+        self._numbers = {number for (number,) in numbers}
 
     def __del__(self):
         self.close()
@@ -95,7 +99,7 @@ class FileCheckpoint:
         """Write a finished chunk."""
         content = records.tobytes()
         row = (self._digest, number, self._checksum(number, content), content)
-        self._do("INSERT OR REPLACE INTO chunks VALUES (?, ?, ?, ?)", *row)
+        self._do("INSERT OR REPLACE INTO chunks (run, number, checksum, records) VALUES (?, ?, ?, ?)", *row)
         self._numbers.add(number)
 
     def load(self, number: int) -> np.ndarray:
@@ -134,19 +138,24 @@ class FileCheckpoint:
     def _files(self):
         return [self.place.with_name(self.place.name + suffix) for suffix in BESIDE] if self.place else []
 
-    def _do(self, statement, *values):
-        """The rows of a statement; if the file is no checkpoint, or not any more, it is moved away, and a new one begun."""
+    def _do(self, statement, *values, again=False):
+        """The rows of a statement; if the file is no checkpoint, or not any more, it is moved away, and a new one begun.
+
+        Any error but one of OF_DISK means so: a single flipped bit may give a column another name.
+        """
         import sqlite3
 
         try:
             if self._db is None:
                 self._open(sqlite3)
             return self._db.execute(statement, values).fetchall()
-        except sqlite3.DatabaseError as error:
-            if getattr(error, "sqlite_errorcode", 0) & 0xFF not in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
-                raise OSError(errno.EIO, str(error), str(self.place or "a file of finished chunks")) from error
+        except (sqlite3.Error, UnicodeDecodeError) as error:
+            name = getattr(error, "sqlite_errorname", "").removeprefix("SQLITE_").partition("_")[0]
+            if self.place is None or again or (name in OF_DISK and not self._force):
+                hint = OF_DISK.get(name, "")
+                raise OSError(errno.EIO, f"{error}{hint}", str(self.place or "a file of finished chunks")) from error
             self._move_away(error)
-        return self._do(statement, *values)
+        return self._do(statement, *values, again=True)
 
     def _open(self, sqlite3):
         """Open the file, and enter this job in it."""
@@ -161,13 +170,17 @@ class FileCheckpoint:
             if error.sqlite_errorcode & 0xFF not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_IOERR):
                 raise
             self.close()
-            self._prepare(sqlite3, "&nolock=1")  # a file system without locks
+            try:
+                self._prepare(sqlite3, "&nolock=1")  # a file system without locks
+            except sqlite3.OperationalError:
+                raise error from None
         found = self._db.execute("SELECT digest, identity FROM runs WHERE name = ?", [self._name]).fetchall()
         if self._force:
             self._forget()
         elif found and found[0][0] != self._digest and found[0][1] != self._identity:
             raise self._of_another_run(found[0][1])
         self._db.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", (self._name, self._digest, self._identity))
+        self._force = False  # it is anew, and will not be thrown away if the disk is full later on
 
     def _prepare(self, sqlite3, options):
         address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
@@ -177,11 +190,11 @@ class FileCheckpoint:
             self._db.execute("PRAGMA page_size = 65536")  # chunks have hundreds of kB
             self._db.executescript(TABLES)
         if self._db.execute("PRAGMA application_id").fetchall() != [(OURS,)]:
-            error = sqlite3.DatabaseError("another program's database")
-            error.sqlite_errorcode = sqlite3.SQLITE_NOTADB
-            raise error
+            raise sqlite3.DatabaseError("another program's database")
         self._db.execute("PRAGMA journal_mode = WAL")
         self._db.execute("PRAGMA synchronous = NORMAL")
+        if (found := self._db.execute("PRAGMA integrity_check(1)").fetchall()) != [("ok",)]:  # 0.1 s for a GB
+            raise sqlite3.DatabaseError(found[0][0])
 
     def _forget(self):
         """Remove the rows of this job."""
