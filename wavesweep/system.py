@@ -26,6 +26,12 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def memory() -> float:
+    """Bytes of memory that this machine has; infinite if it does not say."""
+    known = hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if known else float("inf")
+
+
 def lock(descriptor: int, wait: bool) -> None:
     """Lock an open file; the lock ends with the process. Raises BlockingIOError if another process has it and `wait` is false.
 

@@ -1,5 +1,6 @@
 """`wavesweep verify` finds every kind of difference between a folder of results, its packages and new rows."""
 
+import hashlib
 import json
 import os
 import shutil
@@ -62,7 +63,7 @@ def files_of(spec, kind):
         "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
         "passivity": lambda: [passivity(spec, 0.01, jobs=1), filter_choices(spec, 0.01)],
         "why": lambda: [why(load(TABLES | {"sweep": ALONG_B}))],
-        "margins": lambda: [margins(short, "avatar.out")],
+        "margins": lambda: [margins(load(TABLES | {"environment": {"K_VE": 50}}), "avatar.out")],
         "simulate": lambda: simulate(short.as_simulated()),
     }
     return calls[kind]()
@@ -165,10 +166,10 @@ def overwrite(folder):
 
 
 DAMAGES = {
-    lose_the_numbers: ["zwidth.csv and zwidth.parquet: columns ", "computed again, no column interval"],
+    lose_the_numbers: ["zwidth.parquet and zwidth.csv: columns ", "computed again, no column interval"],
     lose_the_schema: ["zwidth.*: a table cannot be read: 'schema'"],
     overwrite: ["zwidth.*: a table cannot be read: ", "cannot be held against new ones: "],
-    flip: ["zwidth.csv: ", "in the package", "zwidth.csv and zwidth.parquet: row "],
+    flip: ["zwidth.csv: ", "in the package", "zwidth.parquet and zwidth.csv: row "],
     cut_off: ["zwidth.parquet: ", "cannot be read", "cannot be held against new ones"],
     lose: ["zwidth.csv: No such file"],
     tear: ["zwidth.datapackage.json: cannot be read as a data package"],
@@ -187,6 +188,47 @@ def test_every_kind_of_damage_is_named(folder, damage, capfd):
     out, err = capfd.readouterr()
     assert out == ""
     assert [text for text in DAMAGES[damage] if text not in err] == []
+
+
+def test_a_number_that_was_changed_in_the_csv_is_found_whatever_the_package_says_of_it(folder):
+    lines = (folder / "zwidth.csv").read_text().splitlines(keepends=True)
+    names, cells = lines[0].split(","), lines[3].split(",")
+    cells[names.index("high")] = repr(float(cells[names.index("high")]) * 1.01)
+    lines[3] = ",".join(cells)
+    content = "".join(lines).encode()
+    (folder / "zwidth.csv").write_bytes(content)
+    package = package_of(folder)
+    package["resources"][0] |= {"bytes": len(content), "hash": f"sha256:{hashlib.sha256(content).hexdigest()}"}
+    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
+    (difference,) = verify(folder).differences
+    assert "zwidth.parquet and zwidth.csv: row 3, column high: " in difference
+
+
+def test_a_package_that_asks_for_other_numbers_of_rows_has_none_computed(tmp_path, monkeypatch):
+    """Somebody else's spec may ask for any number of them."""
+    (table,) = files_of(load(TABLES), "bode")
+    publish(table, tmp_path)
+    package = json.loads((tmp_path / "bode.datapackage.json").read_text())
+    package["wavesweep"]["spec"]["bode"]["frequency_hz"] = {"start": 1, "stop": 50, "num": 1_000_000}
+    (tmp_path / "bode.datapackage.json").write_text(json.dumps(package))
+    monkeypatch.setattr("wavesweep.tables.responses.responses", lambda *_, **__: pytest.fail("rows were computed"))
+    assert "6 rows and not 2000000" in verify(tmp_path).differences[-1]
+
+
+def test_a_file_of_a_few_bytes_and_many_rows_is_refused_by_its_metadata(folder, monkeypatch):
+    import pyarrow.parquet
+
+    row = pyarrow.parquet.read_table(folder / "zwidth.parquet").slice(0, 1)
+    many = row.take(pyarrow.array(np.zeros(300_000, int)))
+    pyarrow.parquet.write_table(many, folder / "zwidth.parquet", compression="zstd")
+    assert (folder / "zwidth.parquet").stat().st_size < 50_000
+    monkeypatch.setattr(pyarrow.parquet.ParquetFile, "read_row_groups", lambda *_, **__: pytest.fail("rows were read"))
+    said = verify(folder).differences
+    assert len([text for text in said if "expected groups of at most 131072 rows, found one of 300000" in text]) == 2
+    monkeypatch.setattr(pyarrow.parquet.ParquetFile, "read", lambda *_, **__: pytest.fail("rows were read"))
+    monkeypatch.setattr("wavesweep.results.files.memory", lambda: 1e7)
+    with pytest.raises(UsageError, match="expected a table that fits into memory, found 300,000 rows"):
+        results.read(folder / "zwidth.parquet")
 
 
 @pytest.mark.parametrize(("change", "differences"), [(1e-12, 0), (1e-6, 1)])
@@ -254,7 +296,7 @@ def test_whatever_arrow_says_of_a_damaged_file_is_one_sentence(folder, monkeypat
     with pytest.raises(UsageError, match=r"expected a whole table, .* as one \(more than 64 bits\)$"):
         results.read(folder / "zwidth.parquet")
     said = verify(folder).differences
-    assert [text.partition(": ")[2].endswith("more than 64 bits)") for text in said] == [False, True, False]
+    assert [text.partition(": ")[2].endswith("more than 64 bits") for text in said] == [False, True, True]
     assert said[-1].endswith("zwidth.parquet: its rows cannot be held against new ones: more than 64 bits")
 
 

@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,13 @@ import numpy as np
 from wavesweep.disk import open_file
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
+from wavesweep.system import memory
 from wavesweep.tables.columns import in_order, kind_of, kinds_by_name
 from wavesweep.tables.kind import Field
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072
+CSV_BLOCK = 1 << 24  # bytes that are read at once
 
 _NUMPY = {"double": np.float64, "int64": np.int64, "bool": np.bool_}  # kinds of columns in a file
 
@@ -131,7 +133,7 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
     try:
         table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
-        return {name: _numpy(table.column(name)) for name in table.column_names}
+        return _columns(table)
     except unreadable() as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise
@@ -201,7 +203,10 @@ def _schema_facts(path: Path) -> dict[str, Any]:
 
 
 def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None) -> dict[str, np.ndarray]:
-    """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups."""
+    """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups.
+
+    Raises UsageError for a group larger than those of this program, of which a file of some MB may hold any number of rows.
+    """
     import pyarrow.parquet
 
     found: list[dict[str, np.ndarray]] = []
@@ -215,17 +220,29 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
         before += rows
         if end is not None and before >= end:
             break
-    table = pyarrow.concat_tables(found)
-    return {name: _numpy(table.column(name)) for name in table.column_names}
+    return _columns(pyarrow.concat_tables(found))
 
 
 def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
     """The same of an open Parquet file, as a table of Arrow."""
     sizes = [file.metadata.row_group(number).num_rows for number in range(file.num_row_groups)]
+    if max(sizes, default=0) > GROUP_ROWS:
+        raise UsageError(f"expected groups of at most {GROUP_ROWS} rows, found one of {max(sizes)}, of another program")
     borders = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
     groups = [number for number in range(len(sizes)) if borders[number] < end and borders[number + 1] > first]
     table = file.read_row_groups(groups, columns=columns)
     return table.slice(first - (int(borders[groups[0]]) if groups else 0), end - first)
+
+
+def rows_in(path: Path) -> int:
+    """Give the number of rows of a Parquet table, which its metadata has."""
+    import pyarrow.parquet
+
+    rows = 0
+    for part in parts_of(path):
+        with _opened(part, "rb") as file:
+            rows += pyarrow.parquet.ParquetFile(file).metadata.num_rows
+    return rows
 
 
 def part_name(number: int) -> str:
@@ -251,27 +268,49 @@ def parts_of(path: Path) -> list[Path]:
 def _read_parquet(path: Path) -> Any:
     import pyarrow.parquet
 
-    found = []
+    found, cells = [], 0
     for part in parts_of(path):
         with _opened(part, "rb") as file:  # `read_table` would import pandas
-            found.append(pyarrow.parquet.ParquetFile(file).read())
+            whole = pyarrow.parquet.ParquetFile(file)
+            rows = whole.metadata.num_rows
+            cells += rows * whole.metadata.num_columns
+            if 8 * cells > memory():
+                raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows in {part.name}")
+            found.append(whole.read())
     return pyarrow.concat_tables(found)
 
 
+def csv_blocks(path: Path) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of a CSV in blocks of rows, as `read` gives them at once."""
+    import pyarrow.csv
+
+    with _opened(path, "rb") as file:
+        size = pyarrow.csv.ReadOptions(block_size=CSV_BLOCK)
+        for block in pyarrow.csv.open_csv(file, read_options=size, **_csv_options(path)):
+            yield _columns(pyarrow.Table.from_batches([block]))
+
+
 def _read_csv(path: Path) -> Any:
+    import pyarrow.csv
+
+    with _opened(path, "rb") as file:
+        return pyarrow.csv.read_csv(file, **_csv_options(path))
+
+
+def _csv_options(path: Path) -> dict[str, Any]:
     """Parse with the known kinds of the columns: 1 and 0 may be booleans or whole numbers."""
     import pyarrow.csv
 
     types, kinds = _types(), kinds_by_name() | packaged_kinds(path)
-    with _opened(path, "rb") as file:
-        return pyarrow.csv.read_csv(
-            file,
-            parse_options=pyarrow.csv.ParseOptions(newlines_in_values=True),
-            convert_options=pyarrow.csv.ConvertOptions(
-                column_types={name: types[kind] for name, kind in kinds.items()}, null_values=["NaN"],
-                strings_can_be_null=False, true_values=["1"], false_values=["0"],
-            ),
-        )  # fmt: skip
+    convert = pyarrow.csv.ConvertOptions(
+        column_types={name: types[kind] for name, kind in kinds.items()}, null_values=["NaN"],
+        strings_can_be_null=False, true_values=["1"], false_values=["0"],
+    )  # fmt: skip
+    return {"parse_options": pyarrow.csv.ParseOptions(newlines_in_values=True), "convert_options": convert}
+
+
+def _columns(table: Any) -> dict[str, np.ndarray]:
+    return {name: _numpy(table.column(name)) for name in table.column_names}
 
 
 def _numpy(column: Any) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results.files import in_short, read, read_rows, unreadable
+from wavesweep.results.files import GROUP_ROWS, csv_blocks, in_short, read_rows, rows_in, unreadable
 from wavesweep.results.folder import SUFFIXES
 from wavesweep.results.package import file_facts, loaded, packaged_facts
 from wavesweep.rows import Columns
@@ -102,22 +102,20 @@ def _files(package: Path) -> Iterator[str]:
         if (found["bytes"], found["hash"]) != (size, digest):
             bytes_, hash_ = found["bytes"], found["hash"]
             yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
-    if parts.is_dir():
-        return
-    yield from _between(package.with_name(f"{stem}.csv"), package.with_name(f"{stem}.parquet"), known)
+    if not parts.is_dir():
+        yield from _between(package.with_name(f"{stem}.csv"), package.with_name(f"{stem}.parquet"))
 
 
-def _between(csv: Path, parquet: Path, known: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the first difference of the two tables, if one of them is not the file in the package."""
-    if all(path.is_file() and file_facts(path)["hash"] == known.get(path.name, (0, ""))[1] for path in (csv, parquet)):
-        return
+def _between(csv: Path, parquet: Path) -> Iterator[str]:
+    """Yield the first difference of the two tables, whatever their package says of them."""
     try:
-        one, other = read(csv), read(parquet)
-    except (WavesweepError, OSError, LookupError, TypeError, AttributeError) as error:  # the last three of the package's schema
+        difference = _compared(parquet, csv_blocks(csv), exact=True)
+    # the last three errors are of the package's schema
+    except (WavesweepError, *unreadable(), LookupError, TypeError, AttributeError) as error:
         yield f"{csv.with_suffix('')}.*: a table cannot be read: {in_short(error)}"
         return
-    if difference := first_difference(one, other):
-        yield f"{csv} and {parquet.name}: {difference}"
+    if difference:
+        yield f"{parquet} and {csv.name}: {difference}"
 
 
 def _again(package: Path, facts: Mapping[str, Any]) -> Again | None:
@@ -130,7 +128,7 @@ def _stem(package: Path) -> str:
     """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
     try:
         column = read_rows(package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), 0, 1).get("spec", ["spec"])
-    except unreadable() as error:
+    except (WavesweepError, *unreadable()) as error:
         raise OSError(in_short(error)) from error
     return str(column[0]) if len(column) else "spec"
 
@@ -143,7 +141,9 @@ def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
     known: tuple[type[Exception], ...] = (WavesweepError, *unreadable())
     try:
-        if again.some is None:
+        if again.rows not in (0, there := rows_in(parquet)):  # before a foreign package has millions of them computed
+            difference, extent = f"{there} rows and not {again.rows}", ""
+        elif again.some is None:
             difference = _compared(parquet, again.whole(), exact)
             extent = "all rows"
         else:
@@ -166,8 +166,8 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
         if difference := first_difference(read_rows(parquet, first, end), block, exact, first):
             return difference
         first = end
-    more = len(read_rows(parquet, first, columns=[next(iter(block))])[next(iter(block))])
-    return f"{first + more} rows and not {first}" if more else ""
+    rows = rows_in(parquet)
+    return f"{rows} rows and not {first}" if rows != first else ""
 
 
 def _same_versions(facts: Mapping[str, Any]) -> bool:
@@ -175,20 +175,25 @@ def _same_versions(facts: Mapping[str, Any]) -> bool:
 
 
 def _sampled(
-    parquet: Path, some: Callable[[Sequence[int]], Iterator[Columns]], combinations: int, rows: int, seed: int, exact: bool
+    parquet: Path, some: Callable[[Sequence[int]], Iterator[Columns]], combinations: int, sample: int, seed: int, exact: bool
 ) -> str:
     """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
-    numbers = read_rows(parquet, columns=["interval"]).get("interval")
-    if numbers is None:
-        return "no column interval"
-    starts = np.flatnonzero(numbers == 0)
+    rows, starts = rows_in(parquet), []
+    for first in range(0, rows, GROUP_ROWS):
+        numbers = read_rows(parquet, first, first + GROUP_ROWS, ["interval"]).get("interval")
+        if numbers is None:
+            return "no column interval"
+        starts.append(first + np.flatnonzero(numbers == 0))
+    starts = np.concatenate(starts)
     if len(starts) != combinations:
         return f"{len(starts)} combinations and not {combinations}"
-    picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(rows, len(starts)), replace=False))
-    ends = np.append(starts[1:], -1)
+    picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False))
+    ends = np.append(starts[1:], rows)
     for number, new in zip(picked, some(picked.tolist()), strict=True):
-        found = read_rows(parquet, int(starts[number]), None if ends[number] < 0 else int(ends[number]))
-        if difference := first_difference(found, new, exact, int(starts[number])):
+        first, wanted = int(starts[number]), len(new["interval"])
+        if ends[number] - first != wanted:
+            return f"row {first + 1}: {ends[number] - first} intervals and not {wanted}"
+        if difference := first_difference(read_rows(parquet, first, first + wanted), new, exact, first):
             return difference
     return ""
 

@@ -27,7 +27,9 @@ DAMAGED = ".damaged"  # behind the name of a file that was moved away
 PATIENCE = 2.0  # s for a lock
 # What SQLite says of the disk or of other programs, and not of the file, each with what helps.
 IN_USE = "; another program has it open: close it there, or give --restart to begin anew"
-OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM"), "") | dict.fromkeys(("BUSY", "LOCKED", "PROTOCOL"), IN_USE)
+OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM"), "") | dict.fromkeys(
+    ("BUSY", "LOCKED", "PROTOCOL"), IN_USE
+)
 OURS = 0x77617665  # application_id of the file
 TABLES = f"""
 BEGIN;

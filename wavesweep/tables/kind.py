@@ -52,10 +52,14 @@ class Tally(Protocol):
 
 @dataclass(frozen=True)
 class Again:
-    """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations."""
+    """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
+
+    rows: how many there have to be, 0 if only computing them tells.
+    """
 
     sha256: str
     whole: Callable[[], Iterable[Columns]] = tuple
+    rows: int = 0
     combinations: int = 0
     some: Callable[[Sequence[int]], Iterator[Columns]] | None = None
 
@@ -122,14 +126,16 @@ class Whole:
         yield from self._write(self.numbers(facts))
 
 
-def from_spec(make: Callable[..., Table], *given: str) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:
-    """A way to compute rows again: by `make`, of the spec and these facts of the table."""
+def from_spec(
+    make: Callable[..., Table], *given: str, rows: Callable[[Any], int] = lambda _: 0
+) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:
+    """A way to compute rows again: by `make`, of the spec and these facts of the table; rows: their number, of a spec."""
 
     def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
         from wavesweep.spec import load
 
         spec = load(facts["spec"])
-        return Again(spec.sha256, make(spec, *(facts[name] for name in given)).blocks)
+        return Again(spec.sha256, lambda: make(spec, *(facts[name] for name in given)).blocks(), rows(spec))
 
     return again
 

@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import partial
+from math import prod
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -254,7 +255,9 @@ KINDS = (
         PASSIVITY,
         lambda table: PassivityTally(table.facts),
         figure="margins.passivity",
-        again=from_spec(partial(passivity, jobs=1), "tolerance"),
+        again=from_spec(
+            partial(passivity, jobs=1), "tolerance", rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep)
+        ),
     ),
     Kind(
         "passivity-filters",

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import prod
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -15,7 +16,7 @@ from wavesweep.rows import Columns
 from wavesweep.stability.certificate import OF_RESPONSES, SPARED
 from wavesweep.tables import kind_named
 from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count
-from wavesweep.tables.table import Table, facts_of, with_unlike_units
+from wavesweep.tables.table import Table, digest_of, facts_of, with_unlike_units
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -214,8 +215,9 @@ def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
     from wavesweep.spec import load
 
     specs = [replace(load(tables), name=each) for each, tables in (facts.get("specs") or {name(): facts["spec"]}).items()]
-    table = responses(specs, jobs=1)
-    return Again(table.facts["spec_sha256"], table.blocks)
+    combinations = (prod(len(axis.values) for axis in spec.bode) * len(routes_of(spec)) for spec in specs)
+    rows = sum(each * len(spec.frequency_hz) for each, spec in zip(combinations, specs, strict=True))
+    return Again(digest_of(specs), lambda: responses(specs, jobs=1).blocks(), rows)
 
 
 KINDS = (
