@@ -7,7 +7,6 @@ from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
 from wavesweep.response.circle import Circle
-from wavesweep.response.dominant import Dominant, _largest
 from wavesweep.response.gain import gain_of
 
 
@@ -69,21 +68,6 @@ def test_a_drift_of_the_avatar_alone_does_not_move_a_hand_that_a_spring_holds(ch
     assert gain(values, [50.0])[0] == pytest.approx(around[3:].mean(), rel=1e-6)
 
 
-@pytest.mark.sample(4)
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("changes", [{}, {"delay": 7}, {"ratio": 80, "stiffness": 120.0}])
-def test_a_few_steps_prove_most_gains(kind, changes):
-    """From low frequencies to the Nyquist frequency, and within the bound; the rest has the singular values of the matrix."""
-    values = values_of(kind, K_VE=100.0, **changes)
-    loop, frequency = loop_of(values), np.geomspace(0.01, 499, 67)
-    with np.errstate(all="ignore"):
-        found, error = Dominant(loop.of_positions[0]).gain(loop.circle(frequency))
-    known = error <= 1e-6 * found
-    assert known.mean() > 0.6
-    assert (np.abs(found - dense(values, frequency)) <= error + 1e-11 * found)[known].all()
-
-
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
 def test_without_a_wall_nothing_holds_the_hand(kind):
     """A constant force, or one that is aliased to a constant, moves a free hand for ever."""
@@ -109,7 +93,7 @@ def test_what_is_conserved_without_a_wall_does_not_move_a_hand_on_a_spring(kind)
     assert free.worst_gain.to_numpy() == pytest.approx(free.worst_gain.iloc[1], rel=1e-9)
     assert (free.worst_gain_error < 1e-9).all()
     assert wall.worst_gain.isna().tolist() == [True, False, True]
-    assert (rows.doubt.iloc[:3] == "").all()
+    assert (rows.doubt.iloc[[0, 2]] == "").all()
     alone = loop.response([0.0, 1e-7, 250.0], K_VE=0.0)
     assert alone.worst_gain.tolist() == free.worst_gain.tolist()
 
@@ -124,32 +108,6 @@ def test_two_singular_values_that_nearly_meet_are_told_apart():
     found = wavesweep.compile(tables).response([20.0, 20.0 + 1e-9])
     assert found.worst_gain[0] == pytest.approx(found.worst_gain[1], rel=1e-10)
     assert found.worst_gain[0] >= found.admittance_abs[0]
-
-
-@pytest.mark.parametrize("small", [1.0, 1e-3, 1e-7, 1e-12, 1e-17])
-@pytest.mark.parametrize("steps", [1, 2, 3, 5, 9])
-def test_the_largest_eigenvalue_lies_within_its_residual(steps, small):
-    """Against LAPACK; entries of the bidiagonal matrix may nearly vanish, as they do when a few steps say all."""
-    random = np.random.default_rng(steps)
-    diagonal, beside = random.uniform(0.5, 1.5, (2, steps, 400))
-    diagonal[1:] *= 0.2
-    beside *= np.where(random.random(beside.shape) < 0.5, small, 1) * 0.2
-    with np.errstate(all="ignore"):  # a pivot may vanish
-        square, missed = _largest(list(diagonal), list(beside), np.full(400, np.nan))
-    B = np.zeros((400, steps, steps + 1))
-    at = np.arange(steps)
-    B[:, at, at], B[:, at, at + 1] = diagonal.T, beside.T
-    values = np.linalg.svd(B, compute_uv=False) ** 2
-    others = values[:, 1:].sum(-1)
-    rounding = 1e-14 * values[:, 0]
-    assert (square <= values[:, 0] + rounding).all()
-    proved = square > others
-    assert proved.sum() > 100
-    bound = square + missed / np.where(proved, square - others, np.inf)
-    assert (values[:, 0] <= bound + rounding)[proved].all()
-    vector = np.linalg.eigh(np.swapaxes(B, -1, -2)[:, :steps] @ B[..., :steps])[1][..., -1]
-    residual = (diagonal[-1] * beside[-1] * vector[:, -1]) ** 2
-    assert (missed <= 1.01 * residual + 1e-15 * values[:, 0] ** 2)[proved].all()
 
 
 def test_the_ticks_of_a_circle_do_not_depend_on_what_was_asked_before():

@@ -11,7 +11,7 @@ from wavesweep.passive.held_loop import HeldLoop, device_keys
 from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps, read
 from wavesweep.passive.margin import port_margin
-from wavesweep.response.bordered import solved
+from wavesweep.response.linear_systems import solved
 from wavesweep.stability.spectrum import is_stable
 
 SLACK = 1e-10  # of the damping and of 1 N*s/m, within which no frequency needs more

@@ -1,24 +1,22 @@
 """Worst-case gain: the largest singular value of the lifted map from the hand's forces of a frame to its positions."""
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
 from wavesweep.monodromy.rounding import ROUNDING
-from wavesweep.response.bordered import solved
 from wavesweep.response.circle import Circle
-from wavesweep.response.dominant import Dominant, applied, norm_of_product, norms_of
 from wavesweep.response.lifted import Lifted, Stretch
+from wavesweep.response.linear_systems import solved
 from wavesweep.response.static import LOST
-from wavesweep.response.steady import GOOD, respond
+from wavesweep.response.steady import respond
 
 DENSE = 64  # ticks up to which LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
 FEWEST = 8  # steps before that, since the process may rest at another singular value first
 SETTLED = 1e-13  # relative change of a singular value that counts as none
 BLOCK = 2_000_000  # entries of one batch of matrices
-POINTS = 200_000  # ticks times frequencies at a time
 
 
 def gain_of(loop: Lifted, ticks: int = 1) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
@@ -48,69 +46,46 @@ class Gain:
     """The worst-case gain of loops, see `gain_of`.
 
     The map is `T + O (w - E)^-1 G`: T gives the positions at the beginning of the ticks for forces of the same frame, G the
-    state that the forces leave, and O the positions for that state; only the closed loop has poles in it.
+    state that the forces leave, and O the positions for that state; only the closed loop has poles in it. The part through the
+    state is a matrix no larger than the state between two with orthonormal columns, `O = left corner` and `G = entry right'`.
     """
 
     def __init__(self, loop: Lifted):
         self.loop, (self.frame, self.lost) = loop, loop.of_positions
         with np.errstate(all="ignore"):
-            self.dominant = Dominant(self.frame)
+            self.n = self.frame.E[0].shape[-1]
+            (O, self.dO), (G, dG) = (part[..., -1, :, :] for part in self.frame.seen), self.frame.left
+            self.size, factoring = (
+                np.abs(O),
+                2 * self.n * ROUNDING,
+            )  # of a column's length, what is lost by factors in its place
+            self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
+            self.vague = (factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1)))[..., None, :, None]
+            self.left, self.corner = np.linalg.qr(O)
+            self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
+            self.entry, self.unsure = np.swapaxes(entry, -1, -2)[..., None, :, :], norm_of_errors(self.frame)
 
     def __call__(self, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
         """Return the gain, unbounded at multiples of the frame's rate if the position drifts, and a bound on its error.
 
-        Accuracy: as bounded (see `Dominant`), except if modes fail beyond 64 ticks: Lanczos' process ends at changes of 1e-13.
+        Accuracy: as bounded, except beyond 64 ticks, where Lanczos' process ends at changes of 1e-13.
         """
-        frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+        frequency, ticks = np.atleast_1d(np.asarray(frequency_hz, float)), self.frame.ticks
         unbounded = (self.loop.circle(frequency).frame == 0) & (self.loop.port.position is None)
         gain, relative = np.full((*self.lost.shape, frequency.size), np.nan), np.zeros((*self.lost.shape, frequency.size))
-        points = self.loop.circle(frequency[~unbounded])
-        width, n = max(1, POINTS // self.frame.ticks), self.frame.E[0].shape[-1]
+        bounded = np.flatnonzero(~unbounded)
+        width = max(1, BLOCK // (max(1, self.lost.size) * ticks * (ticks if ticks <= DENSE else self.n)))
         with np.errstate(all="ignore"):
-            for at in range(0, points.frequency.size, width):
-                some, which = points.at(slice(at, at + width)), np.flatnonzero(~unbounded)[at : at + width]
-                value, error = self.dominant.gain(some)
-                self._improve(some, value, error)
-                off = error / value + n * ROUNDING
+            for start in range(0, bounded.size, width):
+                which = bounded[start : start + width]
+                value, error = self._at(self.loop.circle(frequency[which]).frame)
+                off = error / value + self.n * ROUNDING
                 known = (off < LOST) & ~self.lost[..., None]
                 gain[..., which], relative[..., which] = (np.where(known, part, np.nan) for part in (value, off))
         return gain, np.where(self.lost[..., None], np.nan, relative)
 
-    def _improve(self, points, gain, error):
-        """Replace the gains that the modes did not prove."""
-        doubtful, ticks = ~(error <= GOOD * gain) & ~self.lost[..., None], self.frame.ticks
-        some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-        width = max(1, BLOCK // (max(1, self.lost.size) * ticks * (ticks if ticks <= DENSE else self.frame.E[0].shape[-1])))
-        for start in range(0, some.size, width):
-            index = some[start : start + width]
-            found, bound = self._whole.gain(points.frame[index])
-            gain[..., index] = np.where(doubtful[..., index], found, gain[..., index])
-            error[..., index] = np.where(doubtful[..., index], bound, error[..., index])
-
-    @cached_property
-    def _whole(self):
-        return Whole(self.frame)
-
-
-class Whole:
-    """The lifted map for frequencies at which modes fail.
-
-    The part through the state, `O (w - E)^-1 G`, is a matrix no larger than the state between two matrices with orthonormal
-    columns, `O = left corner` and `G = entry right'`.
-    """
-
-    def __init__(self, frame: Stretch):
-        self.frame, self.n = frame, frame.E[0].shape[-1]
-        (O, self.dO), (G, dG) = (part[..., -1, :, :] for part in frame.seen), frame.left
-        self.size, factoring = np.abs(O), 2 * self.n * ROUNDING  # of a column's length, what is lost by factors in place of it
-        self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
-        self.vague = (factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1)))[..., None, :, None]
-        self.left, self.corner = np.linalg.qr(O)
-        self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
-        self.entry, self.unsure = np.swapaxes(entry, -1, -2)[..., None, :, :], norms_of(frame)[1]
-
-    def gain(self, w):
-        """Return the largest singular value at each point, and a bound on its error (m/N)."""
+    def _at(self, w):
+        """Return the largest singular value at each point of the frame's circle, and a bound on its error (m/N)."""
         (E, dE), w, n = self.frame.E, w[:, None, None], self.n
         none = 0 * w.real
         A, dA = w * np.eye(n) - E[..., None, :, :], dE[..., None, :, :] + none
@@ -125,9 +100,10 @@ class Whole:
         return np.where(finite, value, np.nan), error
 
     def _dense(self, core):
-        """Return the largest singular value by LAPACK, from the whole matrix."""
+        """Return the largest singular value from the whole matrix A, the root of the largest eigenvalue of `A' A`."""
         whole = self.left[..., None, :, :] @ core @ np.swapaxes(self.right, -1, -2)[..., None, :, :]
-        return np.linalg.svd(whole + self.frame.whole()[..., None, :, :], compute_uv=False)[..., 0]
+        whole += self.frame.whole()[..., None, :, :]
+        return np.sqrt(np.linalg.eigvalsh(np.swapaxes(whole.conj(), -1, -2) @ whole)[..., -1])
 
     def _lanczos(self, core):
         """Return the largest singular value by Golub-Kahan-Lanczos with full reorthogonalisation, all points at once."""
@@ -165,3 +141,43 @@ class Whole:
 def _norm(v):
     size = np.sqrt((np.abs(v) ** 2).sum(-1, keepdims=True))
     return np.where(size > 0, size, 1)
+
+
+def applied(frame: Stretch, v, which, *, adjoint: bool):
+    """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint: the transposed map.
+
+    which: the loop of each vector. What the forces of one part of a long frame do in the other goes through the state.
+    """
+    if frame.inner:
+        own = _of_loops(frame.inner[0], which)
+        return (np.swapaxes(own, -1, -2) if adjoint else own) @ v
+    first, second, ticks = frame.first, frame.second, frame.first.ticks
+    parts = v[:, :ticks], v[:, ticks:]
+    found = [applied(part, some, which, adjoint=adjoint) for part, some in zip((first, second), parts, strict=True)]
+    seen, left = _of_loops(second.seen[0][..., -1, :, :], which), _of_loops(first.left[0], which)
+    if adjoint:
+        found[0] += np.swapaxes(left, -1, -2) @ (np.swapaxes(seen, -1, -2) @ parts[1])
+    else:
+        found[1] += seen @ (left @ parts[0])
+    return np.concatenate(found, axis=-2)
+
+
+def _of_loops(part, which):
+    part = part.reshape(-1, *part.shape[-2:])
+    return part[which] if len(part) > 1 else part
+
+
+def norm_of_errors(frame: Stretch) -> np.ndarray:
+    """Return the Frobenius norm of the errors of the map from a frame's forces to its positions, `(...)`."""
+    if frame.inner:
+        return np.sqrt((frame.inner[1] ** 2).sum((-2, -1)))
+    seen, dseen = (part[..., -1, :, :] for part in frame.second.seen)
+    left, dleft = frame.first.left
+    size = np.abs(left)
+    across = norm_of_product(dseen, size) + norm_of_product(np.abs(seen), dleft + ROUNDING * size)
+    return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
+
+
+def norm_of_product(A, B):
+    """Return the Frobenius norm of `A B` without forming it."""
+    return np.sqrt(np.maximum(((np.swapaxes(A, -1, -2) @ A) * (B @ np.swapaxes(B, -1, -2))).sum((-1, -2)), 0))

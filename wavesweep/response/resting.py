@@ -13,7 +13,7 @@ import numpy as np
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.interconnect import connect
 from wavesweep.monodromy.rounding import ENTRIES, ROUNDING
-from wavesweep.response.bordered import solved
+from wavesweep.response.linear_systems import solved
 from wavesweep.response.port import Ports
 from wavesweep.response.ticks import ordered_products
 

@@ -12,7 +12,7 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.cut import OpenFrame
 from wavesweep.monodromy.drift import TickDrift, counted_row
 from wavesweep.monodromy.rounding import ROUNDING
-from wavesweep.response.bordered import solved
+from wavesweep.response.linear_systems import solved
 from wavesweep.response.port import Ports
 from wavesweep.response.resting import Resting
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.response.bordered import solved
 from wavesweep.response.lifted import Lifted, Sums
+from wavesweep.response.linear_systems import solved
 from wavesweep.response.ticks import ordered_product
 
 STEP = 1e-30  # of z, for slopes
