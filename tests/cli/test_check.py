@@ -112,6 +112,17 @@ def test_a_check_that_takes_long_says_that_it_is_at_work(wavesweep, tmp_path, mo
         assert (code, "still at work" in err) == (0, not quiet)
 
 
+def test_the_verdict_is_printed_before_ranges_are_searched(wavesweep, tmp_path, monkeypatch):
+    def limits(*_):
+        raise library.UsageError("no range")
+
+    (tmp_path / "mine.toml").write_text(DESIGN)
+    monkeypatch.setattr("wavesweep.sweep.verdict.limits", limits)
+    code, out, err = wavesweep("check", str(tmp_path / "mine.toml"))
+    assert (code, out) == (2, "mine, pmw: stable (spectral radius 0.937103 per frame of 20 ms)\n")
+    assert "no range" in err
+
+
 def test_the_plan_says_how_long_passivity_of_several_chunks_takes(check):
     """A short table, which is one chunk, has no such line."""
     lines = check("sweep.b=[5,10]").splitlines()

@@ -10,6 +10,7 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.cli.check import verdict_lines
 from wavesweep.spec import SYMBOLS, load
+from wavesweep.sweep import verdict as judging
 from wavesweep.sweep.verdict import own_design
 
 ROOT = Path(__file__).parents[2]
@@ -218,3 +219,72 @@ def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
     said = [line for line in verdict_lines(spec, wavesweep.verdict(spec)) if "wave channel: norm" in line]
     assert len(said) == 1
     assert ("not computed" in said[0]) != known
+
+
+def late(k, ticks, **numbers):
+    """A level that is corrected by k times what it was so many ticks ago; the tick is 0.1 s."""
+    return {
+        "rates": {"tick_hz": 10},
+        "numbers": {"k": k, "tau": 0.1 * ticks} | numbers,
+        "block": {
+            "level": {"type": "tf", "num": [1], "den": [1, 0]},
+            "late": {"type": "delay", "seconds": "tau"},
+            "hold": {"type": "hold"},
+        },
+        "wire": {"late.u": "level.y", "hold.u": "-k*late.y", "level.u": "hold.y"},
+    }
+
+
+def late_radius(k, tau, tick=0.1):
+    """The same by its states x[k], ..., x[k-m] and u[k-1], ..., u[k-m]: what is read is x[k-m] + (m T - tau) u[k-m]."""
+    m = int(np.ceil(tau / tick))
+    A, read = np.zeros((2 * m + 1, 2 * m + 1)), np.zeros(2 * m + 1)
+    read[m], read[2 * m] = -k, -k * (m * tick - tau)
+    A[0, 0], A[0] = 1, A[0] + tick * read
+    A[0, 0] += 1
+    A[1 : m + 1, :m], A[m + 2 :, m + 1 : -1] = np.eye(m), np.eye(m - 1)
+    A[m + 1] = read
+    return np.abs(np.linalg.eigvals(A)).max()
+
+
+@pytest.mark.slow
+def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle():
+    found = limit_of(wavesweep.verdict(late(0.9, 8)), "tau")
+    assert found["certified"]
+    assert (found["low"], found["stopped"]) == (None, True)  # the dead time of the own values to the first end, and no further
+    assert late_radius(0.9, found["high"] * 0.9999) < 1 < late_radius(0.9, found["high"] * 1.0001)
+    assert found["to"] == pytest.approx(np.ceil(found["high"] / 0.1) * 0.1, rel=1e-12)
+
+
+def test_a_range_that_takes_long_ends_next_to_the_value(monkeypatch):
+    monkeypatch.setattr(judging, "SECONDS", 0.0)
+    spec = load(late(0.02, 48))
+    found = limit_of(wavesweep.verdict(spec), "tau")
+    assert (found["stable"], found["certified"], found["stopped"]) == (True, True, True)
+    assert (found["from"] <= 4.8 <= found["to"], found["to"] - found["from"]) == (True, pytest.approx(0.1))
+    text = "\n".join(verdict_lines(spec, wavesweep.verdict(spec)))
+    assert "--set sweep.along=tau --set 'sweep.tau={start=0.48, stop=48}'" in text
+
+
+def test_a_range_that_would_cross_a_pole_ends_before_it():
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"phi": 1.0},
+        "block": {"lag": {"type": "tf", "num": [1], "den": [1, 1]}, "hold": {"type": "hold"}},
+        "wire": {"hold.u": "-2/sin(phi)*lag.y", "lag.u": "hold.y"},
+    }
+    found = limit_of(wavesweep.verdict(tables), "phi")
+    assert (found["stable"], found["certified"], found["low"], found["high"]) == (True, True, None, None)
+    assert 0.98 * np.pi < found["to"] < np.pi
+    decay = np.exp(-0.01)  # over a tick; a gain g makes it decay - g (1 - decay)
+    assert decay - 2 / np.sin(found["to"]) * (1 - decay) > -1
+
+
+def test_a_value_at_a_limit_is_not_in_what_is_stable():
+    """`x' = (1 - 2 k) x` alternates for ever at k = 1."""
+    sums = {"type": "tf", "num": [1], "den": [1, -1], "discrete": True}
+    tables = {"rates": {"tick_hz": 1}, "numbers": {"k": 1.0}, "block": {"sum": sums}, "wire": {"sum.u": "-2*k*sum.y"}}
+    found = wavesweep.verdict(tables)
+    assert not found["stable"]
+    assert limit_of(found, "k")["stable"] is False
+    assert limit_of(found, "k")["intervals"] == [[0.1, pytest.approx(1.0, rel=1e-9)]]

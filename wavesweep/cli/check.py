@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from wavesweep.spec import Axis, Spec
 
 Facts = Mapping[str, Any]
+PATIENT = 1.0  # s, after which ranges that are not done have a bar on a terminal
 RINGS = 0.5  # damping ratio, below which a mode rings
 
 
@@ -68,20 +68,28 @@ def command(
     """
     _refuse_at_odds(plot or locus is not None, out)
     from wavesweep import spec as specs
-    from wavesweep.cli.messages import patience, printable
+    from wavesweep.cli.messages import printable, progress
     from wavesweep.sweep.assumptions import over_preset, unusual
     from wavesweep.sweep.planning import plan
-    from wavesweep.sweep.verdict import verdict
+    from wavesweep.sweep.verdict import beside, own_design
 
-    loaded = specs.load(spec, overrides)
+    loaded, silent = specs.load(spec, overrides), switches["as_json"] or switches["quiet"]
     poles = _axis_of_poles(loaded, locus) if locus is not None else None
-    words = f"{loaded.name}: still at work on the ranges of its numbers; long delays take minutes"
-    with nullcontext() if switches["quiet"] else patience(words):
-        found, lines = verdict(loaded), plan(loaded)
-        if loaded.design:
-            from wavesweep.search import study
 
-            lines += study.plan(loaded)
+    def show(lines: Iterable[str]) -> None:
+        if not silent:
+            click.echo(printable("\n".join(lines)))
+
+    with progress(switches["quiet"], "at work on the ranges of its numbers") as report:
+        found = own_design(loaded)
+        show(own_lines(loaded, found))
+        found |= beside(loaded, found, report and _after(PATIENT, report))
+    show(verdict_lines(loaded, found))
+    lines = plan(loaded)
+    if loaded.design:
+        from wavesweep.search import study
+
+        lines += study.plan(loaded)
     notices = [*unusual(loaded), *over_preset(loaded)]
     pictures = _pictures(loaded, plot, poles, out, formats) if plot or poles else []
     if switches["as_json"]:
@@ -90,12 +98,11 @@ def command(
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
         files = {"files": [str(path) for path in pictures]} if pictures else {}
         show_json(summary | {"verdict": found, "plan": lines, "notices": notices} | files)
-    elif not switches["quiet"]:
-        click.echo(printable("\n".join([*verdict_lines(loaded, found), *(f"  {line}" for line in notices), *lines])))
-        if pictures:
-            from wavesweep.cli.messages import say
+    show([*(f"  {line}" for line in notices), *lines])
+    if pictures and not silent:
+        from wavesweep.cli.messages import say
 
-            say(f"Wrote {', '.join(map(str, pictures))}")
+        say(f"Wrote {', '.join(map(str, pictures))}")
     return int(exit_code and not found["stable"])
 
 
@@ -147,17 +154,35 @@ def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, forma
     return [path for paths in written for path in paths]
 
 
-def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
-    """Yield the verdict on the spec's own design, in about eight lines."""
-    from wavesweep.passive.channel import has_waves
-    from wavesweep.passive.margin import LONGEST
-    from wavesweep.sweep.assumptions import FAVOURABLE
-    from wavesweep.sweep.grid import own_loop
+def _after(seconds: float, report: Callable[..., None]) -> Callable[..., None]:
+    """The same report, from so many seconds on: what takes less shows no bar."""
+    from time import monotonic
 
-    first = FAVOURABLE in found["assumes"]
-    if first:
+    started = monotonic()
+    return lambda *done: report(*done) if monotonic() - started > seconds else None
+
+
+def own_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield whether the design is stable, in a line or two."""
+    if _favourable(found):
         yield f"assumes: {found['assumes']}"
     yield from _stability(spec, found)
+
+
+def _favourable(found: Facts) -> bool:
+    """Whether the design is better only by what it assumes, which is then said first."""
+    from wavesweep.sweep.assumptions import FAVOURABLE
+
+    return FAVOURABLE in found["assumes"]
+
+
+def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield what the verdict says beside `own_lines`, in about eight lines."""
+    from wavesweep.passive.channel import has_waves
+    from wavesweep.passive.margin import LONGEST
+    from wavesweep.sweep.grid import own_loop
+
+    yield from _for_all(found.get("for_all"))
     bounded = [each for each in found["limits"] if _bounded(each)]
     yield from (f"  {_limit(spec, each)}" for each in bounded)
     others = [each for each in found["limits"] if each not in bounded]
@@ -180,12 +205,12 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     elif not spec.drawing and has_waves(own_loop(spec)[0]):
         yield f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
     yield from (f"  {line}" for line in measured_lines(spec, found.get("measured", {})))
-    if found["assumes"] and not first:
+    if found["assumes"] and not _favourable(found):
         yield f"  assumes: {found['assumes']}"
 
 
 def _stability(spec: Spec, found: Facts) -> Iterator[str]:
-    """Whether the design is stable, and for all of [for_all]."""
+    """Whether the design is stable."""
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
     known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
@@ -196,7 +221,6 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     if spec.drawing and radius == 1:
         yield "  of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
-    yield from _for_all(found.get("for_all"))
 
 
 def _for_all(found: Facts | None) -> Iterator[str]:
@@ -208,27 +232,45 @@ def _for_all(found: Facts | None) -> Iterator[str]:
 def _bounded(limit: Facts) -> bool:
     """Whether stability changes in the range searched, or is not known there."""
     whole = [[limit["from"], limit["to"]]]
-    return limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole)
+    return limit["stopped"] or limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole)
 
 
 def _limit(spec: Spec, limit: Facts) -> str:
     name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
     default = "" if spec.drawing or spec.names.find(name).path in spec.given else ", the default"
     here = f"{name} = {value:g}{unit}{default}"
+    return f"{here}: {_stable_where(limit, unit)}{_going_on(spec, limit)}"
+
+
+def _going_on(spec: Spec, limit: Facts) -> str:
+    """A line with what finds the rest of a range that ended early, unless both ends of the interval are known."""
+    from wavesweep.sweep.verdict import searched
+
+    name = limit["name"]
+    start, stop = searched(spec, name, spec.names.find(name).path)
+    ended = [limit["low"] is None and limit["from"] > start, limit["high"] is None and limit["to"] < stop]
+    if not (limit["stopped"] and any(ended)):
+        return ""
+    axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
+    return f"\n    the whole range takes longer: wavesweep stability-region {spec.source or spec.name} {axes}"
+
+
+def _stable_where(limit: Facts, unit: str) -> str:
+    value = limit["value"]
     if limit["stable"] is None:
-        return f"{here}: not known ({limit['doubt']})"
+        return f"not known ({limit['doubt']})"
     proved = "" if limit["certified"] else f", not proved ({limit['doubt']})"
     if not limit["stable"]:
         spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
         if not (spans or limit["certified"]):
-            return f"{here}: no stable value known in {searched} ({limit['doubt']})"
-        return f"{here}: stable in {spans}{proved}" if spans else f"{here}: nowhere stable in {searched}"
+            return f"no stable value known in {searched} ({limit['doubt']})"
+        return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
     low, high = limit["low"], limit["high"]
     start = f"from {low:.6g}" if low is not None else f"from {'at most ' if limit['from'] else ''}{limit['from']:g}"
     end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
     factors = _factors(limit) if value else ""
-    return f"{here}: stable {start} {end}{factors}{proved}"
+    return f"stable {start} {end}{factors}{proved}"
 
 
 def _span(limit: Facts, low: float, high: float) -> str:

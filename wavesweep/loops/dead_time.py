@@ -19,6 +19,7 @@ from wavesweep.loops.block import Block
 from wavesweep.loops.blocks import held
 from wavesweep.loops.values import values_of
 from wavesweep.spec.drawing import AT, Drawing, Plant, scalars
+from wavesweep.spec.expressions import names_in
 
 SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
 ROUNDED = 1e-12  # relative, of a dead time that is meant to be a whole number of ticks
@@ -35,6 +36,12 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
         path: ticks[names[0]] if len(names) == 1 else sum(ticks[name] - ratio[name] for name in names) > 1
         for path, names in drawing.building.items()
     }
+
+
+def timing(drawing: Drawing) -> set[str]:
+    """Return the names of the numbers that dead times follow from, in ticks."""
+    trees = drawing.dead_times.values()
+    return {name for tree in trees for name, _ in names_in(tree)}.union(drawing.rating if trees else ())
 
 
 def built(drawing: Drawing, known: Mapping[str, object]) -> dict[str, object]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.loops.dead_time import breaks, structure
+from wavesweep.loops.dead_time import breaks, structure, timing
 from wavesweep.loops.domain import bends_at_zero, domains, guards_at
 from wavesweep.loops.from_drawing import (
     FACTOR,
@@ -30,7 +30,6 @@ from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
-from wavesweep.spec.expressions import names_in
 from wavesweep.stability import Circle, Intervals, Spiral, along_by_discs, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
@@ -103,7 +102,7 @@ class DrawnTask:
 
             def stiffness(some, p, values=values, at=at):
                 found, columns = np.empty(p.size), at[some]
-                alone = self.number in self._timing  # each is built in its own way
+                alone = self.in_pieces  # each is built in its own way
                 parts = (
                     np.arange(p.size)[:, None]
                     if alone
@@ -188,31 +187,52 @@ class DrawnTask:
         return None
 
     @property
-    def _timing(self):
-        """Names of the numbers that dead times follow from, in ticks."""
-        trees = self.drawing.dead_times.values()
-        return {name for tree in trees for name, _ in names_in(tree)}.union(self.drawing.rating if trees else ())
+    def in_pieces(self) -> bool:
+        """Whether loops are built in another way at other values of the number, as dead times of other whole ticks are."""
+        return self.number in timing(self.drawing)
 
     def _intervals(self, values, size, opened):
-        return self._in_pieces(values, size) if self.number in self._timing else self.between_breaks(values, size, opened)
+        return self._in_pieces(values, size) if self.in_pieces else self.between_breaks(values, size, opened)
 
     def _in_pieces(self, values, size):
         """The intervals from parts of the range, in each of which the loops are built alike."""
         arrays = {path: value for path, value in values.items() if np.ndim(value)}
-        first, of = distinct_rows({path: v for path, v in arrays.items() if name_of(path) in self._timing}, size)
+        first, of = distinct_rows({path: v for path, v in arrays.items() if name_of(path) in timing(self.drawing)}, size)
         found = []
         for number, at in enumerate(first.tolist()):
             columns = np.flatnonzero(of == number)
-            own, parts = selected(values, columns), []
-            ends = breaks(self.drawing, selected(values, at), self.along, self.span)
-            for piece in pairwise(ends):
-                middle = selected(values, at) | {self.along: sum(piece) / 2}
-                built = {path: int(each) for path, each in structure(self.drawing, middle).items()}
-                parts.append(replace(self, span=piece).between_breaks(own | built, columns.size, None))
-            whole = without_seams(joined(parts))
+            own, one = selected(values, columns), selected(values, at)
+            ends = breaks(self.drawing, one, self.along, self.span)
+            whole = without_seams(joined([self._piece(piece, own, one, columns.size) for piece in pairwise(ends)]))
             found.append(replace(whole, column=columns[whole.column]))
         whole = Intervals.join(found)
         return whole.take(np.argsort(whole.column, kind="stable"))
+
+    def _piece(self, piece, values, one, size):
+        """The intervals in a part of the range in which the loops are built as that of the numbers `one` is."""
+        middle = one | {self.along: sum(piece) / 2}
+        built = {path: int(each) for path, each in structure(self.drawing, middle).items()}
+        return replace(self, span=piece).between_breaks(values | built, size, None)
+
+    def about(self, value: float, enough: Callable[[], bool]) -> tuple[np.ndarray, tuple[float, float]]:
+        """The intervals of a single loop about a value of the number as records, and the part of the range that was searched.
+
+        It grows piece by piece, the nearest first, until it is `enough` or the interval of the value has both of its ends.
+        """
+        ((_, values),) = self.groups
+        ends, own = breaks(self.drawing, values, self.along, self.span), {**values}
+        first = min(max(int(np.searchsorted(ends, value)) - 1, 0), len(ends) - 2)
+        last, parts = first + 1, [self._piece(ends[first : first + 2], own, own, 1)]
+        while True:
+            found = without_seams(joined(parts))
+            inside = (found.low <= value) & (value <= found.high)
+            below = value - ends[first - 1] if first and (found.low[inside] == ends[first]).all() else np.inf
+            above = ends[last + 1] - value if last + 1 < len(ends) and (found.high[inside] == ends[last]).all() else np.inf
+            if np.isinf(min(below, above)) or enough():
+                return records_of(found), (ends[first], ends[last])
+            at = first - 1 if below < above else last
+            first, last = min(first, at), max(last, at + 1)
+            parts.append(self._piece(ends[at : at + 2], own, own, 1))
 
     def between_breaks(self, values, size, opened) -> Intervals:
         """The intervals of loops that are built alike at all values of the number; opened: as for `connected`."""

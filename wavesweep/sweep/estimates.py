@@ -9,6 +9,8 @@ import numpy as np
 
 from wavesweep.disk import free_bytes
 from wavesweep.errors import UsageError
+from wavesweep.loops.dead_time import breaks, timing
+from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.job import Job, cut_otherwise, naming_values
 from wavesweep.sweep.tasks import timed
 
@@ -44,6 +46,7 @@ def _size(count):
 
 PROBES = 6  # samples of the sweep
 SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
+MOST_TICKS = 64  # pieces of a range, up to which one is a sample
 FEW_DRAWN = 8  # loops of a sample that share no drawing
 LONGEST = 0.1  # s; no further sample after that
 
@@ -51,6 +54,8 @@ LONGEST = 0.1  # s; no further sample after that
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
     whole = job.slices
+    job, times = _in_a_piece(job)
+    whole *= times
     job, chunks = _samples(job)
     tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
@@ -63,6 +68,18 @@ def expected_seconds(job: Job, longest: float = LONGEST) -> float:
             if seconds > longest:
                 break
     return seconds / slices * whole
+
+
+def _in_a_piece(job):
+    """The job in one of the pieces into which dead times of other whole ticks cut its range, and the times it is of that."""
+    spec, axis = job.grid.spec, getattr(job, "axis", None)
+    if axis is None or not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
+        return job, 1
+    ends = breaks(spec.drawing, spec.values, axis.path, (float(axis.start), float(axis.stop)))
+    middle = (len(ends) - 1) // 2
+    at = min(middle, MOST_TICKS)
+    longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
+    return replace(job, axis=replace(axis, start=ends[at], stop=ends[at + 1])), (len(ends) - 1) * longer
 
 
 def _samples(job):

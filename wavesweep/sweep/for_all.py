@@ -7,9 +7,9 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.dead_time import timing
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import name_of
-from wavesweep.spec.expressions import names_in
 from wavesweep.spec.for_all import values_of_range
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_task import Parts, loop_by_loop
@@ -67,9 +67,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
     for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
     swept = [axis.name for axis in for_all.axes if axis.path == along]
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
-    trees = drawing.dead_times.values()
-    timing = {name for tree in trees for name, _ in names_in(tree)} | (drawing.rating if trees else set())
-    timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing]
+    timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
         (

@@ -1,7 +1,9 @@
 """The verdict on a spec's own design: stability, the room that each number has, and the feel."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
+from time import monotonic
 
 import numpy as np
 
@@ -12,22 +14,27 @@ from wavesweep.response.steady import respond, static_response
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
+from wavesweep.stability.certificate import words
 from wavesweep.stability.modes import modes_of
 from wavesweep.stability.spectrum import damping_ratio, radius_of
 from wavesweep.sweep import for_all
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.drawn_loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
+from wavesweep.sweep.drawn_task import DrawnTask
 from wavesweep.sweep.feel import felt_over_band
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
 from wavesweep.sweep.hardware import hardware_of
-from wavesweep.sweep.interval_job import job_over
+from wavesweep.sweep.interval_job import cost_of, job_over
 from wavesweep.sweep.measured import distances, read_points
 from wavesweep.sweep.poles import leading
 from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
-HALVINGS = 30  # towards the end of what a spec takes
+HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
+SECONDS = 3.0  # of work on the range of one number, after which it ends where it is
+LONG = 1.0  # s of a range in one piece by `expected_cost`, of which long frames take three times as much
+LATE = "it takes longer than check does"
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 LARGEST_CHANNEL = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
@@ -43,16 +50,25 @@ ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    The numbers of `own_design`; limits: per number of the loop the stable interval that its value lies in (see `limits`);
-    delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with
-    [for_all], whether it is stable for all of it, see `wavesweep.sweep.for_all.verdict`. hardware: see `hardware_of`. measured:
-    of a spec with [measured], how far the design is from the points, see `wavesweep.sweep.measured.distances`.
+    The numbers of `own_design`, and those of `beside`.
     """
-    points = read_points(spec)
-    found = own_design(spec) | {"limits": limits(spec), "delay": _delays(spec)}
-    found |= {"hardware": _hardware(spec, found) if found["stable"] else {}}
-    found |= {"for_all": for_all.verdict(spec)} if spec.for_all else {}
-    return found | ({"measured": distances(spec, points, found["stable"])} if spec.measured else {})
+    own = own_design(spec)
+    return own | beside(spec, own)
+
+
+@np.errstate(all="ignore")
+def beside(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
+    """What the verdict says beside the numbers of `own_design`; report: is called with the ranges that are done, and all.
+
+    limits: per number of the loop the stable interval that its value lies in (see `limits`); delay: the number of ticks it may
+    grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with [for_all], whether it is stable for all
+    of it, see `wavesweep.sweep.for_all.verdict`. hardware: see `hardware_of`. measured: of a spec with [measured], how far the
+    design is from the points, see `wavesweep.sweep.measured.distances`.
+    """
+    points, found = read_points(spec), {"for_all": for_all.verdict(spec)} if spec.for_all else {}
+    found |= {"limits": limits(spec, report), "delay": _delays(spec)}
+    found |= {"hardware": _hardware(spec, own) if own["stable"] else {}}
+    return found | ({"measured": distances(spec, points, own["stable"])} if spec.measured else {})
 
 
 def own_design(spec: Spec, loop=None) -> dict:
@@ -124,16 +140,22 @@ def _frame_of(spec):
     return *found, float(drawn.period * drawn.ticks)
 
 
-def limits(spec: Spec) -> list[dict]:
+def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
     """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
 
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
     value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
-    whether they are.
+    whether they are. stopped: whether the range would go on, but takes more than about SECONDS; it is then the part next to the
+    value, or LATE is the doubt. report: is called with the numbers that are done, and all.
     """
     read = keys_of(spec)
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
-    return [_limit(spec, name, path) for name, path in names.items()]
+    found = []
+    for done, (name, path) in enumerate(names.items(), start=1):
+        found.append(_limit(spec, name, path))
+        if report:
+            report(done, len(names))
+    return found
 
 
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
@@ -147,39 +169,70 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
 
 def _limit(spec, name, path, span=None):
     value, span = spec.values[path], span or searched(spec, name, path)
-    axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
+    found |= {"stopped": False}
     try:
-        rows = in_memory(job_over(make_grid(spec, (), path), axis))
+        job = _job(spec, name, path, span)
+        rows, (start, stop) = _rows(job, value, span)
     except WavesweepError as error:
         if value == 0 and span[0] < 0:  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]))
-        less = tuple(_reached(spec, path, value, end) for end in span)
-        if less != span and less[0] < less[1]:
-            return _limit(spec, name, path, less)
+        for takes, times in ((partial(_takes, spec, path), HALVINGS), (partial(_has_loops, spec, name, path), FEW)):
+            less = tuple(_reached(takes, value, end, times) for end in span)
+            if less != span and less[0] < less[1]:
+                return _limit(spec, name, path, less)
         return found | {"stable": None, "doubt": str(error), "certified": False}
-    inside = (rows["low"] <= value) & (value <= rows["high"])
+    found |= {"from": start, "to": stop, "stopped": (start, stop) != span}
+    if rows is None:
+        return found | {"stable": None, "doubt": LATE, "certified": False}
+    at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
+    inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
     found["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
     found |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
     if not inside.any():
         return found
     row = int(np.flatnonzero(inside)[0])
-    for end, of_range in zip(("low", "high"), span, strict=True):  # one without a crossing may end where nothing is known
+    for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
         if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
             found[end] = float(rows[end][row])
     return found
 
 
-def _reached(spec, path, value, end):
-    """The value nearest to an end of a range that the spec takes, by halving from its own on."""
+def _job(spec, name, path, span):
+    """The job of the intervals along a number alone."""
+    return job_over(make_grid(spec, (), path), Axis(name, path, (), *span, False, "linear"))
+
+
+def _rows(job, value, span):
+    """The intervals, and the part of the range that was searched; None and the value itself if they take too long."""
+    task, until = job.task(job.chunks[0]), monotonic() + SECONDS
+    if isinstance(task, DrawnTask) and task.in_pieces:
+        records, span = task.about(value, lambda: monotonic() > until)
+        return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
+    cost, exact = cost_of(job.grid.spec, job.axis)
+    if cost > LONG and not exact:
+        return None, (value, value)
+    return in_memory(job), span
+
+
+def _reached(takes, value, end, times):
+    """The value nearest to an end of a range that is taken, by halving from its own on."""
     inside, beyond = float(value), float(end)
-    if _takes(spec, path, beyond):
+    if takes(beyond):
         return beyond
-    for _ in range(HALVINGS):
+    for _ in range(times):
         middle = (inside + beyond) / 2
-        inside, beyond = (middle, beyond) if _takes(spec, path, middle) else (inside, middle)
+        inside, beyond = (middle, beyond) if takes(middle) else (inside, middle)
     return inside
+
+
+def _has_loops(spec, name, path, value):
+    """Whether there are loops from the spec's own value to this one of a number."""
+    with suppress(WavesweepError):
+        _job(spec, name, path, tuple(sorted((float(spec.values[path]), value))))
+        return True
+    return False
 
 
 def _takes(spec, path, value):
