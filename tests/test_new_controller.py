@@ -3,6 +3,8 @@
 The slow wall's held force reaches the device through a first-order low-pass at the fast rate.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -12,6 +14,8 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.loops.controllers import PAGES
+from wavesweep.loops.page import Page
+from wavesweep.sweep.assumptions import assumes
 
 KIND = "dc-filtered"
 
@@ -118,3 +122,12 @@ def test_passivity_and_the_verdict_on_hands_ask_the_drawing():
         lowest.append(np.linalg.eigvalsh(H + H.conj().T)[0] / 2)
     assert table.port_margin[0] == pytest.approx(min(lowest), rel=1e-4)
     assert wavesweep.compile(nested(HELD | {"controller.kind": KIND})).to_control().ninputs == ratio
+
+
+def test_what_results_assume_of_the_wall_is_what_the_page_says(monkeypatch):
+    spec = wavesweep.load(nested(VALUES | {"controller.kind": KIND}))
+    assert assumes(spec).startswith("wall at the slow rate, whose force is smoothed, delay of 3 of 8 ticks")
+    monkeypatch.setitem(
+        PAGES, KIND, lambda values: replace(code("Add a controller")["dc_smooth"](values), assumes=Page({}, {}, "").assumes)
+    )
+    assert "says nothing" in assumes(spec)

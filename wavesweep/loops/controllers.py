@@ -35,6 +35,12 @@ def keys_of_page(values: Mapping[str, Any]) -> frozenset[str]:
     return _read(*_page_of(values))
 
 
+def assumption_of_page(values: Mapping[str, Any]) -> str:
+    """Return what the page of a spec's controller declares of its wall."""
+    kind, items = _page_of(values)
+    return PAGES[kind](dict(items)).assumes
+
+
 def _page_of(values, varied=()):
     """The kind of a controller, and the values that decide how its page draws it."""
     kind = values["controller.kind"]

@@ -5,18 +5,20 @@ from typing import Any
 
 from wavesweep.loops.page import F_S, Page, Slow, device
 
+HELD = "wall at the slow rate, without integration"
+
 
 def dc(values: Mapping[str, Any]) -> Page:
     """The paper's ideal: the wall's force in every tick, so the frame is one tick."""
     blocks, wires, velocity = device(values)
     force = F_S.format(x="device.x", v=velocity)
-    return Page(blocks, wires | {"device.f": f"f_h - ({force})"}, force)
+    return Page(blocks, wires | {"device.f": f"f_h - ({force})"}, force, "ideal wall at the fast rate")
 
 
 def dc_slow(values: Mapping[str, Any]) -> Page:
     """hand -> device -> sampled slow wall -> held force -> device."""
     blocks, wires, _, force = _slow_wall(values)
-    return Page(blocks, wires | {"device.f": f"f_h - {force}"}, force)
+    return Page(blocks, wires | {"device.f": f"f_h - {force}"}, force, HELD)
 
 
 def dc_lm(values: Mapping[str, Any]) -> Page:
@@ -28,7 +30,7 @@ def dc_lm(values: Mapping[str, Any]) -> Page:
         held, through, shown = slow.in_place(name, f"{name}.y")
         blocks, wires = blocks | sampled | held, wires | {f"{name}.u": signal} | through
         force = f"{force} + {gain}*({signal} - {shown})"
-    return Page(blocks, wires | {"device.f": f"f_h - ({force})"}, force)
+    return Page(blocks, wires | {"device.f": f"f_h - ({force})"}, force, HELD)
 
 
 def _slow_wall(values):

@@ -30,12 +30,13 @@ class Page:
     """A loop as its page draws it.
 
     blocks: name -> keys, of which `type` is one; numbers are texts of expressions in paths of keys. wires: input port -> text
-    of an expression, linear in signals. reaction: text of the force against the hand.
+    of an expression, linear in signals. reaction: text of the force against the hand. assumes: what a result says of its wall.
     """
 
     blocks: Mapping[str, Mapping[str, object]]
     wires: Mapping[str, str]
     reaction: str
+    assumes: str = "a wall of which its controller's page says nothing"
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,8 @@ def _waves(values, branch, of_branch, v_2):
         "avatar.f": F_S.format(x="avatar.x_spring", v="avatar.v"),
         "device.f": "f_h - encoder.force",
     }
-    return Page(blocks | branch | held, wires | of_branch | through, "encoder.force")
+    assumes = f"{values['environment.integration']} integration of the wall"
+    return Page(blocks | branch | held, wires | of_branch | through, "encoder.force", assumes)
 
 
 def _filter(name, passes="low"):

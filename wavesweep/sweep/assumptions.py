@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from wavesweep.loops.controllers import keys_of_page
+from wavesweep.loops.controllers import assumption_of_page, keys_of_page
 from wavesweep.spec import KEYS, Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.resolving import longest_delay
@@ -22,7 +22,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     if spec.drawing:
         return ""
     read, values = keys_of_page(spec.values), spec.values
-    parts = [_wall(values, read)]
+    parts = [assumption_of_page(values)]
     if DELAY in read:
         delay, ratio = values[DELAY], values["rates.ratio"]
         within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
@@ -64,12 +64,6 @@ def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
-
-
-def _wall(values, read):
-    if INTEGRATION in read:
-        return f"{values[INTEGRATION]} integration of the wall"
-    return "wall at the slow rate, without integration" if "rates.ratio" in read else "ideal wall at the fast rate"
 
 
 def _defaults(kept, ratio):
