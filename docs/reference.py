@@ -127,6 +127,12 @@ def blocks() -> str:
     return "\n\n".join(parts)
 
 
+def steps() -> str:
+    """What every type of block does where the steps between its runs vary."""
+    found = _printed("keys", "block").items()
+    return _rows(("type", "run j"), [(f"`{path.removeprefix('block.')}`", _plain(kind["steps"])) for path, kind in found])
+
+
 def columns() -> dict[str, tuple]:
     """The columns of every table."""
     from wavesweep.tables import kinds
@@ -314,7 +320,7 @@ def _picture(tables, name):
 
 MADE = {
     made.__name__: made
-    for made in (commands, keys, devices, blocks, tables, doubts, summaries, library, diagram, drawn, picture)
+    for made in (commands, keys, devices, blocks, steps, tables, doubts, summaries, library, diagram, drawn, picture)
 }
 
 

@@ -173,9 +173,9 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
             "expected delays",
         ),
         (
-            PD | {"block": PD["block"] | {"pd": {"type": "pi", "kp": 1.0, "ki": 2.0, "every": "n"}}},
+            PD | {"block": PD["block"] | {"pd": {"type": "notch", "frequency_hz": 1.0, "q": 2.0, "every": "n"}}},
             {"n": {"values": [2, 5], "varying": True}},
-            "states mean the same at every period",
+            r"have a rule for steps that vary .*, found pd \(notch\)",
         ),
         (PD, {"kd": {"values": [3, 4], "varying": True}}, "expected one number, which `every` of blocks reads"),
         (PD, {"lost": 2}, "a built-in controller, whose results may be lost"),

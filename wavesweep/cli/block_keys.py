@@ -73,6 +73,7 @@ def lines(name: str) -> Iterator[str]:
     kind = _kind(name)
     yield f'type = "{kind}": {TYPES[kind].description}'
     yield f"  ports: {_ports(TYPES[kind])}"
+    yield f"  where steps vary: {_steps(TYPES[kind])}"
     for key in TYPES[kind].keys.values():
         unit = f" {key.unit}" if key.unit not in ("", "1") else ""
         yield f"  {key.path}: {key.description} ({_takes(key)}{unit}; {_default(key)})"
@@ -133,4 +134,8 @@ def _of_type(kind: BlockType) -> dict[str, Any]:
         | {"choices": list(key.choices) or None, "description": key.description}
         for key in (*kind.keys.values(), EVERY, PHASE)
     }
-    return {"description": kind.description, "ports": _ports(kind), "keys": keys}
+    return {"description": kind.description, "ports": _ports(kind), "steps": _steps(kind), "keys": keys}
+
+
+def _steps(kind: BlockType) -> str:
+    return kind.steps or ("runs in every tick" if kind.plant else "refused")

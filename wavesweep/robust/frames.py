@@ -22,6 +22,7 @@ from wavesweep.monodromy.periodic import Ticks, ticks_of
 from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
 from wavesweep.robust.enclosure import Enclosure
+from wavesweep.spec.block_types import without_rule
 from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
 from wavesweep.spec.expressions import evaluate, names_in
 
@@ -88,6 +89,7 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
     slow = [block.name for block in drawing.blocks if evaluate(block.every, {RATIO: 20}) != 1]
     if not slow:
         raise UsageError(f"controller.kind: expected a slow environment, found {values['controller.kind']}, which has none")
+    _refuse_unlike(drawing, [block for block in drawing.blocks if block.name in slow], frames.elapsed)
     shown = frozenset(name for name in slow if name.endswith("_shown"))
     kinds = {SAMPLE: frozenset(slow) - shown, SHOW: shown, TICK: frozenset(), LATE: None}
     if 0 in frames.delays:
@@ -144,21 +146,15 @@ def frames_of_drawing(
 
 
 def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> None:
-    """Raise UsageError for slow blocks that do not follow one number, or that another period makes others.
+    """Raise UsageError for slow blocks that do not follow one number, or whose type has no rule for steps that vary.
 
-    The states of a word of firmware are those of a realisation, which is another one at each period, and a key or a wire that
-    reads the period (`dt`) would keep the nominal one.
+    A key or a wire that reads the period (`dt`) would keep the nominal one.
     """
     names = {name for block in slow for name, _ in names_in(block.every)}
-    realised = [
-        block.name
-        for block in slow
-        if block.type in ("pi", "pid", "lead", "notch", "butterworth") or "cutoff_hz" in dict(block.keys)
-    ]
     readers = sorted({path for path, tree in drawing.trees() if not path.endswith(".every") and _reads(tree, names)})
     for wrong, expected in (
         (len({block.every[:2] for block in slow}) > 1 and [block.name for block in slow], "slow blocks with the same `every`"),
-        (elapsed and realised, "slow blocks whose states mean the same at every period; draw a pi by integrator and gain"),
+        (elapsed and without_rule(slow), "slow blocks whose types have a rule for steps that vary (`wavesweep keys block`)"),
         (readers, "keys and wires that do not read the frame's length"),
     ):
         if wrong:
@@ -183,7 +179,7 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
     order = list(kinds)
     maps, index = [], {}
     for step in steps:
-        at_step = _with_period(drawing, slow, step)
+        at_step = _with_period(drawing, slow, step, frames.elapsed)
         whole = _scheduled(assembled(at_step, values | varied), kinds, shown, slow)
         if number:
             cut_open = assembled(at_step, values | dict.fromkeys(varied, 0.0), name_of(number))
@@ -196,7 +192,7 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
             if alike == len(maps):
                 maps.append(own)
             index[kind, step] = alike
-    both_loops = twins(_with_period(drawing, slow, nominal), values | varied)
+    both_loops = twins(_with_period(drawing, slow, nominal, frames.elapsed), values | varied)
     drift = drift_of_drawn(*(_scheduled(loop, kinds, shown, slow) for loop in both_loops))
     if drift.folded:
         raise UsageError(f"{number}: expected a loop whose drift does not depend on it, found one whose drift does")
@@ -217,10 +213,11 @@ def _may_follow(before, after):
     return in_a_row and before.through == at_once and after.step in (None, before.ticks)
 
 
-def _with_period(drawing, slow, step):
+def _with_period(drawing, slow, step, elapsed):
     """The drawing with another period of its slow blocks, in ticks; their phases are set in `_scheduled`."""
     every, phase = ("number", float(step), 0), ("number", 0.0, 0)
     blocks = (replace(each, every=every, phase=phase, phases=()) if each.name in slow else each for each in drawing.blocks)
+    blocks = (each.stepwise(drawing.tick_hz) if elapsed and each.name in slow else each for each in blocks)
     return replace(drawing, blocks=tuple(blocks))
 
 

@@ -190,7 +190,18 @@ def difference(period: float) -> Law:
 
 def integrator(period: float, method: str) -> Law:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
-    return Law({"y": ((1.0, "sum"), (_ahead(method, period), "u"))}, {"sum": ((1.0, "sum"), (period, "u"))})
+    total, keeps = _integral("sum", "u", period, method)
+    return Law({"y": ((1.0, "sum"),) if method == "explicit" else total}, keeps)
+
+
+def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, dict[str, Sum]]:
+    """A total after a step, from that before it and a rate, and what is kept; a trapezium needs the rate of the last run."""
+    if method != "trapezoidal":
+        moved = (1.0, total), (period, rate)
+        return moved, {total: moved}
+    last = f"last {rate}"
+    moved = (1.0, total), (period / 2, rate), (period / 2, last)
+    return moved, {total: moved, last: ((1.0, rate),)}
 
 
 def butterworth(period: float, order: int, cutoff_hz: float, passes: str) -> Law:
@@ -288,35 +299,38 @@ def wave(period: float, b: float, gives: str) -> Law:
 def avatar(period: float, b: float, integration: str) -> Law:
     """A point behind a wave port, pushed back by the force f: `v = (sqrt(2b) in - f)/b`, `out = in - sqrt(2/b) f`.
 
-    `before` is where a step begins: with the trapezoidal rule half of the last step is in it already.
+    It moves from `before` by a step with its velocity; the spring reads where it was, if explicit, or where it is.
     """
-    other, ahead = root(2 / b), _ahead(integration, period)
+    other = root(2 / b)
+    moved, keeps = _integral("before", "v", period, integration)
     gives = {
         "v": ((other, "in"), (-1 / b, "f")),
-        "x_spring": ((1.0, "before"), (ahead, "v")),
-        "x": ((1.0, "before"), (ahead or period, "v")),
+        "x_spring": ((1.0, "before"),) if integration == "explicit" else moved,
+        "x": moved,
         "out": ((1.0, "in"), (-other, "f")),
     }
-    return Law(gives, {"before": ((1.0, "before"), (period, "v"))})
+    return Law(gives, keeps)
 
 
 def local_model(period: float, b: float, K: float, B: float, integration: str) -> Law:
     """A spring K and a damper B behind a wave port: the avatar's equations with `f = K x_spring + B v`, solved for v."""
-    ahead = _ahead(integration, period)
+    moved, keeps = _integral("before", "speed", period, integration)
+    still = ((1.0, "before"),) if integration == "explicit" else tuple(term for term in moved if term[1] != "speed")
+    ahead = sum(factor for factor, name in moved if name == "speed" and integration != "explicit")
     total = b + B + K * ahead
     gives = {
-        "speed": ((root(2 * b) / total, "in"), (-K / total, "before")),
-        "pull": ((K, "before"), (K * ahead + B, "speed")),
+        "speed": ((root(2 * b) / total, "in"), *((-K * factor / total, name) for factor, name in still)),
+        "pull": (*((K * factor, name) for factor, name in still), (K * ahead + B, "speed")),
         "out": ((1.0, "in"), (-root(2 / b), "pull")),
     }
-    return Law(gives, {"before": ((1.0, "before"), (period, "speed"))})
+    return Law(gives, keeps)
 
 
 def local_model_away(period: float, b: float, K: float, B: float, integration: str) -> Law:
     """A local model while the wall is not touched: it moves freely, and its spring is not stretched."""
-    del K, B
-    behind = period - (_ahead(integration, period) or period)
-    return Law({"out": ((1.0, "in"),)}, {"before": ((behind * root(2 / b), "in"),)})
+    del period, K, B
+    moving = {"last speed": ((root(2 / b), "in"),)} if integration == "trapezoidal" else {}
+    return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})
 
 
 def in_delta_form(E, B, C, D, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]) -> Law:
@@ -327,11 +341,6 @@ def in_delta_form(E, B, C, D, states: Sequence[str], inputs: Sequence[str], outp
         last = (1.0, own) if e[i] != -1.0 else (0.0, own)  # a state that does not depend on itself gets a new value
         keeps[own] = (*_sum([*(0.0 if last[0] == 0.0 and j == i else each for j, each in enumerate(e)), *b], names), last)
     return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C.tolist(), D.tolist(), strict=True)}, keeps)
-
-
-def _ahead(method, period):
-    """The part of a step, in s, that what is read within it is ahead."""
-    return {"explicit": 0.0, "implicit": period, "trapezoidal": period / 2}[method]
 
 
 def _sum(factors, names) -> Sum:

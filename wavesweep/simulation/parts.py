@@ -12,7 +12,7 @@ from typing import Any
 
 from wavesweep.errors import UsageError
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
-from wavesweep.spec.block_types import BODIES, RUN_COLUMNS, TYPES
+from wavesweep.spec.block_types import BODIES, RUN_COLUMNS, TYPES, without_rule
 from wavesweep.spec.drawing import AT, Drawing, scalars
 from wavesweep.spec.expressions import degree, names_in, value_of
 
@@ -287,9 +287,12 @@ def _refuse(frames, schedules):
         raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
     if latest >= min(frames.ticks):
         raise UsageError(f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}")
-    filters = [block.name for block, *_ in slow if block.type == "butterworth"]
-    if filters and len({*frames.rhythm(0).periods}) > 1:  # each realisation would be another filter
-        raise UsageError(f"simulate.frames: expected no Butterworth filter whose period varies, found {', '.join(filters)}")
+    others = without_rule(block for block, *_ in slow)
+    if others and len({*frames.rhythm(0).periods}) > 1:
+        raise UsageError(
+            "simulate.frames: expected slow blocks whose types have a rule for steps that vary (`wavesweep keys block`), found "
+            f"{', '.join(others)}"
+        )
 
 
 def _schedule(block, known):

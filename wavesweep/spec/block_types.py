@@ -7,6 +7,7 @@ the same keys; words of firmware are transfer functions (`wavesweep.spec.words`)
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
 
@@ -21,7 +22,9 @@ class BlockType:
     """A type of block: its keys by name, its ports, and its meaning.
 
     ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it is
-    continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`.
+    continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`. steps: what it does where
+    the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and then
+    neither a proof nor a simulation takes it there.
     """
 
     keys: Mapping[str, Key]
@@ -29,6 +32,7 @@ class BlockType:
     description: str
     by: str = ""
     plant: bool | str = False
+    steps: str = ""
 
     def ports_of(self, keys: Mapping[str, object]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return input and output ports of a block with these keys."""
@@ -69,8 +73,11 @@ _KP = _number("kp", "", "gain")
 _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
 
-def _type(description: str, ports: object, *keys: Key, by: str = "", plant: bool | str = False) -> BlockType:
-    return BlockType(MappingProxyType({key.path: key for key in keys}), ports, description, by, plant)
+_SAME = "the same in each run, however long the step"
+
+
+def _type(description: str, ports: object, *keys: Key, by: str = "", plant: bool | str = False, steps: str = "") -> BlockType:
+    return BlockType(MappingProxyType({key.path: key for key in keys}), ports, description, by, plant, steps)
 
 
 TYPES = MappingProxyType(
@@ -110,6 +117,7 @@ TYPES = MappingProxyType(
             _other("outputs", "ports", "names of the output ports", ("y",)),
             _DISCRETE,
             plant="continuous",
+            steps=f"if discrete, {_SAME}",
         ),
         "tf": _type(
             "transfer function in s, or in z if discrete",
@@ -118,21 +126,27 @@ TYPES = MappingProxyType(
             _other("den", "list", "coefficients of the denominator, descending powers"),
             _DISCRETE,
             plant="continuous",
+            steps=f"if discrete, {_SAME}",
         ),
-        "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0)),
+        "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0), steps=_SAME),
         "delay": _type(
             "u of so many runs of the block ago, or of a dead time of so many seconds ago, to any fraction of a tick: held "
             "signals then arrive at plants between two ticks, and what a plant does is read between two ticks",
             _U_Y,
             _whole("steps", "runs of the block", 0, LONGEST_DELAY, 1),
             Key("seconds", "number", None, "s", "in place of steps: dead time", low=0.0),
+            steps=_SAME,
         ),
-        "hold": _type("u as it was when the block ran last", _U_Y),
-        "difference": _type("change of u since the last run, over the block's own period", _U_Y),
+        "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME),
+        "difference": _type(
+            "change of u since the last run, over the block's own period", _U_Y, steps="y[j] = (u[j] - u[j-1])/h[j]"
+        ),
         "integrator": _type(
             "integral of u",
             _U_Y,
             _word("method", "rectangles from the left, from the right, or trapezia", INTEGRATIONS, "explicit"),
+            steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
+            "trapezoidal: y[j] = y[j-1] + h[j] (u[j] + u[j-1])/2",
         ),
         "butterworth": _type(
             "digital Butterworth filter at the block's own rate",
@@ -146,8 +160,16 @@ TYPES = MappingProxyType(
             _U_Y,
             Key("a", "number", None, "1", "share of the difference that a run takes", low=0.0, high=1.0, above_low=True),
             Key("cutoff_hz", "number", None, "Hz", "in place of a: 1/(2 pi time constant)", low=0.0, above_low=True),
+            steps="y[j] = y[j-1] + a (u[j] - y[j-1]); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz h[j]",
         ),
-        "pi": _type("y = kp u + ki integral of u, without limits or anti-windup", _U_Y, _KP, _KI, _METHOD),
+        "pi": _type(
+            "y = kp u + ki integral of u, without limits or anti-windup",
+            _U_Y,
+            _KP,
+            _KI,
+            _METHOD,
+            steps="y[j] = kp u[j] + ki i[j], where i is what an integrator of the same method gives",
+        ),
         "pid": _type(
             "y = kp u + ki integral of u + kd d, d + tau d' = u' by backward differences, without limits or anti-windup",
             _U_Y,
@@ -156,6 +178,7 @@ TYPES = MappingProxyType(
             _number("kd", "", "gain of the derivative, in the unit of kp times s", 0.0),
             _number("tau", "s", "time constant of the derivative's filter; 0 for none", 0.0, low=0.0),
             _METHOD,
+            steps="y[j] = kp u[j] + ki i[j] + kd d[j], i as in pi, d[j] = (tau d[j-1] + u[j] - u[j-1])/(tau + h[j])",
         ),
         "lead": _type(
             "(1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz)) by the bilinear transform, each corner prewarped",
@@ -178,8 +201,11 @@ TYPES = MappingProxyType(
                 for name, default in (("b0", 1.0), ("b1", 0.0), ("b2", 0.0))
             ),
             *(_number(name, "", "coefficient of the denominator", 0.0) for name in ("a1", "a2")),
+            steps=_SAME,
         ),
-        "mean": _type("mean of u in the last n runs of the block", _U_Y, _whole("n", "runs of the block", 1, LONGEST_DELAY)),
+        "mean": _type(
+            "mean of u in the last n runs of the block", _U_Y, _whole("n", "runs of the block", 1, LONGEST_DELAY), steps=_SAME
+        ),
         "wave": _type(
             "end of a wave line: force = b v - sqrt(2b) in, out = sqrt(2b) v - in; "
             "or v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f",
@@ -187,12 +213,15 @@ TYPES = MappingProxyType(
             _B,
             _word("gives", "what it gives to its side", ("force", "velocity"), "force"),
             by="gives",
+            steps=_SAME,
         ),
         "avatar": _type(
             "decoder and avatar of a slow environment; the spring reads x_spring",
             (("in", "f"), ("v", "x", "x_spring", "out")),
             _B,
             _INTEGRATION,
+            steps="x[j] = x[j-1] + h[j] v[j], and trapezoidal x[j] = x[j-1] + h[j] (v[j] + v[j-1])/2, h[j] elapsed; "
+            "x_spring[j] is x[j], and if explicit x[j-1]",
         ),
         "local_model": _type(
             "local model of the interaction with a decoder of its own",
@@ -201,9 +230,17 @@ TYPES = MappingProxyType(
             _number("K", "N/m", "stiffness"),
             _number("B", "N*s/m", "damping", 0.0),
             _INTEGRATION,
+            steps="v[j] = (sqrt(2b) in[j] - f[j])/b, f[j] = K x_spring[j] + B v[j], out[j] = in[j] - sqrt(2/b) f[j], x and "
+            "x_spring as in avatar",
         ),
     }
 )
+
+
+def without_rule(blocks: Iterable[Any]) -> list[str]:
+    """Return names and types of those of some drawn blocks that have no rule for steps that vary, see `BlockType.steps`."""
+    return [f"{block.name} ({block.type})" for block in blocks if not TYPES[block.type].steps]
+
 
 EVERY = _whole("every", "ticks from one run of the block to the next", 1, LONGEST_FRAME, 1, "tick")
 PHASE = _whole("phase", "tick of its first run, below every", 0, LONGEST_FRAME - 1, 0, "tick")

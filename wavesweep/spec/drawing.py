@@ -15,7 +15,7 @@ from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
-from wavesweep.spec.words import FORMULAS, transfer_function
+from wavesweep.spec.words import FORMULAS, stepwise, transfer_function
 
 MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
@@ -78,6 +78,11 @@ class DrawnBlock:
                 ("name", "T", 0),
             )
         return replace(self, type="tf", keys=transfer_function(self.type, keys, period))
+
+    def stepwise(self, tick_hz: Tree) -> DrawnBlock:
+        """The block itself, or a state-space model of it if its states would mean something else at another period."""
+        keys = stepwise(self.type, self.keys, self.ports, ("/", self.every, tick_hz, 0))
+        return replace(self, type="ss", keys=keys) if keys else self
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield the name of the key and the tree for each number in the keys."""
