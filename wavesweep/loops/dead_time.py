@@ -74,7 +74,8 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
         return _ticks(drawing, values, path, p)[which, np.arange(p.size)] - whole
 
     met = set(_whole_at(beyond, points[at], points[at + 1])) if found else ()
-    return [span[0], *sorted(each for each in met if span[0] < each < span[1]), span[1]]
+    apart = ROUNDED * (span[1] - span[0])  # an end that is meant to be such a value is none within the span
+    return [span[0], *sorted(each for each in met if span[0] + apart < each < span[1] - apart), span[1]]
 
 
 def _whole_at(beyond, low, high):

@@ -1,0 +1,106 @@
+"""What dominance proves about random families of matrices at the edge of the circle, against their eigenvalues."""
+
+import numpy as np
+import pytest
+
+from wavesweep.stability import along, covering
+from wavesweep.stability.along import stable_along
+from wavesweep.stability.dominance import Bent
+
+SPAN = (-1.0, 1.0)
+KINDS = "touches", "crosses", "meets", "wild"
+
+
+def family(seed):
+    """Matrices less identity with a pair of eigenvalues on a path that crosses the circle, touches it or nearly does, or with
+    two pairs that meet and part beside it; and others, anywhere. All are in states that are mixed more or less well.
+    """
+    r = np.random.default_rng(seed)
+    kind, n = r.choice(KINDS), int(r.integers(4, 9))
+    least = r.choice([-1, 0, 1], p=[0.45, 0.1, 0.45]) * 10.0 ** r.uniform(-13, -1)  # of the path from the circle
+    at, turn, speed = r.uniform(-0.9, 0.9), r.uniform(0, np.pi), r.choice([-1, 1]) * 10.0 ** r.uniform(-3, 0.5)
+    gap = r.choice([-1, 1]) * 10.0 ** r.uniform(-6, 0)
+    others = r.normal(size=(2, n, n)) / np.sqrt(n) * r.uniform(0.1, 1.0)
+    mixed = np.linalg.qr(r.normal(size=(n, n)))[0] * 10.0 ** r.uniform(-2, 2, n)
+    mixed = mixed if r.random() < 0.5 else np.eye(n) + r.uniform(0, 1) * mixed / np.abs(mixed).max()
+    back, paths = np.linalg.inv(mixed), np.diag([1.0, 0.3])
+    if kind == "meets":
+        paths, around = np.array([[0, gap], [gap * r.choice([-1, 1]), 0]]), r.uniform(0.5, 2) * np.diag([1, -r.uniform(0.2, 1)])
+
+    def matrices(_, p):
+        p = np.ravel(p)[:, None, None]
+        A = others[0] + others[1] * (np.sin(3 * p) if kind == "wild" else p)
+        if kind != "wild":
+            A[:, :4, 4:] = 0  # triangular, so the paths are those of eigenvalues
+            if kind == "meets":
+                P = (1 + least - abs(gap) * (gap * paths[1, 0] > 0)) * np.eye(2) + paths + around * (p - at)
+            else:
+                P = paths * (1 + least + speed * ((p - at) ** 2 if kind == "touches" else p - at))
+            c, s = np.cos(turn + 0.1 * p), np.sin(turn + 0.1 * p)
+            A[:, :4, :4] = np.block([[c * P, s * P], [-s * P, c * P]])
+        return mixed @ A @ back - np.eye(n)
+
+    return matrices
+
+
+def tiles_of(matrices, off):
+    """What is proved of a family whose entries may be off by so much, or left open, part by part."""
+    found = []
+
+    def keep(*given):
+        found.append(covering.tiles_of(*given))
+        return found[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(along, "tiles_of", keep)
+        errors = lambda _, p: (matrices(_, p), np.broadcast_to(np.abs(off), matrices(_, p).shape))  # noqa: E731
+        stable_along(matrices, SPAN, 1, np.ones(1), errors=errors)
+    return found[0] if found else covering.Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
+
+
+def look(seeds, many):
+    """The number of places in proved parts, most of them beside an end, that were looked at, and of those that are wrong.
+
+    The entries are off by what they are said to be off by at most."""
+    looked = wrong = 0
+    for seed in seeds:
+        matrices, r = family(seed), np.random.default_rng(seed)
+        n = matrices(0, 0.0).shape[-1]
+        off = 10.0 ** r.uniform(-16, -3) * r.normal(size=(n, n))
+        tiles = tiles_of(matrices, off)
+        tile = np.repeat(np.flatnonzero(tiles.outside >= 0), many)
+        share = np.where(r.random(tile.size) < 0.4, r.random(tile.size), 10.0 ** r.uniform(-9, 0, tile.size))
+        share = np.where(r.random(tile.size) < 0.5, share, 1 - share)
+        A = matrices(0, tiles.low[tile] + share * (tiles.high[tile] - tiles.low[tile]))
+        z, X = np.linalg.eig(A + off + np.eye(n))
+        sure = np.abs(np.abs(z) - 1).min(-1, initial=1) > 1e-14 * np.linalg.cond(X)  # of these eigenvalues themselves
+        count, proved = (np.abs(z) > 1).sum(-1), tiles.outside[tile]
+        # Where a larger circle than the unit circle was taken, at least so many are outside.
+        looked, wrong = looked + sure.sum(), wrong + (sure & ((count < proved) | ((proved == 0) & (count > 0)))).sum()
+    return looked, wrong
+
+
+@pytest.mark.slow
+def test_eigenvalues_are_where_they_are_proved_to_be():
+    looked, wrong = look(range(40), 5)
+    assert looked > 1000
+    assert wrong == 0
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("part", range(20))
+def test_so_they_are_at_a_million_places(part):
+    looked, wrong = look(range(10_000 + 400 * part, 10_400 + 400 * part), 12)
+    assert looked > 20_000
+    assert wrong == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spoilt", [lambda h: np.inf + 0 * h, lambda h: h * (1 + 1e-6), lambda h: h + 1e-4, lambda h: -h])
+def test_crossings_that_are_looked_for_in_the_wrong_place_are_never_missed(monkeypatch, spoilt):
+    """Where a crossing is expected decides only what is tried: what is proved of the parts beside it holds without it."""
+    crossings = Bent.crossings
+    monkeypatch.setattr(Bent, "crossings", lambda self: spoilt(crossings(self)))
+    looked, wrong = look(range(200, 215), 5)
+    assert looked > 100
+    assert wrong == 0
