@@ -287,13 +287,13 @@ def test_the_key_of_a_block_is_explained_as_a_number_with_its_name():
 
 def test_a_mode_has_its_strongest_line_within_the_frame():
     """The sampled damping of the waves turns the velocity over every other tick; once a frame that looks slow."""
-    facts = wavesweep.why(load(ROOT / "sweeps/examples/first-hour.toml", ["sweep.b={start=8,stop=200}"]), "b").attrs["facts"]
-    assert facts["lines_hz"] == [pytest.approx(251.2, abs=0.1)]
+    waves = wavesweep.why(load(ROOT / "sweeps/examples/first-hour.toml", ["sweep.b={start=8,stop=200}"]), "b")
+    assert waves.hz.to_numpy() == pytest.approx(251.2, abs=0.1)
     policy = wavesweep.why(load(ROOT / "sweeps/recipes/policy.toml"))  # PD in every fifth tick of 1 ms, alternating
-    assert policy.attrs["facts"]["lines_hz"][-1] == pytest.approx(100, rel=1e-6)
+    assert policy.hz.iloc[-1] == pytest.approx(100, rel=1e-6)
     assert policy.omega.iloc[-1] == 0
     free = wavesweep.why(load(ROOT / "sweeps/recipes/wheel.toml"))
-    assert free.attrs["facts"]["lines_hz"][0] == 0  # the wheel that nothing holds
+    assert free.hz.iloc[0] == 0  # the wheel that nothing holds
 
 
 def test_a_loop_with_no_other_number_is_refused():

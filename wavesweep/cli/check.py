@@ -343,6 +343,7 @@ def _mode(mode: Facts | None) -> str:
     return (
         f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
         + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
+        + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else "")
         + (f"; most in {', '.join(mode['states'])}" if mode["states"] else "")
     )
 

@@ -27,7 +27,7 @@ from wavesweep.sweep.measured import read_points
 from wavesweep.sweep.open_loops import wall_cut
 from wavesweep.sweep.response_job import doubt_of
 from wavesweep.sweep.running import in_memory
-from wavesweep.sweep.tasks import radius_over
+from wavesweep.sweep.tasks import FELT, LINES, radius_over
 from wavesweep.sweep.verdict import own_design
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
@@ -174,7 +174,7 @@ def plane_of(curve: Curve, view: View) -> dict:
     }
 
 
-INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", "felt_low", "felt_high")
+INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", *FELT, *LINES)
 
 
 def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:

@@ -193,7 +193,7 @@ function intervals() {
     const proof = !("certified" in found) ? "… preview" : found.certified ? "✓ certified" : `not certified (${found.doubt || "see the README"})`, names = {"data-along": each, "data-certified": found.certified};
     if (!found.intervals.length) row(names, title(each), `nowhere stable in ${text(found.span[0])} to ${text(found.span[1])}${unit(each)}`, null, null, null, proof);
     for (const i of found.intervals) {
-      const hz = [i.low_omega, i.high_omega].map(w => (w ?? null) === null ? "–" : text(w / 2 / Math.PI, 4)).join(" / "), ends = omega => omega === null ? " (range ends)" : "";
+      const hz = [i.low_hz, i.high_hz].map(f => (f ?? null) === null ? "–" : text(f, 4)).join(" / "), ends = omega => omega === null ? " (range ends)" : "";
       const felt = (i.felt_low ?? i.felt_high ?? null) === null ? "–" : `${text(i.felt_low, 4)} / ${text(i.felt_high, 4)} ${data.units.felt[0]}`;
       row({...names, "data-low": i.low, "data-high": i.high, class: values[each] >= i.low && values[each] <= i.high ? "own" : null}, title(each),
         text(i.low) + unit(each) + ends(i.low_omega), text(i.high) + unit(each) + ends(i.high_omega), hz === "– / –" ? "–" : hz + " Hz", felt, proof);

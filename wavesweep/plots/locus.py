@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, family_map, figure, label, note_assumptions
 from wavesweep.spec import Axis, Spec
 
-End = tuple[float, np.ndarray, bool]
+End = tuple[float, np.ndarray, float, bool]
 LOCUS = 300  # values of the number by default
 REACH = 1.5  # what is farther from 0 is not shown
 NEAR = 0.03  # of the width, about the poles that are shown
@@ -26,15 +26,16 @@ def locus_of(spec: Spec, axis: Axis) -> Any:
 def root_locus(name: str, numbers: np.ndarray, z: np.ndarray, ends: Sequence[End], facts: Mapping[str, Any]) -> Any:
     """Draw poles z per frame, coloured by the number `name`, the unit circle, and the ends of its stable intervals.
 
-    numbers, z: of each pole, `(poles,)`. ends: value, poles on the circle there, and whether the end is certified.
+    numbers, z: of each pole, `(poles,)`. ends: value, poles on the circle there, the strongest line of their
+    oscillation (Hz), and whether the end is certified.
     """
     with figure(1.3 * ONE_COLUMN, 1.1 * ONE_COLUMN) as canvas:
         axes, turn = canvas.subplots(), np.exp(1j * np.linspace(0, 2 * np.pi, 721))
         axes.plot(turn.real, turn.imag, color="0.6", linewidth=0.8)
         dots = axes.scatter(z.real, z.imag, c=numbers, cmap=family_map(), s=4, linewidths=0, zorder=2)
         canvas.colorbar(dots, ax=axes, label=label(name, facts), shrink=0.85)
-        for n, (value, on_circle, certified) in enumerate(ends):
-            said = f"{value:.6g}{'' if certified else ', not certified'}"
+        for n, (value, on_circle, hz, certified) in enumerate(ends):
+            said = f"{value:.6g}{f', {hz:.4g} Hz' if hz else ''}{'' if certified else ', not certified'}"
             style = {"markerfacecolor": "none", "markersize": 7, "color": "black" if certified else DOUBTFUL}
             axes.plot(on_circle.real, on_circle.imag, "osD^v<>"[n % 7], linestyle="none", label=said, zorder=3, **style)
         shown = z[np.abs(z) <= REACH]

@@ -44,3 +44,8 @@ class Bound:
             expected = f"at least {np.log(SETTLED) / np.log(LEAST) * frame:.3g} s where a frame takes {frame:.3g} s"
             raise UsageError(f"sweep.require.settling: expected {expected}, found {self.settling:g}")
         return found
+
+    def logarithms(self, period, omega) -> np.ndarray:
+        """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
+        spiral = -omega * period * self.damping_ratio / np.sqrt(1 - self.damping_ratio**2)
+        return np.stack([np.log(self.radius_of(period)), spiral], -1) + 1j * (omega * period)[..., None]

@@ -42,11 +42,13 @@ from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, one_loop, watched_drift
 from wavesweep.sweep.grid import distinct, distinct_rows, selected
+from wavesweep.sweep.lines import lines_in_loops, strongest_in_cut
 from wavesweep.sweep.open_loops import Opened, varied_beside, with_intervals
 from wavesweep.sweep.proving import with_proofs, with_tries
-from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
+from wavesweep.sweep.tasks import FELT, LINES, felt_at_ends, records_of
 
 Parts = tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]  # (members, drawing, values), see `drawn_groups`
+BATCH = 256  # modes that are followed through their frames at once
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 STRAIGHT = 1e-3  # of its mean, by how much a slope may vary that is one
 STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be from the circle; and from rounding
@@ -84,39 +86,69 @@ class DrawnTask:
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
         records = self._recorded(replace(Intervals.join(parts), column=slices).take(order))
-        records["felt_low"] = records["felt_high"] = np.nan
-        for members, values, each in opened if self.felt and feels(self.drawing) else ():
-            rows = np.flatnonzero(records["intervals"] > 0)
-            rows = rows[np.isin(records["slice"][rows], members)] if len(opened) > 1 else rows
-            at = np.searchsorted(members, records["slice"][rows])
-            known = each if each and each.loops.at_rest else self._resting(values)
-            if known is not None:
-                ends = np.concatenate([records[end][rows] for end in ("low", "high")])
-                both = known.stiffness(np.tile(at, 2), ends)
-                if known is each and each.loops.beside and np.isnan(both).any():
-                    both = self._felt_alone(values, np.tile(at, 2), ends, both)
-                for name, part in zip(FELT, np.split(both, 2), strict=True):
-                    records[name][rows] = part
-                unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
-                rows, at = rows[unknown], at[unknown]
-
-            def stiffness(some, p, values=values, at=at):
-                found, columns = np.empty(p.size), at[some]
-                alone = self.in_pieces  # each is built in its own way
-                parts = (
-                    np.arange(p.size)[:, None]
-                    if alone
-                    else distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size)
-                )
-                values = {path: v for path, v in values.items() if not (alone and path in self.drawing.building)}
-                for part in parts:
-                    of = selected(values, columns[part]) | {self.along: p[part]}
-                    found[part] = felt_of(self.drawing, of, part.size)
-                return found
-
-            if rows.size:
-                felt_at_ends(records, rows, stiffness)
+        for name in (*FELT, *LINES):
+            records[name] = np.nan
+        for members, values, each in opened if self.felt else ():  # curves leave out what is felt, and these lines
+            if feels(self.drawing):
+                self._fill_in_felt(records, members, values, each)
+            self._fill_in_lines(records, members, values, each)
         return records
+
+    def _fill_in_felt(self, records, members, values, each) -> None:
+        """Fill in the stiffness felt at both ends of the intervals of the loops `members`; each: see `opened_groups`."""
+        rows = np.flatnonzero(records["intervals"] > 0)
+        rows = rows[np.isin(records["slice"][rows], members)] if len(self.groups) > 1 else rows
+        at = np.searchsorted(members, records["slice"][rows])
+        known = each if each and each.loops.at_rest else self._resting(values)
+        if known is not None:
+            ends = np.concatenate([records[end][rows] for end in ("low", "high")])
+            both = known.stiffness(np.tile(at, 2), ends)
+            if known is each and each.loops.beside and np.isnan(both).any():
+                both = self._felt_alone(values, np.tile(at, 2), ends, both)
+            for name, part in zip(FELT, np.split(both, 2), strict=True):
+                records[name][rows] = part
+            unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
+            rows, at = rows[unknown], at[unknown]
+
+        def stiffness(some, p, values=values, at=at):
+            found, columns = np.empty(p.size), at[some]
+            alone = self.in_pieces  # each is built in its own way
+            parts = (
+                np.arange(p.size)[:, None]
+                if alone
+                else distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size)
+            )
+            values = {path: v for path, v in values.items() if not (alone and path in self.drawing.building)}
+            for part in parts:
+                of = selected(values, columns[part]) | {self.along: p[part]}
+                found[part] = felt_of(self.drawing, of, part.size)
+            return found
+
+        if rows.size:
+            felt_at_ends(records, rows, stiffness)
+
+    def _fill_in_lines(self, records, members, values, opened) -> None:
+        """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
+        few, bound = 1 if self.in_pieces else BATCH, self.bound or Bound()
+        for end, name in zip(("low", "high"), LINES, strict=True):
+            rows = np.flatnonzero(~np.isnan(records[f"{end}_omega"]) & np.isin(records["slice"], members))
+            at, p, omega = np.searchsorted(members, records["slice"][rows]), records[end][rows], records[f"{end}_omega"][rows]
+            if opened and opened.loops.cut and not bound.damping_ratio:
+                records[name][rows] = strongest_in_cut(self.drawing, opened, at, omega, bound)
+                continue
+            for part in (slice(first, first + few) for first in range(0, rows.size, few)):
+                records[name][rows[part]] = self._strongest(values, at[part], p[part], omega[part], bound)
+
+    def _strongest(self, values, at, p, omega, bound):
+        """The strongest line (Hz) of the modes of frequency omega of the slices `at`, if the number has the values p."""
+        own = self.drawing.building if self.in_pieces else ()
+        varied = selected({path: v for path, v in values.items() if path not in own}, at)
+        varied |= {self.along: np.where(p == 0, TINY, p)}
+        with suppress(IllPosedLoopError):
+            drawn = assembled(self.drawing, varied)
+            period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p.shape)
+            return lines_in_loops(self.drawing, varied, bound.logarithms(period, omega))[:, 0]
+        return omega / (2 * np.pi)
 
     def _recorded(self, found):
         """Intervals as records, with those that are proved in place of those in doubt."""

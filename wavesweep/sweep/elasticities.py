@@ -16,6 +16,7 @@ from wavesweep.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, frames
 from wavesweep.sweep.drawn_task import TINY
 from wavesweep.sweep.grid import Grid, drawn_groups, keys_of, own_loop, selected
+from wavesweep.sweep.lines import lines_in_loops
 
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
@@ -190,6 +191,9 @@ def _rows(loops, found, ends, members) -> dict:
         "damping_ratio": np.where(seen, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan),
         "states": np.array(states, object).reshape(at.size),
     }
+    s = 1j * known["omega"] * period[at]
+    hz = lines_in_loops(loops.drawing, selected(loops.with_end(p, 1), at), s[:, None])
+    known |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
     doubt = np.where(certified, np.where(crossings.defective, "defective", ""), found["doubt"][row][at].astype(str))
     quantities = {"end": (p[at], crossings.slope, crossings.error / size[at][:, None])}
     stiffness = loops.felt(varied, p.size * each)

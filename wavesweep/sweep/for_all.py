@@ -14,7 +14,7 @@ from wavesweep.spec.for_all import values_of_range
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_task import Parts, loop_by_loop
 from wavesweep.sweep.grid import drawing_for, own_loop
-from wavesweep.sweep.tasks import FELT, FIELDS
+from wavesweep.sweep.tasks import FELT, FIELDS, LINES
 from wavesweep.sweep.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.sweep.varying import Rules, bracketed, decided, text_of
 
@@ -27,7 +27,7 @@ TEXT = 160  # characters of a counterexample
 FOR_ALL_RECORD = np.dtype(
     [
         *FIELDS,
-        *((name, "<f8") for name in FELT),
+        *((name, "<f8") for name in (*FELT, *LINES)),
         ("fails_below", "<f8"),
         ("fails_from", "<f8"),
         ("settled", "?"),

@@ -13,6 +13,7 @@ from wavesweep.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.sweep.drawn_loops import drift_of, frames, named_loops, refuse_singular
 from wavesweep.sweep.grid import drawing_for, groups, make_grid, own_loop, read_by
 from wavesweep.sweep.interval_job import job_over
+from wavesweep.sweep.lines import lines_in_loops
 from wavesweep.sweep.running import in_memory
 
 ON_CIRCLE = 1e-6  # distance of a pole from the unit circle at an end, which is known to rounding
@@ -22,6 +23,9 @@ LEAST = 0.05  # share of a mode, below which a state is not named
 
 def poles(spec: Spec) -> Columns:
     """The columns of all poles per frame, the slowest first; what drifts is left out.
+
+    frequency_hz: as it is seen once a frame; shown_hz: the strongest line that a spectrum of the states shows; second_hz: the
+    next one, if it has more than a third of the energy.
 
     Errors: SpecError for a loop without a solution.
     """
@@ -38,11 +42,13 @@ def poles(spec: Spec) -> Columns:
             "damping_ratio": damping_ratio(delta),
             "time_constant_s": -1 / s.real,
         }
-    return columns | {"states": np.array([", ".join(leading(names, each)) for each in shares], object)}
+        hz = lines_in_loops(*own_loop(spec), np.log1p(delta)[:, None])
+    columns |= {"states": np.array([", ".join(leading(names, each)) for each in shares], object)}
+    return columns | {"shown_hz": hz[:, 0], "second_hz": hz[:, 1]}
 
 
 UNITS = {"z_re": "1", "z_im": "1", "radius": "1", "s_re": "1/s", "s_im": "rad/s", "frequency_hz": "Hz", "damping_ratio": "1"}
-UNITS |= {"time_constant_s": "s", "states": ""}
+UNITS |= {"time_constant_s": "s", "states": "", "shown_hz": "Hz", "second_hz": "Hz"}
 
 
 def poles_over(spec: Spec, axis: Axis) -> tuple[np.ndarray, np.ndarray]:
@@ -66,18 +72,22 @@ def poles_over(spec: Spec, axis: Axis) -> tuple[np.ndarray, np.ndarray]:
     return numbers[order], z[order]
 
 
-def ends_on_circle(spec: Spec, axis: Axis) -> list[tuple[float, np.ndarray, bool]]:
+def ends_on_circle(spec: Spec, axis: Axis) -> list[tuple[float, np.ndarray, float, bool]]:
     """Ends of stable intervals between the least and the largest value of an axis: the value, the poles there that are on the
-    unit circle, and whether the end is certified. None of a number that decides how the loop is built, or without a range."""
+    unit circle, the strongest line of their oscillation (Hz), and whether the end is certified.
+
+    None of a number that decides how the loop is built, or without a range.
+    """
     if axis.structural or not axis.start < axis.stop:
         return []
     span = replace(axis, values=())
     rows, found = in_memory(job_over(make_grid(spec, (), axis.path), span)), []
     for end in ("low", "high"):
-        for value, omega, certified in zip(rows[end], rows[f"{end}_omega"], rows["certified"], strict=True):
+        columns = (rows[name] for name in (end, f"{end}_omega", f"{end}_hz", "certified"))
+        for value, omega, hz, certified in zip(*columns, strict=True):
             if np.isfinite(value) and np.isfinite(omega):  # one that stability sets
                 z = poles_over(spec, replace(axis, values=(float(value),)))[1]
-                found.append((float(value), z[np.abs(np.abs(z) - 1) <= ON_CIRCLE], bool(certified)))
+                found.append((float(value), z[np.abs(np.abs(z) - 1) <= ON_CIRCLE], float(hz), bool(certified)))
     return sorted((each for each in found if each[1].size), key=lambda each: each[0])  # what drifts there is left out
 
 

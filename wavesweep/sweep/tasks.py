@@ -31,11 +31,12 @@ FIELDS = (
     ("doubt", "i1"),
 )
 FELT = ("felt_low", "felt_high")
-_FELT = tuple((name, "<f8") for name in FELT)
-RECORD = np.dtype([*FIELDS, *_FELT])
+LINES = ("low_hz", "high_hz")
+_LAST = tuple((name, "<f8") for name in (*FELT, *LINES))
+RECORD = np.dtype([*FIELDS, *_LAST])
 END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
 # Guarantees for hands have the hand that sets each end as well, and whether they are proved for every hand.
-HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?"), *_FELT])
+HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?"), *_LAST])
 
 
 def records_of(found: Intervals) -> np.ndarray:

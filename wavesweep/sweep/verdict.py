@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
+from math import isclose
 from time import monotonic
 
 import numpy as np
 
 from wavesweep.errors import SpecError, WavesweepError
 from wavesweep.loops.from_drawing import assembled
-from wavesweep.response.lines import shown_in_ticks, strongest_turns
 from wavesweep.response.steady import respond, static_response
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
@@ -25,6 +25,7 @@ from wavesweep.sweep.feel import felt_over_band
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
 from wavesweep.sweep.hardware import hardware_of
 from wavesweep.sweep.interval_job import cost_of, job_over
+from wavesweep.sweep.lines import lines_in_loops
 from wavesweep.sweep.measured import distances, read_points
 from wavesweep.sweep.poles import leading
 from wavesweep.sweep.running import in_memory
@@ -77,10 +78,10 @@ def own_design(spec: Spec, loop=None) -> dict:
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
     feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
-    `felt_over_band`; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line
-    in the hand's position (see `strongest_turns`), or as it is seen once a frame if there is no hand, and the states that take
-    part most; least_damped: the same of the mode with the lowest damping ratio, if it is another one; channel_norm: of the wave
-    channel, 1 or less if it is passive, missing if its matrix has more than LARGEST_CHANNEL entries.
+    `felt_over_band`; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at the strongest line
+    that a spectrum of the states shows of it (see `lines_of`), the second line (Hz) if it has more than a third of the energy,
+    and the states that take part most; least_damped: the same of the mode with the lowest damping ratio, if it is another one;
+    channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more than LARGEST_CHANNEL entries.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
@@ -92,10 +93,8 @@ def own_design(spec: Spec, loop=None) -> dict:
     slowest = modes[0] if modes else None
     damped = min(modes, key=lambda mode: np.nan_to_num(damping_ratio(mode[0]), nan=1.0), default=None)
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
-    described = {
-        name: _mode(*mode, period, _turns(loop, mode[0])) if mode else None
-        for name, mode in (("slowest", slowest), ("least_damped", damped if another else None))
-    }
+    named = {"slowest": slowest, "least_damped": damped if another else None}
+    described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
     return found | {"felt": _felt(loop), **described, "channel_norm": channel}
 
 
@@ -111,24 +110,6 @@ def _modes(spec, E):
 def _prepared(spec):
     """The loop prepared for responses at the hand; None if a drawn loop names no hand."""
     return None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-
-
-def _turns(loop, delta):
-    """The whole turns per frame of a mode's strongest line in the hand's position, 0 if it is not known."""
-    if loop is None:
-        return 0
-    E, shown = shown_in_ticks(loop)
-    return strongest_turns(E, shown, delta) if E.size and np.isfinite(E).all() and np.isfinite(shown).all() else 0
-
-
-def line_hz(spec: Spec, omega: float) -> float:
-    """The frequency in Hz of the strongest line, in the hand's position, of the mode that is next to z = exp(j omega T).
-
-    omega: rad/s, from frame to frame. Without a hand, or if the frame is not known, the frequency is that of omega itself.
-    """
-    period = _frame_of(spec)[2]
-    turns = _turns(_prepared(spec), complex(np.expm1(1j * omega * period)))
-    return abs(omega / (2 * np.pi) + turns / period)
 
 
 def _frame_of(spec):
@@ -310,12 +291,14 @@ def _damping(response, low):
         return 0.0 if nothing else np.nan
 
 
-def _mode(mode, states, period, turns):
-    """Of a mode: s per factor e, damping ratio, rad/s of the line that makes so many turns, and the states."""
+def _mode(spec, mode, states, period):
+    """Of a mode: s per factor e, damping ratio, rad/s of its strongest line, Hz of a second one, and the states."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
-        s = (np.log1p(mode) + 2j * np.pi * turns) / period
-        ratio = damping_ratio(mode) if turns == 0 else -s.real / abs(s)
-        found = {"time_constant_s": -1 / s.real, "damping_ratio": float(ratio), "omega": abs(s.imag)}
+        s = np.log1p(mode)
+        hz, second = lines_in_loops(*own_loop(spec), np.array([[s]]))[0].tolist()
+        s = complex(s.real / period, 2 * np.pi * hz)
+        ratio = damping_ratio(mode) if isclose(hz, abs(np.angle(1 + mode)) / (2 * np.pi * period)) else -s.real / abs(s)
+        found = {"time_constant_s": -1 / s.real, "damping_ratio": float(ratio), "omega": s.imag, "second_hz": second}
     return {name: _number(value) for name, value in found.items()} | {"states": states}
 
 

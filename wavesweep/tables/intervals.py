@@ -39,6 +39,16 @@ FELT = tuple(
     Field(f"felt_{end}", "number", OF_WALL, f"static stiffness that the hand feels at {end}; missing without an interval")
     for end in ("low", "high")
 )
+LINES = tuple(
+    Field(
+        f"{end}_hz",
+        "number",
+        "Hz",
+        f"strongest line that a spectrum of the states shows in that oscillation, of all images of {end}_omega; missing where "
+        "the range ends it, or what is proved for many loops",
+    )
+    for end in ("low", "high")
+)
 HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
 ABOUT_ENDS = (
     *(
@@ -279,7 +289,7 @@ def _kind(name: str, along: str | None, fields: tuple[Field, ...]) -> Kind:
     return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), "intervals.zwidth", partial(_again, along))
 
 
-COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT, *FOR_ALL), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT)
+COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT, *FOR_ALL, *LINES), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT, *LINES)
 KINDS = (
     _kind("zwidth", "K_VE", COLUMNS),
     _kind("stability-region", None, COLUMNS),

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from math import isclose, isnan, pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.errors import UsageError
 from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
@@ -51,6 +50,8 @@ WHY = (
     Field("slope", "number", "", "derivative of the limit by the number, in their units; missing if the number is 0"),
     Field("certified", "boolean", "", "the interval is certified, and rounding cannot change the derivatives by 1e-8"),
     Field("doubt", "string", "", f"why the derivatives are missing: {', '.join(OF_DERIVATIVES)}; empty if they are given"),
+    Field("hz", "number", "Hz", "strongest line that a spectrum of the states shows of that mode, of all images of omega"),
+    Field("second_hz", "number", "Hz", "the next line, if it has more than a third of the energy; missing without"),
 )
 
 
@@ -90,28 +91,8 @@ def why(spec: Spec, along: str | None = None) -> Table:
     spans = [{"low": low, "high": high} for low, high in _spans(found)]
     doubts = counted_doubts(found["doubt"])
     searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
-    facts |= {"along": searched, "intervals": spans, "doubts": doubts, "lines_hz": _lines_hz(spec, axis, columns)}
+    facts |= {"along": searched, "intervals": spans, "doubts": doubts}
     return Table.of("why", columns, facts)
-
-
-def _lines_hz(spec, axis, columns):
-    """The frequency in Hz of the strongest line of each crossing in the hand's position, in the order of the table.
-
-    In the frame a mode has lines at every multiple of the frame's rate beside its frequency from frame to frame; see
-    `strongest_turns`. The table's frequency if there is no hand.
-    """
-    from wavesweep.sweep.verdict import line_hz
-
-    found = {}
-    keys = zip(*(columns[name].tolist() for name in ("interval", "end", "crossing")), strict=True)
-    for key, limit, omega in zip(keys, columns["limit"].tolist(), columns["omega"].tolist(), strict=True):
-        if key in found or np.isnan(omega):
-            found.setdefault(key, None)
-            continue
-        found[key] = omega / (2 * np.pi)
-        with suppress(WavesweepError):  # a limit may be no value of a spec
-            found[key] = line_hz(spec.with_values({axis.path: limit}), omega)
-    return list(found.values())
 
 
 def _spans(found):
@@ -143,13 +124,13 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     names = ("interval", "end", "crossing")
     keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
     ends = []
-    for key, line in zip(dict.fromkeys(keys), facts["lines_hz"], strict=True):
+    for key in dict.fromkeys(keys):
         rows = np.array([each == key for each in keys])
         quantities = {"limit": "end", "felt": "felt"}
         limits = {name: _limit(columns, rows & (columns["quantity"] == quantity)) for name, quantity in quantities.items()}
         first = int(np.flatnonzero(rows)[0])
-        mode = {name: columns[name][first] for name in ("omega", "damping_ratio", "states", "corner")}
-        mode |= {"line_hz": line}
+        mode = {name: columns[name][first] for name in ("omega", "damping_ratio", "states", "corner", "second_hz")}
+        mode |= {"line_hz": columns["hz"][first]}
         ends.append(dict(zip(names, key, strict=True)) | {name: _plain(value) for name, value in mode.items()} | limits)
     return {
         "along": dict(facts["along"]),
@@ -202,14 +183,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
 def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     limit, felt = end["limit"], end["felt"]
     corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
-    frequency = f"{end['omega']:.5g} rad/s ({end['omega'] / (2 * pi):.4g} Hz)" if end["omega"] else ""
-    mode = f"an oscillation of {frequency}" if end["omega"] else "a mode without oscillation from frame to frame"
-    mode = "a mode that is not known" if end["omega"] is None else mode
-    within = end["omega"] is not None and not isclose(2 * pi * end["line_hz"], end["omega"], rel_tol=1e-6, abs_tol=1e-9)
-    if within:
-        once = f"once a frame {end['omega'] / (2 * pi):.4g} Hz" if end["omega"] else "none from frame to frame"
-        mode = f"an oscillation of {end['line_hz']:.4g} Hz within the frame ({once})"
-    beside = " from frame to frame" if within else " beside it"
+    mode, image = mode_words(end["omega"], end["line_hz"], end["second_hz"])
+    beside = " from frame to frame" if image else " beside it"
     damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{beside}"
     yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False
     if end["states"]:
@@ -220,6 +195,19 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
         said = felt["value"] == limit["value"] == 0  # of which a per cent is nothing either
         warning = warning and not said
         yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
+
+
+def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -> tuple[str, bool]:
+    """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is an image of that per frame."""
+    if omega is None or hz is None:
+        return "a mode that is not known", False
+    image, beside = not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9), f" and {second_hz:.4g} Hz" if second_hz else ""
+    if image:
+        once = f"once a frame {omega / (2 * pi):.4g} Hz" if omega else "none from frame to frame"
+        return f"an oscillation of {hz:.4g} Hz{beside} within the frame ({once})", True
+    if not omega:
+        return f"a mode without oscillation from frame to frame{beside and f', with one of{beside[4:]} within it'}", False
+    return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{beside})", False
 
 
 def _moves(limit: Numbers) -> Line:

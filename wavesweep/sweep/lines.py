@@ -1,0 +1,113 @@
+"""What a spectrum of the states of drawn loops shows of their modes, a batch at a time."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.loops.from_drawing import PRODUCT, assembled
+from wavesweep.monodromy.cut import with_batch
+from wavesweep.monodromy.drift import TickDrift, counted_ticks
+from wavesweep.monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.monodromy.periodic import frame_of, ticks_of
+from wavesweep.spec.drawing import Drawing
+from wavesweep.stability.lines import in_ticks, lines_of, modes_in_frame, share_of_first
+from wavesweep.sweep.bound import Bound
+from wavesweep.sweep.drawn_loops import drift_of, named_loops
+from wavesweep.sweep.open_loops import Opened
+
+MOST = 2**18  # numbers of states that are followed at once
+
+
+@lru_cache(maxsize=64)
+def of_plants(drawing: Drawing, states: tuple[str, ...]) -> np.ndarray:
+    """Which states are those of a block that moves continuously; what programs remember, a spectrum shows as stairs."""
+    starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
+    starts += [f"{block.name}." for block in drawing.alone if block.plant]
+    return np.array([name.startswith(tuple(starts)) for name in states], bool)
+
+
+def shown_by(drawing: Drawing, states: tuple[str, ...], drift: TickDrift, own) -> tuple[np.ndarray, np.ndarray]:
+    """The states that a spectrum shows as rows over states that are counted from others, `(n, n)`, and which it shows of modes
+    in which the states `own` take part, masks `(..., n)`.
+
+    They are the states of plants, also a position of theirs that nothing else reads; without a plant all of them.
+    """
+    blocks, rows, own = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), own.copy()
+    for lead, others in drift.moved:
+        rows[[index for index, _ in others], lead] = [factor for _, factor in others]
+        own[..., lead] = (own & (blocks == blocks[lead])).any(-1)
+    plants = own & of_plants(drawing, states)
+    return rows, np.where(plants.any(-1, keepdims=True), plants, own)
+
+
+def lines_in_loops(drawing: Drawing, values: Mapping[str, object], s) -> np.ndarray:
+    """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of exp(s), `(loops, choices)`."""
+    drawn, drift, size = assembled(drawing, values), drift_of(drawing, values), len(s)
+    period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    if drawn.ticks == 1:
+        return lines_of(np.ones((size, 1, 1)), s[:, 0], period)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        ticks, _ = counted_ticks(ticks_of(drawn, alone=True, terms=True), drift)
+        n, leads = len(ticks.states), [lead for lead, _ in drift.moved]
+        E, inner = np.broadcast_to(frame_of(ticks), (size, n, n)), np.setdiff1d(np.arange(n), [*leads, *drift.unread])
+        state, own = np.zeros((size, n, 1), complex), np.zeros((size, n), bool)
+        delta, state[:, inner, 0], own[:, inner] = modes_in_frame(E[:, inner[:, None], inner], np.expm1(s))
+        for lead in leads:
+            state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead, inner] * state[:, inner, 0]).sum(-1) / delta)
+        rows, shown = shown_by(drawing, ticks.states, drift, own)
+        changes = [(np.eye(n) + each.E, None) for each in ticks.maps]
+        moved = np.concatenate([*in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
+        moved[~shown] = 0.0
+        return lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
+
+
+def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) -> np.ndarray:
+    """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices `at` of loops that are cut at a number.
+
+    A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `DrawnTask`.
+    """
+    loops, which, found = opened.loops, opened.which[at], np.abs(omega) / (2 * np.pi)
+    cut, frame, ticks = with_batch(loops.cut, int(opened.which.max()) + 1), loops.frame, loops.frame.ticks
+    kinds, n, leads = ticks.kind.tolist(), len(ticks.states), [lead for lead, _ in loops.drift.moved]
+    if len(kinds) == 1:
+        return found
+    period = np.broadcast_to(np.asarray(cut.period), cut.batch)[which]
+    s = np.log(bound.radius_of(period)) + 1j * omega * period
+    kept, force = np.array([ticks.states.index(name) for name in cut.states]), loops.drawn.inputs.index(PRODUCT)
+    rows, shown = shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept))
+
+    def followed(some, w):
+        """What is shown in each tick, of some loops `(k,)` and the modes of their eigenvalues 1 + w, `(k, columns)`."""
+
+        def of(part):
+            return part[some] if part.ndim > 2 and len(part) > 1 else part
+
+        pole, mode = polynomials(
+            reduced(in_even_units(cut.E[some], cut.B[some], np.broadcast_to(np.eye(kept.size), cut.E[some].shape))), w
+        )
+        state = np.zeros((some.size, n, w.shape[-1]), complex)
+        state[:, kept] = mode / pole[:, None]
+        for lead in leads:
+            moved = (of(frame.E)[..., lead, :, None] * state).sum(-2) + of(frame.B)[..., lead, :1]
+            state[:, lead] = np.where(w == 0, 0.0, moved / w)
+        forces = [of(each.B)[..., force, None] if np.any(each.B[..., force]) else None for each in ticks.maps]
+        changes = [(np.eye(n) + of(each.E), added) for each, added in zip(ticks.maps, forces, strict=True)]
+        return in_ticks(kinds, changes, state, rows[shown])
+
+    order = np.argsort(which, kind="stable")
+    order = order[s[order] != 0] if cut.integrates else order  # there nothing moves but the integrator
+    first, begins, counts = np.unique(which[order], return_index=True, return_counts=True)
+    row, place = np.repeat(np.arange(first.size), counts), np.arange(order.size) - np.repeat(begins, counts)
+    index = np.repeat(order[begins][:, None], counts.max(initial=1), axis=1)  # of each loop's modes, filled up with its first
+    index[row, place] = order
+    share, few = np.empty(index.shape), max(1, MOST // (index.shape[-1] * n))
+    with np.errstate(all="ignore"):
+        for part in (slice(begin, begin + few) for begin in range(0, first.size, few)):
+            seen = followed(first[part], np.expm1(s[index[part]]))
+            share[part] = share_of_first(seen, len(kinds), s[index[part]])
+        rest = order[~(share[row, place] > 1 / 2)]
+        for own in (rest[begin : begin + few] for begin in range(0, rest.size, few)):
+            moved = np.concatenate([*followed(which[own], np.expm1(s[own, None]))], axis=-1)
+            found[own] = lines_of(moved, s[own], period[own])[:, 0]
+    return found
