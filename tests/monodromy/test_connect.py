@@ -1,8 +1,6 @@
 """Connecting blocks: junctions, algebraic loops, and loops that have no solution."""
 
-import sys
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import mpmath
@@ -16,7 +14,6 @@ from wavesweep.loops.block import Block
 from wavesweep.loops.device import impulse_and_step
 from wavesweep.monodromy.cut import close
 from wavesweep.monodromy.interconnect import connect
-from wavesweep.monodromy.substitution import ANY, ONE, plan_of
 from wavesweep.sweep.open_loops import wall_cut
 
 
@@ -224,63 +221,11 @@ def test_the_pivot_of_one_loop_is_its_return_difference():
     assert (closed.D[0, 0], closed.pivot) == (1.0, 0.25)
 
 
-def test_loops_of_one_structure_share_a_plan_and_others_do_not():
-    def planned(pole, through, gain=-1):
-        """Plans that the loop makes, and whether it goes round at once."""
-        blocks, before = (first_order("p", pole, through), first_order("q", -0.2, 2.0)), plan_of.cache_info().misses
-        sums = {"p.u": {"r": 1, "back": gain}, "back": {"q.y": 3.0}, "q.u": {"p.y": 1}}
-        closed = connect("loop", blocks, sums, ("r",), ("p.y",))
-        return plan_of.cache_info().misses - before, closed.pivot != 1
-
-    plan_of.cache_clear()
-    assert planned(0.9, 0.3) == (1, True)
-    assert planned(0.5, 0.7) == (0, True)
-    assert planned(0.9, 0.0) == (1, False)  # no direct term
-    assert planned(0.9, 0.3, 1) == (1, True)  # a gain of 1 multiplies nothing
-    assert planned(0.9, 0.3) == (0, True)
-
-
-def test_numbers_that_nothing_needs_are_not_computed_and_places_are_used_again():
-    """A chain of 20 gains beside others that nothing reads."""
-    blocks = tuple((f"{kind}{i}", ("u",), ("y",), 0, False) for kind in "ab" for i in range(20))
-    sums = tuple((f"{kind}{i}.u", (f"{kind}{i - 1}.y" if i else "r",)) for kind in "ab" for i in range(20))
-    patterns = bytes([ANY] * 40 + [ONE] * 40)
-    plan = plan_of(blocks, sums, ("r",), ("a19.y",), False, patterns)
-    assert sum(map(len, plan.stages)) == 19
-    assert plan.places <= len(patterns) + 2
-
-
 def test_sizes_that_are_known_reach_the_whole_through_entries_that_are_zero():
     """What cancels in a block leaves rounding in it; so it does in what it is connected to."""
     block = replace(static([[0.0]]), terms=(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[3.0]])))
     closed = connect("chain", (block,), {"b.a": {"r": 2.0}, "out": {"b.s": -5.0}}, ("r",), ("out",), terms=True)
     assert (closed.D, closed.terms[3]) == (0.0, 30.0)
-
-
-@pytest.mark.thorough
-def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
-    """Each of them may work out its plan, in which nothing changes afterwards."""
-    random = np.random.default_rng(3)
-
-    def block(name):
-        return Block(
-            name, ("u",), ("y",), ("p", "q"), *(random.normal(size=shape) for shape in ((2, 2), (2, 1), (1, 2), (1, 1)))
-        )
-
-    blocks = [block(f"b{i}") for i in range(14)]
-    sums = {f"b{i}.u": {f"b{i - 1}.y": random.normal(), "r": 2.0} if i else {"r": 0.5} for i in range(14)}
-    given = "net", blocks, sums, ("r",), tuple(f"b{i}.y" for i in range(14))
-    expected, before, wrong = connect(*given, terms=True), sys.getswitchinterval(), 0
-    sys.setswitchinterval(1e-6)
-    try:
-        with ThreadPoolExecutor(4) as pool:
-            for _ in range(30):
-                plan_of.cache_clear()
-                for found in pool.map(lambda _: connect(*given, terms=True), range(4)):
-                    wrong += not all(np.array_equal(*pair) for pair in zip(found.terms, expected.terms, strict=True))
-    finally:
-        sys.setswitchinterval(before)
-    assert wrong == 0
 
 
 def test_a_batch_without_loops_is_connected_to_none():

@@ -1,12 +1,11 @@
 """Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
 
-from math import prod
-
 import numpy as np
 
 from wavesweep.loops.algebraic import loop_inverse
 from wavesweep.loops.block import Block, numbers
-from wavesweep.monodromy.substitution import ANY, NOTHING, ONE, plan_of
+
+ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
 
 def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
@@ -16,77 +15,137 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     any signals. terms: whether the block has the sizes of the terms of its entries' sums (see `Block`).
     Errors: IllPosedLoopError if the algebraic loop through the direct terms is singular to working precision.
 
-    Ports are visited in the order in which their direct terms need each other. If this comes to a port again, the port is torn:
-    it is unknown until all others are sums of states, inputs and torn ports, and then found from as many equations as ports are
-    torn (G. Kron, Diakoptics, 1963). The sums follow from the structure alone and are planned once for all loops that have it.
+    With the blocks side by side, `y = C x + D u`, the wires `u = K y + L w` give `(I - K D) u = K C x + L w`. Ports are found
+    in the order in which their direct terms need each other, so that what a port does not depend on is exactly zero in it.
+    Ports that need each other are an algebraic loop, and are found together.
     """
-    gains = {(to, source): gain for to, sources in sums.items() for source, gain in sources.items()}
-    varied = {at: numbers(gain)[..., None, None] for at, gain in gains.items() if not isinstance(gain, int | float)}
-    work = _entries([part for block in blocks for part in (block.B, block.C, block.D, *(block.terms or ())[1:])])
-    patterns = [ANY if not isinstance(each, float) else NOTHING if each == 0 else ONE if each == 1 else ANY for each in work]
-    work += [_entries([varied[at]])[0] if at in varied else float(gain) for at, gain in gains.items()]
-    patterns += [ONE if isinstance(gain, float) and gain == 1 else ANY for gain in work[len(patterns) :]]
-    shapes = tuple([(each.name, each.inputs, each.outputs, len(each.states), each.terms is not None) for each in blocks])
-    wires = tuple([(signal, tuple(sources)) for signal, sources in sums.items()])
-    plan = plan_of(shapes, wires, tuple(inputs), tuple(outputs), terms, bytes(patterns))
-    arrays = [part for block in blocks for part in (block.E, block.B, block.C, block.D)]
-    arrays += [gain for (to, _), gain in varied.items() if to in plan.used]
-    batch = np.broadcast_shapes(*{array.shape[:-2] for array in arrays})
-    kind = np.result_type(float, *{array.dtype for array in arrays})
-    own = {0: [each.E for each in blocks], 4: [each.terms[0] if each.terms else np.abs(each.E) for each in blocks if terms]}
-    states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
-    n, m, p = len(states), len(inputs), len(outputs)
-    shapes, kinds, condition, pivot = 2 * [(n, n), (n, m), (p, n), (p, m)], 4 * [kind] + 4 * [float], 1.0, 1.0
-    work += [1.0, *[None] * (plan.places - len(work) - 1)]
+    ports = [f"{each.name}.{port}" for each in blocks for port in each.inputs]
+    made = [f"{each.name}.{port}" for each in blocks for port in each.outputs]
+    known: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
+    wired = [_traced(port, sums, known) for port in ports]
+    shown = [{each: 1.0} if each in ports else _traced(each, sums, known) for each in outputs]  # not its sum: that may cancel
+    of_made, of_inputs, of_ports = (_matrix(shown, columns) for columns in (made, inputs, ports))
+    E, B, C, D = values = [_side_by_side([getattr(each, part) for each in blocks]) for part in "EBCD"]
+    sizes = [np.abs(part) for part in values]
+    if terms and blocks:
+        given = zip(*(each.terms or [np.abs(getattr(each, part)) for part in "EBCD"] for each in blocks), strict=True)
+        sizes = [_side_by_side(list(some)) for some in given]
+    needs = _closure(_somewhere(np.abs(_matrix(wired, made)) @ sizes[3]))
+    reads = _somewhere(sizes[1]).any(0) | _somewhere(np.abs(of_made) @ sizes[3] + np.abs(of_ports)).any(0) | needs.diagonal()
+    used = (reads | reads @ needs).tolist()
+    wired = [row if each else {} for row, each in zip(wired, used, strict=True)]
+    K, L = (_matrix(wired, columns) for columns in (made, inputs))
+    n = E.shape[-1]
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        for late, steps in enumerate(plan.stages):
-            if late and plan.loop:
-                loop, sizes = (_filled(plan.loop[at], work, plan.reached.shape, batch, kinds[4 * at]) for at in (0, 1))
-                inverse, condition, pivot = loop_inverse(loop, sizes, plan.reached, name, plan.closed)
-                work += _entries([inverse])
-            for operation, one, other, place in steps:
-                work[place] = operation(work[one], work[other])
-        parts = [_filled(part, work, shapes[at], batch, kinds[at], own.get(at, ())) for at, part in enumerate(plan.parts)]
+        found = _Ports(ports, name, K, L, C, D, sizes[2:])
+        read = of_made @ D + of_ports
+        parts = _closed(E, B, of_made @ C, read, of_inputs, found.values)
+        at_most = np.abs(found.values[..., n:])
+        for part, of_part in ((1, np.abs(B) @ at_most), (3, np.abs(of_inputs) + np.abs(read) @ at_most)):
+            # The wall's force may reach the avatar twice, by +1/b and -1/b, which leaves eps/b.
+            parts[part] = np.where((np.abs(parts[part]) <= ROUNDING * of_part) & np.isfinite(of_part), 0.0, parts[part])
+        if terms:
+            size, of_read = np.abs(of_made), np.abs(of_made) @ sizes[3] + np.abs(of_ports)
+            parts += _closed(sizes[0], sizes[1], size @ sizes[2], of_read, np.abs(of_inputs), found.sizes)
+    kind, batch = np.result_type(float, *parts), np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    if len(batch) == 1:
+        parts = [np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts]
     for block in blocks:
-        condition, pivot = condition * block.condition, pivot * block.pivot
-    facts = {"condition": condition, "pivot": pivot, "terms": tuple(parts[4:]) or None}
-    return Block(name, tuple(inputs), tuple(outputs), states, *parts[:4], **facts)
+        found.condition, found.pivot = found.condition * block.condition, found.pivot * block.pivot
+    facts = {"condition": found.condition, "pivot": found.pivot, "terms": tuple(parts[4:]) or None}
+    states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
+    return Block(name, tuple(inputs), tuple(outputs), states, *(part.astype(kind, copy=False) for part in parts[:4]), **facts)
 
 
-def _entries(matrices) -> list:
-    """Return the entries of matrices, `(..., rows, columns)`, by rows, each an array, or a float if it is the same real number
-    in the whole batch. (Complex numbers stay in arrays, since Python multiplies them differently.)"""
-    found, groups = [], {}
-    for at, each in enumerate(matrices):
-        found.append(each.ravel().tolist() if each.ndim == 2 and each.dtype.kind != "c" else None)
-        if found[at] is None:  # many at once, since a call costs as much as the arithmetic of many loops
-            groups.setdefault((each.shape[:-2], each.dtype.char), []).append(at)
-    for (batch, _), members in groups.items():
-        flat = [matrices[at].reshape(prod(batch), prod(matrices[at].shape[-2:])) for at in members]
-        widths, flat = [each.shape[-1] for each in flat], np.concatenate(flat, -1)
-        first = flat[0] if len(flat) else np.zeros(flat.shape[-1])
-        values = first.real.tolist()
-        for at in np.flatnonzero((flat != first).any(0) | (first.imag != 0)).tolist():
-            values[at] = flat[:, at].copy().reshape(batch)
-        for at, width in zip(members, widths, strict=True):
-            found[at], values = values[:width], values[width:]
-    return [entry for entries in found for entry in entries]
+class _Ports:
+    """Ports as rows over the states of all blocks and the external inputs, `(..., ports, states + inputs)`.
 
-
-def _filled(part, work, shape, batch, kind, own=()) -> np.ndarray:
-    """Return a matrix of a plan, `(..., *shape)`, and matrices along its diagonal, `own`, added up.
-
-    If the batch has several axes, each axis along which nothing varies has length 1.
+    values, sizes: of the rows, and of the terms of their sums. condition, pivot: of the algebraic loops, see `Block`.
     """
-    if len(batch) > 1:
-        shapes = {np.shape(work[place]) for _, place in part} | {matrix.shape[:-2] for matrix in own}
-        batch = np.broadcast_shapes((1,) * len(batch), *shapes)
-    out, first = np.zeros((*batch, *shape), kind), 0
-    by_entry = out.reshape(*batch, prod(shape)).transpose(-1, *range(len(batch)))
-    for entry, place in part:
-        by_entry[entry] = work[place]
-    for matrix in own:
-        inside = slice(first, first + matrix.shape[-1])
-        out[..., inside, inside] += matrix
-        first = inside.stop
+
+    def __init__(self, ports, name, K, L, C, D, sizes):
+        self.condition = self.pivot = 1.0
+        through, own, size = K @ D, _joined(K @ C, L), np.abs(K)
+        of_through, of_own = size @ sizes[1], _joined(size @ sizes[0], np.abs(L))
+        needs = _closure(_somewhere(of_through))
+        batch, kind = np.broadcast_shapes(through.shape[:-2], own.shape[:-2]), np.result_type(through, own)
+        self.values, self.sizes = (np.broadcast_to(part, (*batch, *part.shape[-2:])).copy() for part in (own, of_own))
+        self.values = self.values.astype(kind, copy=False)
+        count = (needs | np.eye(len(ports), dtype=bool)).sum(-1)
+        for port in np.argsort(count, kind="stable").tolist():  # more than that of each port that it needs
+            both = needs[port] & needs[:, port]
+            loop, before = np.flatnonzero(both), np.flatnonzero(needs[port] & ~both)
+            if not needs[port].any() or (loop.size and loop[0] != port):
+                continue
+            rows = loop if loop.size else np.array([port])
+            value = own[..., rows, :] + through[..., rows[:, None], before] @ self.values[..., before, :]
+            of_value = of_own[..., rows, :] + of_through[..., rows[:, None], before] @ self.sizes[..., before, :]
+            if loop.size:
+                inside = through[..., rows[:, None], rows], of_through[..., rows[:, None], rows]
+                reached = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside[0]), rows.size) > 0
+                inverse, condition, pivot = loop_inverse(*inside, reached, name, [ports[row] for row in rows])
+                right, value = value, inverse @ value
+                if rows.size > 1:  # refined, they are as uncertain as rounding of their equations (R. D. Skeel, 1980)
+                    value = value + inverse @ (right - (value - inside[0] @ value))
+                of_value = np.abs(inverse) @ (np.abs(value) + of_value + inside[1] @ np.abs(value))
+                self.condition, self.pivot = self.condition * condition, self.pivot * pivot
+            self.values[..., rows, :], self.sizes[..., rows, :] = value, of_value
+
+
+def _closure(needs):
+    """Return which ports need which, by way of others as well."""
+    for _ in range(len(needs).bit_length()):
+        needs = needs | (needs @ needs)
+    return needs
+
+
+def _closed(E, B, C, read, through, ports):
+    """Return E, B, C and D of the whole; read: how outputs depend on ports; through: on the external inputs."""
+    n = E.shape[-1]
+    return [E + B @ ports[..., :n], B @ ports[..., n:], C + read @ ports[..., :n], through + read @ ports[..., n:]]
+
+
+def _traced(signal, sums, known):
+    """Return a signal as gains of outputs of blocks and external inputs. known: signals of which these are known already."""
+    if signal not in known:
+        if signal not in sums:
+            raise ValueError(f"nothing makes the signal {signal!r}")
+        found: dict = {}
+        for source, gain in sums[signal].items():
+            for end, factor in _traced(source, sums, known).items():
+                found[end] = found.get(end, 0.0) + gain * factor
+        known[signal] = found
+    return known[signal]
+
+
+def _matrix(rows, columns):
+    """Return gains `(..., rows, columns)` of rows that have them by column; other columns are left out."""
+    at = {column: k for k, column in enumerate(columns)}
+    entries = [(i, at[column], numbers(gain)) for i, row in enumerate(rows) for column, gain in row.items() if column in at]
+    batch = np.broadcast_shapes(*(gain.shape for _, _, gain in entries))
+    out = np.zeros((*batch, len(rows), len(at)), np.result_type(float, *(gain for _, _, gain in entries)))
+    for i, column, gain in entries:
+        out[..., i, column] = gain
     return out
+
+
+def _side_by_side(parts):
+    """Return matrices along a diagonal, `(..., rows, columns)`."""
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    rows, columns = (sum(part.shape[axis] for part in parts) for axis in (-2, -1))
+    out, row, column = np.zeros((*batch, rows, columns), np.result_type(float, *parts)), 0, 0
+    for part in parts:
+        p, m = part.shape[-2:]
+        out[..., row : row + p, column : column + m] = part
+        row, column = row + p, column + m
+    return out
+
+
+def _joined(one, other):
+    batch = np.broadcast_shapes(one.shape[:-2], other.shape[:-2])
+    return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in (one, other)], axis=-1)
+
+
+def _somewhere(part):
+    """Return which entries are not zero in some loop of the batch."""
+    return (part != 0).any(tuple(range(part.ndim - 2)))
