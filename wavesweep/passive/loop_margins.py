@@ -21,15 +21,15 @@ SPARED = 1e-6  # relative error of a margin up to which there is no doubt
 TOUCHES = 1e-7  # of 1, distance of a gain from 1 up to which it may be one that touches 1
 DIRECT = 1e-6  # of 1, distance of the direct term's size, from which on the pencil of the gain 1 is regular
 BESIDE = 1e-7  # rad, an angle that is as good as 0 for a peak
-NONE_FOUND = np.nan, np.nan, 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Margin:
     """One margin.
 
-    value: NaN if nothing limits it. omega: its frequency, rad/s up to half the rate of the frame. bound: on the error of the
-    value, relative, to first order. doubt: a code of `wavesweep.stability.certificate`.
+    value: NaN if it is not known. omega: its frequency, rad/s up to half the rate of the frame; NaN without a limit. bound: on
+    the error of the value, relative, to first order. doubt: a code of `wavesweep.stability.certificate`. limited: whether there
+    is a limit; otherwise the value is the end of what was looked at.
     """
 
     name: str
@@ -37,6 +37,12 @@ class Margin:
     omega: float
     bound: float
     doubt: int = NONE
+    limited: bool = True
+
+    @staticmethod
+    def unlimited(name: str, value: float, doubt: int) -> "Margin":
+        """A margin without a limit up to that value, if there is no doubt about it."""
+        return Margin(name, np.nan if doubt else value, np.nan, 0.0, doubt, limited=bool(doubt))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,10 +131,10 @@ class BrokenLoop:
 def margins_of(loop: BrokenLoop) -> tuple[list[Margin], int]:
     """Return the margins of a loop, empty if it is not stable, and why its stability is in doubt, a code.
 
-    gain_up, gain_down: factors of the signal at the ends of the stable interval around 1; missing beyond MOST and 1/MOST. phase
-    (degrees): up to which every rotation of the signal leaves the loop stable. delay (s): less than that, in whole
-    frames, leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those from
-    1/disk_gain to disk_gain, and rotations up to disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
+    gain_up, gain_down: factors of the signal at the ends of the stable interval around 1; MOST and 0 if they are beyond MOST
+    and 1/MOST. phase (degrees): up to which every rotation of the signal leaves the loop stable. delay (s): less than that, in
+    whole frames, leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those
+    from 1/disk_gain to disk_gain, and rotations up to disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
     |L/(1 + L)|.
     Accuracy: see `Margin.bound`. Peaks by level sets (see `peak_by_levels`), gains as in `stable_intervals`.
     Source: P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
@@ -151,7 +157,7 @@ def _gains(loop):
         return [], doubt
     for name, (gain,), (omega,) in (("gain_up", own.high, own.high_omega), ("gain_down", own.low, own.low_omega)):
         if not 1 / MOST < gain < MOST:
-            margins.append(Margin(name, *NONE_FOUND, doubt))
+            margins.append(Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt))
             continue
         theta = omega * loop.period
         response = complex(loop.response(theta))
@@ -184,8 +190,8 @@ def _phases(loop) -> Iterator[Margin]:
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
     names = "phase", "delay"
     if not theta.size:
-        for name in names:
-            yield Margin(name, *NONE_FOUND, doubt if slow or name == "phase" else FAST)
+        yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
+        yield Margin.unlimited("delay", MOST * loop.period, doubt if slow else FAST)
         return
     response = loop.response(theta)
     lag = np.angle(-response)
@@ -197,7 +203,7 @@ def _phases(loop) -> Iterator[Margin]:
         value, turn = (np.degrees(size), size) if name == "phase" else (size * loop.period, size * angle)
         yield _margin(name, float(value), angle / loop.period, error / turn, doubt)
     if not slow:
-        yield Margin("delay", *NONE_FOUND, FAST)
+        yield Margin.unlimited("delay", np.nan, FAST)
 
 
 def _peaks(loop) -> Iterator[Margin]:
@@ -217,6 +223,6 @@ def _peaks(loop) -> Iterator[Margin]:
         if gain < MOST:
             yield _margin("disk_gain", gain, rest[0], bound * 4 * disk / (4 - disk**2), rest[2])
         else:
-            yield Margin("disk_gain", *NONE_FOUND, rest[2])
+            yield Margin.unlimited("disk_gain", MOST, rest[2])
         half = np.arctan(disk / 2)
         yield _margin("disk_phase", float(np.degrees(2 * half)), rest[0], bound * np.sin(2 * half) / (2 * half), rest[2])

@@ -117,8 +117,9 @@ def _title(rows: Columns) -> list[str]:
     corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
     damping = first["damping_ratio"]
     damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} beside it"
-    second = "" if np.isnan(first["second_hz"]) else f" and {first['second_hz']:.4g} Hz"
-    mode = f"{first['hz']:.4g} Hz{second}{damped}" if first["hz"] else f"no oscillation from frame to frame{damped}"
+    hz, also = first.get("hz", first["omega"] / (2 * np.pi)), first.get("second_hz", np.nan)  # a table may be an old one
+    second = "" if np.isnan(also) else f" and {also:.4g} Hz"
+    mode = f"{hz:.4g} Hz{second}{damped}" if hz else f"no oscillation from frame to frame{damped}"
     mode = "the mode is not known" if np.isnan(first["omega"]) else mode
     axes = list(rows)[: list(rows).index("along")]
     swept = [", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes)] if axes else []

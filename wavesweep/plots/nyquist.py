@@ -33,7 +33,8 @@ def margins(columns: Columns, facts: Mapping[str, Any]) -> Any:
         axis.plot(L.real, L.imag, color=_CURVE, linewidth=1.2, label=f"L at {facts['cut']}")
         axis.plot(L.real, -L.imag, color=_CURVE, linewidth=0.6, linestyle=":")
         axis.plot([-1], [0], "+", color=_MARK, markersize=8)
-        if not np.isnan(gain := value["disk_gain"]):
+        if not np.isnan(omega["disk_gain"]):
+            gain = value["disk_gain"]
             disk = -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * turn
             axis.fill(disk.real, disk.imag, color=_DISK, alpha=0.25, linewidth=0, label="disk margin")
         marks = {name: mark for name, mark in (("gain_up", "^"), ("gain_down", "v"), ("phase", "o")) if omega[name] > 0}

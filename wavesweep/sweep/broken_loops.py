@@ -26,6 +26,7 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop:
             f"cut: expected a signal that is made once per frame, so that one gain breaks the loop "
             f"({', '.join(once) or 'this loop has none'}), found {signal!r}: {found}"
             + (f"; did you mean `{hint}`?" if hint else "")
+            + (_way_out(times, signal) if signal in times else "")
         )
     found = open_loops(_with_gain(drawing, signal), values | {path_of(GAIN): 1.0}, GAIN)
     if found is None or found.cut is None:
@@ -34,6 +35,13 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop:
             "through no state, or what drifts in the loop is read beside it as well"
         )
     return BrokenLoop(found.cut)
+
+
+def _way_out(times: dict[str, int], signal: str) -> str:
+    """What to do about a signal that is made several times in a frame."""
+    slower = sorted({name.rpartition(".")[0] for name, count in times.items() if count < times[signal]})
+    without = f"; in a spec without the slower blocks ({', '.join(slower)}) it is made once per frame" if slower else ""
+    return f". A number that multiplies it has its gain margin: wavesweep stability-region along that{without}"
 
 
 def _times_per_frame(drawing: Drawing, values) -> dict[str, int]:

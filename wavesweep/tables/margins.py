@@ -41,12 +41,18 @@ MARGINS = (
         "the loop stable; disk, disk_gain, disk_phase: gain and phase together; sensitivity: the largest |1/(1 + L)|; "
         "complementary: the largest |L/(1 + L)|",
     ),
-    Field("value", "number", "", "the margin, in its unit; missing without a limit (of gains from 1e-6 to 1e6), or in doubt"),
+    Field(
+        "value",
+        "number",
+        "",
+        "the margin, in its unit; without a limit 0 for gain_down, 1e6 for other gains, 180 deg, 1e6 frames; missing in doubt",
+    ),
     Field("unit", "string", "", "unit of the value"),
     Field("omega", "number", "rad/s", "its frequency, up to half the rate of the frame"),
     Field("bound", "number", "1", "bound on the relative error of the value, to first order"),
     Field("certified", "boolean", "", "nothing was missed, and the bound is at most 1e-6"),
     Field("doubt", "string", "", f"why it is not certified: {', '.join(OF_MARGINS)}; empty if it is"),
+    Field("limited", "boolean", "", "there is a limit; otherwise the value is the end of what was looked at"),
 )
 
 
@@ -76,6 +82,7 @@ def margins(spec: Spec, cut: str) -> Table:
         "bound": np.array([each.bound for each in found]),
         "certified": doubts == "",
         "doubt": doubts,
+        "limited": np.array([each.limited for each in found]),
     }
     counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
     timings = {"compute_s": time.perf_counter() - started}
@@ -85,13 +92,13 @@ def margins(spec: Spec, cut: str) -> Table:
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    rows = zip(*(columns[name].tolist() for name in ("margin", "value", "unit", "omega", "doubt")), strict=True)
+    rows = zip(*(columns[name].tolist() for name in ("margin", "value", "unit", "omega", "doubt", "limited")), strict=True)
     return {
         "cut": facts["cut"],
         "period_s": facts["period_s"],
         "margins": {
-            name: {"value": _plain(value), "unit": unit, "omega": _plain(omega), "doubt": doubt}
-            for name, value, unit, omega, doubt in rows
+            name: {"value": _plain(value), "unit": unit, "omega": _plain(omega), "doubt": doubt, "limited": limited}
+            for name, value, unit, omega, doubt, limited in rows
         },
     }
 
@@ -104,7 +111,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     yield f"broken at {found['cut']}, once in {1e3 * found['period_s']:.6g} ms", False
     for name, margin in found["margins"].items():
         doubt = f"not certified ({margin['doubt']})" if margin["doubt"] else ""
-        if margin["value"] is None:
+        if margin["value"] is None or not margin["limited"]:
             yield f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
             continue
         unit = "" if margin["unit"] == "1" else f" {margin['unit']}"
