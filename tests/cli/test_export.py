@@ -65,8 +65,8 @@ def test_the_vectors_are_the_rows_of_simulate(settings, wavesweep, spec):
     wavesweep("simulate", spec, *SHORT, *settings, "--out", "there", "--quiet", "--no-plot")
     columns = results.read("there/simulate.parquet")
     names, *rows = [line.split(",") for line in Path("mine/vectors.csv").read_text().splitlines()]
-    assert (names[0], names[-1], len(rows)) == ("tick", "device_f", 50)
-    of = {"device_x": columns["x"], "device_v": columns["v"], "device_f": -columns["f_m"]}
+    assert (names[0], names[-1], len(rows)) == ("tick", "ws_device_f", 50)
+    of = {"ws_device_x": columns["x"], "ws_device_v": columns["v"], "ws_device_f": -columns["f_m"]}
     for place, name in enumerate(names[1:], 1):
         assert [float.fromhex(row[place]) for row in rows] == of[name].tolist()
 
@@ -88,7 +88,7 @@ def test_what_goes_into_each_output_is_told_and_stands_beside_it(wavesweep, tmp_
 def test_gains_are_variables_with_their_names_and_others_are_named_as_constants(wavesweep, spec):
     wavesweep("export", spec, *SHORT, "--gains", "--out", "mine", "--quiet")
     header = Path("mine/controller.h").read_text()
-    assert re.search(r"    double b; /\* controller\.b: [\d.]+ N\*s/m \*/", header)
+    assert re.search(r"    double ws_b; /\* controller\.b: [\d.]+ N\*s/m \*/", header)
     assert (
         "also these, which enter otherwise than by arithmetic:\n *   rates.fast_hz, rates.ratio, filters.lp1.cutoff_hz"
         in header

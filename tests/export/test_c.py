@@ -78,7 +78,7 @@ def test_no_bit_of_each_kind_differs_behind_a_surface_with_late_and_lost_results
     seen = simulated(wavesweep.load(tables)).signals
     assert set(seen["touching"].tolist()) == {True, False}
     assert {"-1", "0"} < {row["late_0"] for row in rows}
-    assert [float.fromhex(row["device_f"]) for row in rows] == (-seen["f_m"]).tolist()
+    assert [float.fromhex(row["ws_device_f"]) for row in rows] == (-seen["f_m"]).tolist()
     code, said = made(tmp_path, "check", compiler, "-O2")
     assert (code, said[-16:]) == (0, " no bit differs\n"), said
 
@@ -88,7 +88,7 @@ def test_the_check_sees_one_bit(tmp_path):
     files = written(experiment("pmw", delay=3), tmp_path)
     lines = files["vectors.csv"].splitlines()
     names, row = lines[0].split(","), lines[100].split(",")
-    place = names.index("device_f")
+    place = names.index("ws_device_f")
     row[place] = float(np.nextafter(float.fromhex(row[place]), np.inf)).hex()
     (tmp_path / "vectors.csv").write_text("\n".join([*lines[:100], ",".join(row), *lines[101:], ""]))
     code, said = made(tmp_path, "check", "gcc", "-O1")
@@ -106,7 +106,7 @@ def test_the_host_closes_the_loop_as_the_simulation_does(kind, changes, tmp_path
     rows = list(csv.DictReader(said.splitlines()))
     assert (code, len(rows)) == (0, 2000)
     seen = simulate(wavesweep.load(tables).values, np.ones(2000), Effects()).signals
-    for name, column in (("device_x", seen["x"]), ("device_v", seen["v"]), ("device_f", -seen["f_m"])):
+    for name, column in (("ws_device_x", seen["x"]), ("ws_device_v", seen["v"]), ("ws_device_f", -seen["f_m"])):
         assert name not in rows[0] or np.array_equal([float(row[name]) for row in rows], column)
 
 
@@ -169,7 +169,7 @@ def test_the_header_is_one_of_cpp_too(tmp_path):
 
 def test_constants_are_exact_and_the_state_is_one_struct():
     files = exported(wavesweep.load(experiment("pmw-lm", b=0.1)))
-    assert f"+ {(0.1).hex()} * z[ws_encoder_v]" in files["controller.c"]
+    assert f"+ {(0.1).hex()} * z[ws_z_encoder_v]" in files["controller.c"]
     assert "malloc" not in files["controller.c"]
     assert not re.search(r"^static (?!const|inline)[^(]*;", files["controller.c"], re.MULTILINE)
 
@@ -204,7 +204,7 @@ def test_gains_at_run_time_are_those_of_a_fresh_export_to_the_last_bit(kind, cha
     members = dict(re.findall(r"    double (\w+); /\* ([\w.]+): ", files["controller.h"].split("ws_wall;")[-1]))
     other = {path: 0.9 * spec.values[path] + 0.1 for path in members.values()}
     expected = {"pmw": {"b", "Kp"}, "pmw-lm": {"b", "Kp", "K_LM", "B_LM"}, "dc-lm": {"K_LM", "B_LM"}}
-    assert set(members) == expected.get(kind, set())
+    assert {name.removeprefix("ws_") for name in members} == expected.get(kind, set())
     fresh = exported(spec.with_values(other))
     given = "".join(f"    s.gains.{name} = {other[path].hex()};\n" for name, path in members.items())
     tuned = files["check.c"].replace("    ws_init(&s);\n", f"    ws_init(&s);\n{given}{'    ws_tune(&s);' * bool(members)}\n")

@@ -81,7 +81,7 @@ def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
     rows = list(csv.DictReader(said.splitlines()))
     assert (code, len(rows)) == (0, 2000)
     seen = simulation_of(wavesweep.load(tables), np.ones(2000)).signals["v"]
-    place = {"arm": "hand_v", "policy": "joint_v", "controllers/pmw-lm": "device_v"}[name]
+    place = {"arm": "ws_hand_v", "policy": "ws_joint_v", "controllers/pmw-lm": "ws_device_v"}[name]
     assert [float(row[place]) for row in rows] == pytest.approx(seen, rel=1e-9, abs=1e-11 * np.abs(seen).max())
 
 
@@ -95,7 +95,7 @@ def test_gains_of_a_drawn_loop_also_one_of_zero_are_those_of_a_fresh_export(tmp_
     assert made(tmp_path, "check", "gcc", "-O2")[1][-16:] == " no bit differs\n"
     assert " *   numbers.every, rates.tick_hz\n" in files["controller.h"]
     other = {"ki": 7.0, "kd": 0.3, "share": -0.2}
-    given = "".join(f"    s.gains.{name} = {value.hex()};\n" for name, value in other.items())
+    given = "".join(f"    s.gains.ws_{name} = {value.hex()};\n" for name, value in other.items())
     tuned = files["check.c"].replace("    ws_init(&s);\n", f"    ws_init(&s);\n{given}    ws_tune(&s);\n")
     fresh = exported(load(tables | {"numbers": other | {"every": 4}}))
     put({"check.c": tuned, "vectors.csv": fresh["vectors.csv"]}, tmp_path)
@@ -104,7 +104,7 @@ def test_gains_of_a_drawn_loop_also_one_of_zero_are_those_of_a_fresh_export(tmp_
 
 def test_the_controller_reads_the_device_and_the_force_that_it_feels():
     files = exported(wavesweep.load(tomllib.loads(ARM)))
-    assert files["vectors.csv"].split("\n", 1)[0] == "tick,hand_v,arm_x,push,arm_f"
+    assert files["vectors.csv"].split("\n", 1)[0] == "tick,ws_hand_v,ws_arm_x,ws_push,ws_arm_f"
     assert "The device is the host's: hand+arm." in files["controller.h"]
 
 
@@ -125,12 +125,12 @@ def test_a_device_that_responds_within_the_tick_is_refused():
 
 
 def test_two_ports_never_share_a_name_in_c():
-    assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == ["a_b_c", "a_b_c_2", "ws_0_x"]
+    assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == ["ws_a_b_c", "ws_a_b_c_2", "ws_0_x"]
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("word", ["double", "if", "tick", "class", "late_0", "_x"])
-def test_a_force_that_is_a_word_of_c_gets_another_name(word, tmp_path):
+@pytest.mark.parametrize("word", ["EOF", "init", "double", "SEEK_SET", "unix", "INT32_MAX", "tick", "_x"])
+def test_a_force_may_be_called_as_a_word_a_macro_or_a_function_of_c(word, tmp_path):
     tables = tomllib.loads(ARM.replace("push", word))
     assert f"ws_{word}" in exported(wavesweep.load(tables))["vectors.csv"].split("\n", 1)[0].split(",")
     if "gcc" in present():
@@ -156,11 +156,11 @@ def test_a_loop_without_a_hand_has_its_inputs_in_the_controller():
     tables = tomllib.loads(DRIVE) | {"simulate": {"duration_s": 0.5}}
     files = exported(load(tables))
     header, *rows = files["vectors.csv"].splitlines()
-    assert header == "tick,motor_v,ref,load,motor_f"
+    assert header == "tick,ws_motor_v,ws_ref,ws_load,ws_motor_f"
     given = [[float.fromhex(each) for each in row.split(",")[1:]] for row in rows]
     inputs = np.array([row[1:3] for row in given]).T
     speed, _, torque, _ = drive(inputs)
     np.testing.assert_allclose(np.array(given)[:, 0], speed, rtol=0, atol=1e-12)
     np.testing.assert_allclose(np.array(given)[:, 3], torque - inputs[1], rtol=0, atol=1e-12)
-    assert "in.ref = given;" in files["example.c"]
-    assert "in.load = 0.0;" in files["example.c"]
+    assert "in.ws_ref = given;" in files["example.c"]
+    assert "in.ws_load = 0.0;" in files["example.c"]

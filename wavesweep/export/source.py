@@ -30,14 +30,6 @@ from wavesweep.sweep.experiment import refuse_what_makes_no_loop
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 255
-# Words that no member of a struct can be called in C or C++, and those of the files' own columns.
-_WORDS = """
-    auto bool break case catch char class const continue default delete do double else enum extern false float for friend
-    goto if inline int long namespace new operator private protected public register restrict return short signed sizeof
-    static struct switch template this throw true try typedef typename union unsigned using virtual void volatile while
-    tick
-"""
-WORDS = frozenset(_WORDS.split())
 
 
 class Controller(NamedTuple):
@@ -164,7 +156,7 @@ def controller_of(loop: Loop, late: bool) -> Controller:
         raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
     for name in (DEPTH, SPEED, FORCE, *(each(s) for s in delayed for each in (str, arrived))):
         ticks.at(name)  # though nothing may read it
-    places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_"), strict=True))
+    places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_"), strict=True))
     return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places)
 
 
@@ -215,12 +207,11 @@ def _lateness(each: Results, count: int) -> np.ndarray:
     return np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)
 
 
-def _identifiers(signals: Sequence[str], start: str = "") -> list[str]:
-    """A name in C for each signal, no two the same, and none a word of C or a column of the vectors; start: of all of them."""
+def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
+    """A name in C for each signal, no two the same; start: of all of them, which no word or macro of C has, as EOF or unix."""
     found: dict[str, None] = {}
     for signal in map(_port, signals):
-        base = start + re.sub(r"\W", "_", signal, flags=re.ASCII)
-        base = name = f"ws_{base}" if base in WORDS or not re.match(r"[A-Za-z](?!ate_\d)", base) else base
+        base = name = start + re.sub(r"\W", "_", signal, flags=re.ASCII)
         count = 1
         while name in found:
             count += 1
