@@ -57,6 +57,26 @@ def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
     assert sweep.seen == []
 
 
+def run_as_program(before, cwd, *words):
+    """Exit code, stdout and stderr of the command line in a process of its own, which runs `before` first."""
+    program = f"import atexit, os, signal, sys\n{before}\nsys.argv = ['wavesweep', *{words!r}]\n"
+    program += "from wavesweep.cli import main\nsys.exit(main())"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=cwd, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_an_interrupt_while_the_program_is_loaded_is_one_line(tmp_path):
+    (tmp_path / "click.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    assert run_as_program("", tmp_path, "keys") == (130, "", "Interrupted.\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_python_shuts_down_ends_it_without_a_word(number, tmp_path):
+    late = f"atexit.register(lambda: os.kill(os.getpid(), {int(number)}))"
+    code, out, err = run_as_program(late, tmp_path, "--version")
+    assert (code, out.startswith("wavesweep "), err) == (-number, True, "")
+
+
 def test_mistakes_of_a_spec_are_lines_that_begin_with_their_place(wavesweep, sweep, spec, tmp_path):
     (tmp_path / spec).write_text('[controller]\nkind = "pmw"\n[rates]\nratio = 20.5\n[device]\nmas = 1.0\n')
     code, out, err = wavesweep("zwidth", spec)

@@ -250,7 +250,7 @@ def _signals_unwind(to_the_end: bool) -> Iterator[None]:
     """Let signals that stop a run unwind the stack, so that temporary files are removed and workers end.
 
     The second Ctrl-C or SIGTERM ends the process at once. A signal that is ignored stays so (nohup, jobs in the background).
-    to_the_end: leave the handlers in place, since Python has still to shut down.
+    to_the_end: leave none of Python's own afterwards, whose errors have tracebacks while Python shuts down.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -273,10 +273,9 @@ def _signals_unwind(to_the_end: bool) -> Iterator[None]:
         with _counted(stopped):
             yield
     finally:
-        if not to_the_end:
-            sys.unraisablehook = hook
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        sys.unraisablehook = hook
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if to_the_end and handler is signal.default_int_handler else handler)
 
 
 @contextmanager
