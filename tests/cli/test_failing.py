@@ -92,7 +92,7 @@ def test_mistakes_of_a_spec_are_lines_that_begin_with_their_place(wavesweep, swe
         (["zwidth"], "Missing argument 'SPEC'"),
         (["zwdith", "wall.toml"], "No such command 'zwdith'"),
         (["zwidth", "wall.toml", "--jobs", "0"], "0 is not in the range x>=1"),
-        (["zwidth", "wall.toml", "--scheduler", "tcp://there:8786"], "--scheduler needs --backend dask or ray"),
+        (["zwidth", "wall.toml", "--scheduler", "tcp://there:8786"], "--scheduler needs --backend dask"),
         (["zwidth", "nowhere.toml"], "nowhere.toml"),
         (["bode", "wall.toml", "wall.toml"], "two specs are called wall"),
         (["bode", "a\x1b[2J.toml", "a\x1b[2J.toml"], "two specs are called a\\x1b[2J"),

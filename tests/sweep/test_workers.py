@@ -3,8 +3,8 @@
 import contextlib
 import logging
 import os
+import pickle
 import platform
-import signal
 import subprocess
 import sys
 import threading
@@ -12,13 +12,12 @@ import warnings
 from concurrent.futures import Future
 
 import pytest
-from support.chunks import finished_in
+from support.chunks import DieOnce, finished_in
 
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.sweep import clusters, pools, workers
 from wavesweep.sweep.pools import Pool
-from wavesweep.sweep.tasks import timed
 from wavesweep.sweep.workers import Workers, results
 from wavesweep.tables.intervals import intervals
 
@@ -47,19 +46,71 @@ def cluster():
 
 
 @pytest.mark.slow
-def test_a_pool_without_its_own_thread_is_an_error_and_no_wait_without_end(long, tmp_path, monkeypatch):
-    from joblib.externals.loky import get_reusable_executor, process_executor
+def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
+    """A pool of ours that joblib takes for its own has none of its attributes."""
+    joblib = pytest.importorskip("joblib")
+    calls = [joblib.delayed(abs)(-number) for number in range(3)]
+    before = joblib.Parallel(n_jobs=2)(calls)
+    intervals(long, jobs=2, backend="loky")
+    assert joblib.Parallel(n_jobs=2)(calls) == before == [0, 1, 2]
+    intervals(long, jobs=2, backend="loky")
+    assert joblib.Parallel(n_jobs=2, return_as="list")(calls) == before
 
-    get_reusable_executor().shutdown(kill_workers=True)
-    monkeypatch.setattr(process_executor._ExecutorManagerThread, "run", lambda _: None)
-    with pytest.raises(WavesweepError, match="a worker process died"):
-        intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
+
+@pytest.mark.slow
+def test_the_next_run_has_the_processes_of_the_last_one_and_the_pool_ends_with_an_error():
+    two = Workers(2, "loky", None, "")
+
+    def ids(pool):
+        return {future.result() for future in [pool.submit(os.getpid) for _ in range(50)]}
+
+    with pools.processes(two) as pool:
+        first = ids(pool)
+    with pools.processes(two) as pool:
+        assert ids(pool) <= first
+        with pytest.raises(ZeroDivisionError) as caught:
+            pool.submit(divmod, 1, 0).result()
+    assert "Traceback" in str(caught.value.__cause__)
+    with pytest.raises(KeyError), pools.processes(two):
+        raise KeyError
+    with pools.processes(two) as pool:
+        assert not ids(pool) & first
+
+
+@pytest.mark.slow
+def test_what_cannot_be_sent_is_told():
+    with pools.processes(Workers(1, "loky", None, "")) as pool:
+        with pytest.raises((TypeError, AttributeError, pickle.PicklingError)):
+            pool.submit(lambda: 1)
+        with pytest.raises(TypeError, match="pickle"):
+            pool.submit(compile, "1", "", "eval").result()  # code is no value
 
 
 @pytest.mark.slow
 def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, same, cluster):
     run = intervals(long, backend="dask", scheduler=cluster)
     same(run.columns, long_table)
+
+
+@pytest.mark.slow
+def test_a_dask_worker_that_dies_has_its_chunks_done_again(long, long_table, same, cluster, monkeypatch, tmp_path):
+    monkeypatch.setattr(workers, "timed", DieOnce(tmp_path / "died"))
+    same(intervals(long, backend="dask", scheduler=cluster).columns, long_table)
+    assert (tmp_path / "died").exists()
+
+
+@pytest.mark.slow
+def test_what_fails_in_the_threads_of_dask_is_no_traceback_on_the_terminal(cluster, caplog):
+    """A scheduler that is lost makes callbacks of its client fail, which tornado would show."""
+    from distributed import Client
+
+    def fail():
+        raise OSError("Stream is closed")
+
+    with clusters.dask(Workers(1, "dask", cluster, "")) as pool, Client(cluster, set_as_default=False) as other:
+        other.loop.add_callback(fail)
+        assert pool.submit(len, "ab").result() == 2
+    assert caplog.records == []
 
 
 @pytest.mark.slow
@@ -80,7 +131,7 @@ def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd)
 
 
 def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
-    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, loky, ray, threading"):
+    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, loky, threading"):
         intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
     with pytest.raises(UsageError, match=r"^backend multiprocessing: its pool never notices that a worker has died"):
         intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
@@ -104,35 +155,23 @@ def test_nothing_of_the_current_folder_is_run(tmp_path):
         (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")
     program = (
         "import sys; sys.path[:] = [p for p in sys.path if p]\n"
-        "from wavesweep.sweep.workers import Workers, results\n"
+        "from wavesweep.sweep.pools import processes\n"
         "from wavesweep.sweep.tasks import radius_over\n"
-        "class Task:\n    def records(self): return [1]\n"
-        "print(sorted(r[0] for r in results(Workers(2, 'loky', None, ''), range(4), lambda n: Task())))"
+        "from wavesweep.sweep.workers import Workers\n"
+        "with processes(Workers(2, 'loky', None, '')) as pool:\n"
+        "    print([pool.submit(len, 'a' * n).result() for n in range(4)])"
     )
     run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (run.stdout, run.stderr) == ("[0, 1, 2, 3]\n", "")
     assert not list(tmp_path.glob("run-*"))
 
 
-@pytest.mark.parametrize(("backend", "package"), [("ray", "ray"), ("dask", "distributed")])
-def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeypatch, backend, package):
-    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "distributed"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(UsageError, match=rf"the package {package} is missing; .*'wavesweep\[{backend}\]'"):
-        intervals(mixed, backend=backend)
-
-
-def die_once(mark):
-    """Kill this process, unless another one of this test has died already."""
-
-    def work(*given):
-        if not mark.exists():
-            mark.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return timed(*given)
-
-    return work
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UsageError, match=r"the package distributed is missing; .*'wavesweep\[dask\]'"):
+        intervals(mixed, backend="dask")
 
 
 @pytest.mark.parametrize("name", ["tool_version", "numpy_version"])
@@ -145,32 +184,12 @@ def test_workers_of_another_version_are_refused_and_no_row_of_theirs_is_kept(lon
 
 @pytest.mark.slow
 def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_table, same, monkeypatch, tmp_path):
-    # The worker gets the function by value: nothing in its own modules is changed.
-    monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
+    monkeypatch.setattr(workers, "timed", DieOnce(tmp_path / "died"))
     with pytest.raises(WavesweepError, match="a worker process died") as caught:
         intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
     assert "the same command goes on from there" in caught.value.__notes__[0]
     monkeypatch.undo()
     same(intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, long_table)
-
-
-@pytest.mark.slow
-def test_a_lock_that_is_never_given_back_does_not_keep_an_interrupted_run(monkeypatch):
-    """loky's own shutdown waits for this one for ever; the run waits ENDING, and its exception comes first."""
-    monkeypatch.setattr(pools, "ENDING", 0.1)
-    run = workers.BACKENDS["loky"](Workers(2, "loky", None, ""))
-    executor = run.__enter__().submit.__self__
-    executor.submit(len, "").result()
-    lock, manager = executor._shutdown_lock, executor._executor_manager_thread
-    lock.acquire()
-    rescue = threading.Timer(10, lock.release)  # without a bound the test fails, and does not hang
-    rescue.start()
-    assert run.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None) is False
-    assert rescue.is_alive()
-    rescue.cancel()
-    lock.release()
-    manager.join(10)
-    assert not manager.is_alive()
 
 
 def test_what_fails_in_a_worker_fails_here(monkeypatch):
@@ -251,59 +270,6 @@ def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
     found = list(results(Workers(1, "dask", None, ""), range(50), lambda number: number))
     assert sorted(number for number, *_ in found) == list(range(50))
     assert max(sizes) == together
-
-
-class Ray:
-    """A ray that cannot be reached, and records what is asked of it."""
-
-    def __init__(self):
-        self.started = []
-        self.exceptions = self
-
-    RayError = RuntimeError
-
-    def init(self, **given):
-        self.started.append(given)
-        raise ConnectionError("none")
-
-    def is_initialized(self):
-        return False
-
-    def shutdown(self):
-        pass
-
-
-@pytest.mark.parametrize(
-    ("scheduler", "variable", "expected"),
-    [
-        (None, "", {"address": "local", "num_cpus": 2, "include_dashboard": False}),
-        ("auto", "", {"address": "auto"}),
-        (None, "auto", {"address": "auto"}),  # ray refuses num_cpus for a cluster that is there
-    ],
-)
-def test_a_ray_cluster_that_is_there_is_used_as_it_is(monkeypatch, scheduler, variable, expected):
-    module = Ray()
-    monkeypatch.setattr(clusters, "import_module", lambda _: module)
-    monkeypatch.setattr(clusters, "unheard", contextlib.nullcontext)
-    monkeypatch.setenv("RAY_ADDRESS", variable)
-    with pytest.raises(WavesweepError, match=r"no (ray )?cluster"):
-        list(results(Workers(2, "ray", scheduler, ""), [0], lambda number: number))
-    assert module.started == [expected | {"log_to_driver": False, "configure_logging": False}]
-
-
-@pytest.mark.parametrize("address", ["foo", "ray://", "127.0.0.1:9"])
-def test_an_address_without_a_ray_cluster_is_refused_in_a_line(mixed, monkeypatch, address):
-    monkeypatch.setattr(clusters, "import_module", lambda _: Ray())
-    with pytest.raises(UsageError, match=r"^scheduler .*: (expected an address such as host:6379|no ray scheduler answers)"):
-        intervals(mixed, backend="ray", scheduler=address)
-
-
-@pytest.mark.thorough
-def test_a_ray_worker_that_dies_has_its_chunks_done_again(long, long_table, same, monkeypatch, tmp_path):
-    pytest.importorskip("ray")
-    monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
-    same(intervals(long, backend="ray").columns, long_table)
-    assert (tmp_path / "died").exists()
 
 
 FAULTS = """

@@ -177,8 +177,8 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
         if options.plot and options.to_stdout and asked is ParameterSource.COMMANDLINE:
             raise click.UsageError("--plot draws a figure, and --out - writes none; name a folder, or leave one of them out")
         options = options if options.plot else replace(options, formats=())
-        if options.scheduler is not None and options.backend not in ("dask", "ray"):
-            raise click.UsageError(f"--scheduler needs --backend dask or ray, found --backend {options.backend or 'missing'}")
+        if options.scheduler is not None and options.backend != "dask":
+            raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
         if options.as_json and options.to_stdout:
             raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
         if options.partition is not None and options.to_stdout:
@@ -199,12 +199,15 @@ workers = _together(
         show_default=True,
         help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
     ),
-    click.option("--backend", metavar="NAME", help="Kind of the workers: loky (the default), threading, dask or ray."),
+    click.option(
+        "--backend",
+        metavar="NAME",
+        help="Kind of the workers: loky (processes of this machine, the default), threading or dask.",
+    ),
     click.option(
         "--scheduler",
         metavar="ADDRESS",
-        help="Address of a dask scheduler, e.g. tcp://host:8786, or of a ray cluster, e.g. host:6379, or auto for the one of "
-        "this machine; only with --backend dask or ray.",
+        help="Address of a dask scheduler, e.g. tcp://host:8786; only with --backend dask.",
     ),
     click.option("--restart", is_flag=True, help="Begin anew, and throw away what an interrupted run has finished."),
 )

@@ -1,34 +1,29 @@
-"""Workers of a cluster: those of a dask scheduler, or of ray.
+"""Workers of a cluster: those of a dask scheduler.
 
 A worker that dies has its chunks done by others. A scheduler that is gone, or without workers for ALONE seconds, is an error.
 """
 
 import logging
-import os
 import re
-import signal
 import socket
 import time
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
-from importlib import import_module
 
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep.pools import DIED, Pool, unheard
+from wavesweep.sweep.pools import DIED, Pool
 
-EXTRAS = {"dask": "distributed", "ray": "ray"}  # backend, also the name of our extra -> the package that it needs
 PATIENCE = 10.0  # s for a scheduler to answer
 ALONE = 20.0  # s that a dask scheduler may be without workers
 TOGETHER = 8  # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
-AGAIN = 3  # times that a chunk whose ray worker died is done again
 OTHERS = "one that is ended has its chunks done by others"
 
 
 @contextmanager
 def dask(workers):
     """The workers of a dask scheduler."""
-    distributed = imported("dask")
-    with _quiet("distributed", "asyncio"), ExitStack() as opened:
+    distributed = imported()
+    with _quiet("distributed", "asyncio", "tornado"), ExitStack() as opened:
         client = _client(distributed, workers.scheduler, opened)
         name = f"the dask scheduler {client.scheduler.address}"
         executor = client.get_executor(pure=False)
@@ -68,74 +63,32 @@ def _client(distributed, address, opened):
             return distributed.get_client()
         except ValueError as error:
             raise UsageError("backend dask: give the scheduler's address, e.g. tcp://host:8786") from error
-    _reach(address, "dask", "tcp|tls|wss?", "tcp://host:8786")
+    _reach(address)
     try:
         return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
     except (OSError, ValueError) as error:
         raise UsageError(f"scheduler {address}: no dask scheduler answers there ({error})") from error
 
 
-@contextmanager
-def ray(workers):
-    """Ray's tasks, on the cluster at the given address or at RAY_ADDRESS, or on one of its own that ends with the run."""
-    module = imported("ray")
-    with _quiet("ray"), ExitStack() as opened:
-        if not module.is_initialized():
-            before = signal.getsignal(signal.SIGTERM)
-            os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-            opened.callback(module.shutdown)
-            _start(module, workers)
-            signal.signal(signal.SIGTERM, before)  # ray's own handler would end this process at once
-        remote = module.remote(max_retries=AGAIN)(_called)
-        count = max(workers.count, int(module.cluster_resources().get("CPU", 0)))
-        try:
-            yield Pool(lambda *call: remote.remote(*call).future(), count, lambda: f"{count} ray workers; {OTHERS}", TOGETHER)
-        except module.exceptions.RayError as error:
-            if isinstance(error, module.exceptions.RayTaskError):
-                raise error.cause from error
-            raise WavesweepError(DIED) from error
-
-
-def _start(module, workers):
-    """Connect this process to a cluster, or begin one."""
-    address = workers.scheduler or os.environ.get("RAY_ADDRESS")
-    given = {"address": address} if address else {"address": "local", "num_cpus": workers.count, "include_dashboard": False}
-    if address and address != "auto":
-        _reach(address, "ray", "", "host:6379, or auto")
-    try:
-        with unheard():
-            module.init(**given, log_to_driver=False, configure_logging=False)
-    except (OSError, ValueError, RuntimeError, SystemExit) as error:
-        if not address:
-            raise WavesweepError(f"backend ray: no cluster can be started here ({error})") from error
-        token = "" if os.environ.get("RAY_AUTH_MODE") else "; if it wants a token, set RAY_AUTH_MODE=token"
-        raise UsageError(f"scheduler {address}: no ray cluster answers there ({error}){token}") from error
-
-
-def _reach(address, backend, schemes, example):
-    """Raise UsageError unless something listens at the address; if nobody is there, libraries say so late, in many lines."""
-    found = re.fullmatch(rf"(?:(?:{schemes})://)?(\[[^\]]+\]|[^][:/\s]+):(\d{{1,5}})/?", address)
+def _reach(address):
+    """Raise UsageError unless something listens at the address; if nobody is there, dask says so late, in many lines."""
+    found = re.fullmatch(r"(?:(?:tcp|tls|wss?)://)?(\[[^\]]+\]|[^][:/\s]+):(\d{1,5})/?", address)
     if not found:
-        raise UsageError(f"scheduler {address}: expected an address such as {example}")
+        raise UsageError(f"scheduler {address}: expected an address such as tcp://host:8786")
     try:
         socket.create_connection((found[1].strip("[]"), int(found[2])), PATIENCE).close()
     except (OSError, ValueError, OverflowError) as error:
-        raise UsageError(f"scheduler {address}: no {backend} scheduler answers there ({error})") from error
+        raise UsageError(f"scheduler {address}: no dask scheduler answers there ({error})") from error
 
 
-def _called(function, *arguments):
-    """Ray names its tasks after their functions, and wants to know them beforehand."""
-    return function(*arguments)
-
-
-def imported(backend):
-    """The package of a cluster. Raises UsageError if it is missing."""
+def imported():
+    """The package of dask's clusters. Raises UsageError if it is missing."""
     try:
-        return import_module(EXTRAS[backend])
+        import distributed
     except ImportError as error:
-        raise UsageError(
-            f"backend {backend}: the package {EXTRAS[backend]} is missing; install it with pip install 'wavesweep[{backend}]'"
-        ) from error
+        needs = "the package distributed is missing; install it with pip install 'wavesweep[dask]'"
+        raise UsageError(f"backend dask: {needs}") from error
+    return distributed
 
 
 @contextmanager

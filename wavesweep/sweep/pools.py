@@ -1,26 +1,34 @@
-"""Pools of workers on this machine: processes of loky, or threads.
+"""Pools of workers on this machine: processes, or threads.
 
-Processes that are started here leave Ctrl-C to this one, end when it ends, and run nothing of the current folder.
+A process gets its tasks by its stdin and gives its results to its stdout, one pickle after the other. Its pipes are its own, so
+they end with it, be it in the middle of a result, and no semaphore or file is left by a kill. It leaves Ctrl-C to this process,
+ends when it ends, and runs nothing of the current folder.
 """
 
+import atexit
 import os
+import pickle
+import subprocess
 import sys
 import threading
+import time
+import traceback
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from queue import SimpleQueue
 
 from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.errors import WavesweepError
 from wavesweep.sweep.tasks import settle_in
-from wavesweep.system import HANGUP, KILL, MASKS, STOPPING, block, block_only
+from wavesweep.system import MASKS, STOPPING, block, block_only
 
 # Of processes that are started here: one BLAS thread each, since the matrices are small and the workers many; and no module
-# of the current folder, which Python would otherwise prefer to the standard library and to joblib.
+# of the current folder, which Python would otherwise prefer to the standard library.
 CHILDREN = dict.fromkeys(ONE_THREAD, "1") | {"PYTHONSAFEPATH": "1"}
-ENDING = 3.0  # s for loky's threads to end, whose other locks a signal may have left locked as well
-IDLE = 60  # s after which loky's workers end if nothing follows
+BEGIN = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); from wavesweep.sweep import pools; pools.serve()"
+IDLE = 60.0  # s after which a process ends if nothing follows
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 
 
@@ -38,129 +46,136 @@ class Pool:
     together: int = 1
 
 
+class RemoteError(Exception):
+    """The traceback of an error in a worker, as the cause of that error here."""
+
+
+class Worker:
+    """A process that computes for this one."""
+
+    def __init__(self):
+        waiting = block(STOPPING) if MASKS else ()  # a terminal sends Ctrl-C to all its processes
+        try:
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+            self._process = subprocess.Popen([sys.executable, "-c", BEGIN], env=os.environ | CHILDREN, **pipes)  # noqa: S603 - our own
+        finally:
+            if MASKS:
+                block_only(waiting)
+        self._free = time.monotonic()
+        with suppress(OSError):
+            for each in (sys.path, os.getpid()):
+                pickle.dump(each, self._process.stdin)
+            self._process.stdin.flush()
+
+    @property
+    def ready(self) -> bool:
+        """Whether it lives, and will go on waiting for a while."""
+        return self._process.poll() is None and time.monotonic() - self._free < IDLE / 2
+
+    def work(self, tasks: SimpleQueue) -> None:
+        """Have it do the tasks, each a future and a pickled call, until there comes None."""
+        for future, call in iter(tasks.get, None):
+            try:
+                pickle.dump(call, self._process.stdin)
+                self._process.stdin.flush()
+                found, error, where = pickle.load(self._process.stdout)  # noqa: S301 - of our own process
+            except Exception as failed:  # noqa: BLE001 - raised where the result is awaited
+                torn = isinstance(failed, OSError | EOFError | pickle.UnpicklingError)
+                error, where = WavesweepError(DIED) if torn else failed, None
+            if error is None:
+                future.set_result(found)
+            else:
+                error.__cause__ = where and RemoteError(where)
+                future.set_exception(error)
+        self._free = time.monotonic()
+
+    def end(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError, ValueError):  # a task that is still to be written, or a thread that reads
+                pipe.close()
+
+
+_FREE: list[Worker] = []  # of finished runs, for the next one
+
+
+@atexit.register
+def _end_free() -> None:
+    while _FREE:
+        _FREE.pop().end()
+
+
 @contextmanager
-def loky(workers):
-    from joblib.externals.loky import get_reusable_executor
+def processes(workers):
+    """Processes of this machine; those of the last run, if it was a moment ago."""
+    tasks, team, hands = SimpleQueue(), [], []
+
+    def submit(function, *arguments):
+        future = Future()
+        tasks.put((future, pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)))
+        return future
 
     try:
-        with _started_here():
-            executor = get_reusable_executor(
-                workers.count, timeout=IDLE, initializer=settle_in, initargs=(os.getpid(),), env=CHILDREN
-            )
-            executor.submit(os.getpid)  # starts all workers
-    except (ImportError, OSError) as error:  # no semaphores, no /dev/shm
-        raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
-    processes, manager = list(executor._processes.values()), executor._executor_manager_thread  # noqa: SLF001 - no public names
-
-    def look():
-        # A worker that dies while it writes a result leaves half of it in the pipe, and loky waits for the rest for ever.
-        # So it does if its own thread has ended, for example by a warning that Python was told to raise.
-        if any(process.exitcode for process in processes) or not manager.is_alive():
-            raise WavesweepError(DIED)
-        return f"{workers.count} processes; one that is stopped goes on after kill -CONT"
-
-    try:
-        yield Pool(executor.submit, workers.count, look)
-    except BaseException as error:
-        _unblock(executor, processes)
-        end = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": True}, daemon=True)
-        with _manager_unsaid():
-            end.start()
-            end.join(ENDING)
-        if isinstance(error, BrokenExecutor):
-            raise WavesweepError(DIED) from error
+        while len(team) < workers.count:
+            team.append(_FREE.pop() if _FREE else _started())
+            if not team[-1].ready:
+                team.pop().end()
+        # A future's lock that an interrupt left locked keeps a thread for ever; the end of this process does not wait for it.
+        hands += [threading.Thread(target=each.work, args=(tasks,), daemon=True) for each in team]
+        for each in hands:
+            each.start()
+        yield Pool(submit, len(team), lambda: f"{len(team)} processes; one that is stopped goes on after kill -CONT")
+    except BaseException:
+        for each in team:
+            each.end()
+        team.clear()
         raise
-
-
-def _unblock(executor, processes):
-    """End the workers, and take away all that loky's threads could wait for without end.
-
-    One of them may read the rest of a result whose writer is dead, another may write tasks into a full pipe that is not read
-    any more. This process has the far ends of both open as well, and closes them. A signal that arrives while this thread takes
-    the lock of a result that is still to come leaves it locked.
-    """
-    for item in list(executor._pending_work_items.values()):  # noqa: SLF001 - no public names
-        lock = item.future._condition  # noqa: SLF001
-        while lock._is_owned():  # noqa: SLF001
-            lock.release()
-    for process in processes:
-        if process.exitcode is None:
-            with suppress(OSError):
-                os.kill(process.pid, KILL)
-    null = os.open(os.devnull, os.O_RDWR)
-    for end in (executor._result_queue._writer, executor._call_queue._reader):  # noqa: SLF001 - no public names either
-        with suppress(OSError):  # one that loky has closed itself
-            os.dup2(null, end.fileno())  # and not closed, which loky may be about to do
-    os.close(null)
-
-
-@contextmanager
-def _manager_unsaid():
-    """Say nothing if loky's own thread fails because a task that it was about to hand out was cancelled."""
-    before = threading.excepthook
-
-    def hook(failed):
-        if not (failed.exc_type is KeyError and failed.thread and failed.thread.name == "ExecutorManagerThread"):
-            before(failed)
-
-    threading.excepthook = hook
-    try:
-        yield
     finally:
-        threading.excepthook = before
+        for _ in hands:
+            tasks.put(None)
+    for each in hands:
+        each.join()
+    _FREE.extend(team)
 
 
-@contextmanager
-def _started_here():
-    """Let processes that are started meanwhile have the environment CHILDREN and leave the signals STOPPING to this one.
-
-    A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write a traceback. A signal
-    that arrives meanwhile is delivered afterwards. Stdout and stderr are the null device meanwhile, so that whoever reads
-    from this process waits for no other, and loky's tracker does not count semaphores aloud if this process is killed.
-    """
-    from joblib.externals.loky.backend import resource_tracker as of_loky
-
-    with ExitStack() as after:
-        before = {name: os.environ.get(name) for name in CHILDREN}
-        after.callback(_restore, before)
-        os.environ.update(CHILDREN)
-        after.enter_context(unheard())
-        if MASKS:
-            from multiprocessing import resource_tracker as of_python
-
-            after.callback(block_only, block())
-            block({HANGUP})
-            # Python starts both trackers with the first worker. They ignore the other signals, and leave these unblocked.
-            of_python.ensure_running()
-            of_loky.ensure_running()
-            block(STOPPING)
-        yield
-
-
-@contextmanager
-def unheard():
-    """Make stdout and stderr the null device."""
-    streams = [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
-    for stream in streams:
-        stream.flush()
-    null, kept = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}
+def _started():
     try:
-        for number in kept:
-            os.dup2(null, number)
-        yield
-    finally:
-        for number, before in kept.items():
-            os.dup2(before, number)
-            os.close(before)
-        os.close(null)
+        return Worker()
+    except OSError as error:
+        raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
 
 
-def _restore(before):
-    for name, value in before.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
+def serve() -> None:
+    """Be a worker: do the tasks that stdin brings, until it ends. Whatever else is printed goes nowhere."""
+    tasks, results = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    settle_in(pickle.load(tasks))  # noqa: S301 - of the process that started this one
+    while True:
+        patience = threading.Timer(IDLE, os._exit, [0])
+        patience.daemon = True
+        patience.start()
+        try:
+            call = pickle.load(tasks)  # noqa: S301
+        except EOFError:
+            return
+        patience.cancel()
+        results.write(_answer(call))
+        results.flush()
+
+
+def _answer(call: bytes) -> bytes:
+    """The result of a pickled call, pickled: what it gave, or the error and its traceback."""
+    try:
+        function, arguments = pickle.loads(call)  # noqa: S301
+        return pickle.dumps((function(*arguments), None, None), pickle.HIGHEST_PROTOCOL)
+    except BaseException as error:  # noqa: BLE001 - it is raised where the call came from
+        where = traceback.format_exc()
+        try:
+            return pickle.dumps((None, error, where))
+        except Exception:  # noqa: BLE001 - an error that cannot be sent is told
+            return pickle.dumps((None, WavesweepError(f"{type(error).__name__}: {error}"), where))
 
 
 @contextmanager

@@ -44,7 +44,7 @@ class Work:
     """How a run is done.
 
     jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
-    scheduler: address of a dask scheduler or a ray cluster. progress: is called with the number of slices done, of all slices,
+    scheduler: address of a dask scheduler. progress: is called with the number of slices done, of all slices,
     and of certified ones, None if no slice can be. checkpoint: file for finished chunks, from which a run of the same spec
     goes on; by default they stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs keep
     their chunks in one. Errors: UsageError.
@@ -70,8 +70,8 @@ class Work:
     def __post_init__(self):
         if self.jobs is not None and not (_whole(self.jobs) and self.jobs >= 1):
             raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
-        if self.scheduler is not None and self.backend not in ("dask", "ray"):
-            raise UsageError(f'scheduler: expected backend = "dask" or "ray" beside it, found {self.backend!r}')
+        if self.scheduler is not None and self.backend != "dask":
+            raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
         if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
             raise UsageError(f"checkpoint: expected a file, found {self.checkpoint!r:.60}")
         object.__setattr__(self, "force", boolean("force", self.force))

@@ -1,4 +1,4 @@
-"""The workers that a sweep runs on: none, processes or threads of this machine, or those of a dask or ray cluster.
+"""The workers that a sweep runs on: none, processes or threads of this machine, or those of a dask cluster.
 
 What all of them keep: a worker that dies is an error within seconds; processes that are started here leave Ctrl-C to this
 one, end when it ends, and run nothing of the current folder.
@@ -13,20 +13,20 @@ from itertools import islice
 
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep.clusters import EXTRAS, dask, imported, ray
-from wavesweep.sweep.pools import loky, threads
+from wavesweep.sweep.clusters import dask, imported
+from wavesweep.sweep.pools import processes, threads
 from wavesweep.sweep.tasks import attested, each_of, timed
-from wavesweep.system import processors, why_no_processes
+from wavesweep.system import processors
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
-BACKENDS = {"loky": loky, "threading": threads, "dask": dask, "ray": ray}
+BACKENDS = {"loky": processes, "threading": threads, "dask": dask}
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
 TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
 LOOK = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
 PROCESSES = 2  # by default
 LOGGER = logging.getLogger("wavesweep")  # Python writes its warnings to stderr, unless somebody listens
-WORTH = 0.6  # s of work; measured: two loky workers are ready after 0.2 s, and below this they save nothing
+WORTH = 0.6  # s of work; measured: two processes are ready after 0.2 s, and below this they save nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ def refuse_backend(backend: str | None) -> None:
         raise UsageError("backend multiprocessing: its pool never notices that a worker has died; use loky")
     if backend is not None and backend not in BACKENDS:
         raise UsageError(f"backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
-    if backend in EXTRAS:
-        imported(backend)
+    if backend == "dask":
+        imported()
 
 
 def excess(jobs: int, backend: str | None) -> str:
@@ -74,9 +74,8 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     if useful < 2:
         return Workers(1, None, None, "a single processor")
     expected = seconds()
-    alone = f"work below {WORTH:g} s is faster without workers" if expected < WORTH else why_no_processes()
-    if alone:
-        return Workers(1, None, None, alone)
+    if expected < WORTH:
+        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
     return Workers(min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work")
 
 
