@@ -175,6 +175,18 @@ SHOWN = [
     ("notch", {"f": 20, "q": 2}, "125.998"),
     ("notch", {"f": 80, "q": 4}, "244.631"),
     ("notch", {"depth": 1.0}, "272.687"),
+    ("engine-rates", {"kd": 0.5, "N": 5}, "328.80"),
+    ("engine-rates", {"kd": 0.5, "N": 10}, "60.000"),
+    ("engine-rates", {"kd": 0.5, "N": 6}, "155.855"),
+    ("engine-rates", {"kd": 0.5, "N": 6}, "199.528"),
+    ("engine-rates", {"kd": 0.5, "N": 6}, "238.246"),
+    ("engine-rates", {"kd": 0.1, "N": 5}, "376.80"),
+    ("engine-rates", {"kd": 0.1, "N": 10}, "12.000"),
+    ("engine-rates", {"kd": 0.1, "N": 6}, "23.912"),
+    ("exposure", {"n": 2, "T": 0.1}, "5.3590"),
+    ("exposure", {"n": 1, "T": 0.1}, "8.2843"),
+    ("exposure", {"n": 0, "T": 0.1}, "20.000"),
+    ("exposure", {"n": 2, "T": 0.05}, "10.7180"),
 ]
 
 
@@ -328,3 +340,17 @@ def test_a_notch_beyond_half_the_rate():
     assert min(radius("notch", given | {"k": k, "f": 215.0}) for k in np.linspace(0, 1000, 101)) > 1
     with pytest.raises(wavesweep.SpecError, match="half the block's own rate"):
         wavesweep.load(FOLDER / "notch.toml", ["f=215"])
+
+
+def test_a_controller_beside_a_physics_engine():
+    """In every step, and in every second one."""
+    rows, I, h = table("engine-rates"), defaults("engine-rates")["I"], 1 / 60
+    every, second = rows[rows.N == 5], rows[rows.N == 10]
+    np.testing.assert_allclose(every.high, (4 * I - 2 * h * every.kd) / h**2, rtol=1e-12)
+    np.testing.assert_allclose(second.high, 2 * second.kd / h, rtol=1e-12)
+
+
+def test_the_average_over_an_exposure():
+    rows = table("exposure")
+    limits = {0: 2.0, 1: 2 * np.sqrt(2) - 2, 2: 4 - 2 * np.sqrt(3)}
+    np.testing.assert_allclose(rows.high * rows["T"], rows.n.map(limits), rtol=1e-12)

@@ -113,7 +113,7 @@ def test_check_lists_the_loop_and_every_mistake(run):
     code, text, _ = run("check", "arm.toml", "--set", "block.net.phase=20", "--set", "kq=1")
     assert code == 2
     assert "--set block.net.phase=20: block.net.phase: expected a whole number < every = 20, found 20" in text
-    assert "--set kq=1: kq: expected one of the tables" in text
+    assert "--set kq=1: kq: expected kp, kd, c of [numbers], or" in text
 
 
 @pytest.mark.slow

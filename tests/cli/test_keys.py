@@ -115,6 +115,14 @@ def test_the_tables_of_a_drawn_loop_are_explained(capfd):
     assert capfd.readouterr().err.strip().endswith("did you mean block.butterworth?")
 
 
+def test_the_limits_of_a_blocks_key_are_both_told(capfd):
+    assert main(["keys", "block.lowpass"]) == 0
+    assert "(a number > 0 and <= 1; " in capfd.readouterr().out
+    assert main(["keys", "block.lowpass", "--json"]) == 0
+    share = json.loads(capfd.readouterr().out)["block.lowpass"]["keys"]["a"]
+    assert (share["minimum"], share["above_minimum"], share["maximum"]) == (0.0, True, 1.0)
+
+
 def test_the_tables_of_design_are_explained(wavesweep):
     code, out, _ = wavesweep("keys", "design.wish")
     assert (code, all(f"  {wish} (" in out for wish in WISHES)) == (0, True)

@@ -202,6 +202,25 @@ def notch(k, f, q, depth, T):
     return np.array([ahead, faster, x, in1, out, out1, -k * out])
 
 
+def engine_rates(n, N, I, kp, kd):
+    x, v = np.eye(2)
+    h, torque = n / 300, 0
+    for t in range(np.lcm(n, N)):
+        if t % N == 0:
+            torque = -kp * x - kd * v
+        if t % n == 0:
+            v = v + h / I * torque
+            x = x + h * v
+    return np.array([x, v])
+
+
+def exposure(T, g, n):
+    """The images on their way are averages over cycles in which the mount moved evenly."""
+    x, *images = np.eye(n + 2)
+    u = -g * images[n]
+    return np.array([x + T * u, x + T * u / 2, *images[:n]])
+
+
 FRAMES = {
     "physics-joint": physics_joint,
     "policy": policy,
@@ -219,6 +238,8 @@ FRAMES = {
     "batch-reactor": batch_reactor,
     "admittance": admittance,
     "notch": notch,
+    "engine-rates": engine_rates,
+    "exposure": exposure,
 }
 
 

@@ -22,7 +22,8 @@ TABLES = {
     "outputs = { name = expression } } of the same; a block of that type gives its numbers",
     "signals": 'names of signals: NAME = "expression", for wires and ports',
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
-    "signals from outside; terms between plants act continuously, all others at a plant are held over a tick",
+    "signals from outside, of the same tick; prev(...) is a signal as it was before the tick; terms between plants act "
+    "continuously, all others at a plant are held over a tick",
     "ports": (
         "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
         "passivity and simulate; it turns if they are a torque and an angle; "
@@ -114,7 +115,8 @@ def _ports(kind: BlockType) -> str:
 
 
 def _takes(key: Key) -> str:
-    return ", ".join(map(str, key.choices)) or LISTS.get(key.type) or expectation(key)
+    most = "" if key.high is None else f" and <= {key.high:g}"
+    return ", ".join(map(str, key.choices)) or LISTS.get(key.type) or f"{expectation(key)}{most}"
 
 
 def _default(key: Key) -> str:
@@ -131,6 +133,7 @@ def _common() -> Iterator[str]:
 def _of_type(kind: BlockType) -> dict[str, Any]:
     keys = {
         key.path: {"type": key.type, "unit": key.unit, "default": key.default, "required": key.required}
+        | {"minimum": key.low, "maximum": key.high, "above_minimum": key.above_low}
         | {"choices": list(key.choices) or None, "description": key.description}
         for key in (*kind.keys.values(), EVERY, PHASE)
     }

@@ -70,7 +70,7 @@ def command(
     from wavesweep import spec as specs
     from wavesweep.cli.messages import printable, progress
     from wavesweep.sweep.assumptions import over_preset, unusual
-    from wavesweep.sweep.planning import plan
+    from wavesweep.sweep.planning import plan, within_ticks
     from wavesweep.sweep.verdict import beside, own_design
 
     loaded, silent = specs.load(spec, overrides), switches["as_json"] or switches["quiet"]
@@ -90,7 +90,7 @@ def command(
         from wavesweep.search import study
 
         lines += study.plan(loaded)
-    notices = [*unusual(loaded), *over_preset(loaded)]
+    notices = [*unusual(loaded), *over_preset(loaded), *(within_ticks(loaded) if loaded.drawing else ())]
     pictures = _pictures(loaded, plot, poles, out, formats) if plot or poles else []
     if switches["as_json"]:
         from wavesweep.cli.messages import show_json

@@ -404,18 +404,4 @@ def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
 
 def direct_loops(drawn: MultirateLoop) -> list[str]:
     """Names of the blocks on loops of direct terms, which are closed within a tick."""
-    ports = [(each, port) for each in drawn.placed for port in range(len(each.block.inputs))]
-    runs = {each.block.name: each.runs(drawn.ticks) for each in drawn.placed}
-    feeds = {
-        f"{each.block.name}.{name}": (each.block, row) for each in drawn.placed for row, name in enumerate(each.block.outputs)
-    }
-    A = np.zeros((len(ports), len(ports)), bool)
-    for j, (reader, port) in enumerate(ports):
-        for source in drawn.sources(f"{reader.block.name}.{reader.block.inputs[port]}") & feeds.keys():
-            block, row = feeds[source]
-            for i, (each, column) in enumerate(ports):
-                together = each.block is block and np.any(runs[block.name] & runs[reader.block.name])
-                A[i, j] |= bool(together and np.any(block.D[..., row, column]))
-    for _ in range(max(1, len(ports)).bit_length()):
-        A |= (A.astype(int) @ A.astype(int)) > 0
-    return list(dict.fromkeys(each.block.name for i, (each, _) in enumerate(ports) if A[i, i]))
+    return list(dict.fromkeys(name for ring in drawn.rings() for name in ring))

@@ -204,7 +204,10 @@ TYPES = MappingProxyType(
             steps=_SAME,
         ),
         "mean": _type(
-            "mean of u in the last n runs of the block", _U_Y, _whole("n", "runs of the block", 1, LONGEST_DELAY), steps=_SAME
+            "mean of u in the last n runs of the block; an average over an exposure is a plant 1/s before a difference",
+            _U_Y,
+            _whole("n", "runs of the block", 1, LONGEST_DELAY),
+            steps=_SAME,
         ),
         "wave": _type(
             "end of a wave line: force = b v - sqrt(2b) in, out = sqrt(2b) v - in; "

@@ -528,7 +528,7 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     found: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
     for name, unit, description in drawing.numbers:
         found["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
-    for block in drawing.blocks:
+    for block in (each for each in drawing.blocks if f"block.{each.name}.type" in given.leaves):  # others are of `prev(...)`
         found["block", block.name, "type"] = block.type
         for name, key in keys_of_block(block.type).items():
             path = f"block.{block.name}.{name}"

@@ -16,6 +16,7 @@ from wavesweep.spec.expressions import (
     linear,
     names_in,
     parse,
+    remembered,
     unknown,
     with_trees,
 )
@@ -24,6 +25,7 @@ from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
 EITHER = {"lowpass": ("a", "cutoff_hz"), "delay": ("steps", "seconds")}  # keys of which a block has one
 PERIOD = "dt"  # the name of a block's own period in its expressions
+ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # of which each type has one name
 LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
 _Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
@@ -35,7 +37,8 @@ class KeyReader:
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
     value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, those from outside and the names in [signals].
     meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
-    themselves. needed: those of their inputs that they have in any case. tick_hz: the rate of the tick. period: what `dt`
+    themselves. needed: those of their inputs that they have in any case. registers: the outputs of those that `prev(...)`
+    reads, and the signal that each remembers. tick_hz: the rate of the tick. period: what `dt`
     stands for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
     """
 
@@ -52,6 +55,7 @@ class KeyReader:
         self.extents: dict[str, tuple[int, int]] = {}
         self.broken: set[str] = set()
         self.needed: list[str] = []
+        self.registers: dict[str, str] = {}
         self.tick_hz: Tree = ("name", RATE, 0)
         self.period: Tree | None = None
 
@@ -117,7 +121,17 @@ class KeyReader:
             if signals and (own := [each for each in sorted(self.signals) if each.startswith(f"{block}.")]):
                 fault.expected = f"an output of {block}: {' or '.join(own)}"
             self.fault(path, leaf, fault)
-        return None if faults else with_trees(tree, meanings)
+        return None if faults else self.with_registers(path, leaf, with_trees(tree, meanings))
+
+    def with_registers(self, path: str, leaf: Leaf, tree: Tree) -> Tree | None:
+        """The tree that reads registers where the text has `prev(...)`."""
+        try:
+            tree, found = remembered(tree, self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)})
+        except Fault as fault:
+            return self.fault(path, leaf, fault)
+        self.registers |= found
+        self.signals |= {*found}
+        return tree
 
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
@@ -176,7 +190,7 @@ class KeyReader:
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
             return None
         keys = keys_of_block(kind)
-        self.refuse_unknown_keys(path, given, keys)
+        given = self.as_meant(path, given, keys)
         every = self.read_key(f"{path}.every", keys.pop("every"), given.get("every"))
         self.period = every and ("/", every, self.tick_hz, 0)
         if kind == "delay" and "seconds" in given and "steps" not in given:
@@ -185,7 +199,8 @@ class KeyReader:
         self.period = None
         if len(self.mistakes) > before:
             if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
-                self.needed += [f"{name}.{port}" for port in TYPES[kind].ports[0]]
+                ports = TYPES[kind].ports[0][: 1 if kind == "spring" else None]  # whose others may rest
+                self.needed += [f"{name}.{port}" for port in ports]
             return None
         phase = found.pop("phase")
         if found.get("inputs") == ():  # nothing comes in: a recursion by itself
@@ -197,12 +212,18 @@ class KeyReader:
             return None
         return block
 
-    def refuse_unknown_keys(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> None:
+    def as_meant(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
+        """The leaves. An unknown key is a mistake, and stands for the one that is meant, which is then not missing."""
+        found = dict(given)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
                 known, limits = ("type", *keys), any(word in key for word in LIMITS)
-                found = "a limit, with which no block is linear" if limits else "an unknown key"
-                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), found, "" if limits else nearest(key, known))
+                alike = (each for names in ALIKE if key in names for each in names if each in keys)
+                near = "" if limits else next(alike, "") or nearest(key, known)
+                told = "a limit, with which no block is linear" if limits else "an unknown key"
+                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), told, near)
+                found.setdefault(near, leaf)
+        return found
 
     def read_type(self, path: str, leaf: Leaf | None) -> str | None:
         key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES))

@@ -9,9 +9,9 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
-from wavesweep.spec.drawing import RATE, Drawing, decides, own_axes, path_of
+from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
-from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
+from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, names_in
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import normal_path
@@ -77,7 +77,7 @@ class _TableReader(KeyReader):
             if table in STUDIES:
                 continue
             if table not in TABLES:
-                unknown_tables.setdefault(table, Leaf({}, leaf.place.under(path[:1])))
+                unknown_tables.setdefault(table, Leaf({} if rest else leaf.value, leaf.place.under(path[:1])))
             elif not rest:
                 if leaf.value != {}:
                     self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
@@ -94,7 +94,10 @@ class _TableReader(KeyReader):
                 self.refuse(leaf, table, "either a controller or blocks", "both")
             else:
                 near = nearest(table, KNOWN) or nearest(table, tables["numbers"])  # of --set, which gives numbers by name
-                self.refuse(leaf, table, TABLE, UNKNOWN, f"block.{table}" if table in tables["block"] else near)
+                number = leaf.value != {} and tables["numbers"]
+                expected = f"{', '.join(number)} of [numbers], or {TABLE}" if number else TABLE
+                found = "an unknown name" if number else UNKNOWN
+                self.refuse(leaf, table, expected, found, f"block.{table}" if table in tables["block"] else near)
         return tables
 
     def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
@@ -128,14 +131,19 @@ class _TableReader(KeyReader):
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
         hand, wall = self.read_ports(tables["ports"])
         inputs, outputs = self.read_inputs(given["inputs"]), self.read_outputs(given["outputs"], given["inputs"])
-        seen = [term for some in ((hand or ())[1:], [terms for _, terms, _ in outputs]) for each in some for term in each or ()]
-        wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
-        self.unconnected(tables["wire"])
-        self.unread(tables["signals"])
-        values |= self.own
-        turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
         named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
         named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
+        shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
+        registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
+        blocks += registers
+        wires += tuple((f"{each.name}.u", ((self.registers[f"{each.name}.y"], ONE),)) for each in registers)
+        seen = [term for terms in shown for term in terms or ()]
+        wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
+        self.unconnected(tables["wire"])
+        if not self.mistakes:  # which may be all that keeps a number from being read
+            self.unread(tables["signals"])
+        values |= self.own
+        turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
         ports = (hand, wall, turns, couplings, inputs, outputs, named)
         drawing = Drawing(tick, numbers, frozenset(), blocks, wires, *ports)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
@@ -221,6 +229,23 @@ class _TableReader(KeyReader):
         found = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
         self.period = None
         return found
+
+    def made_registers(
+        self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]
+    ) -> tuple[DrawnBlock, ...]:
+        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
+
+        shown: what is read in every tick besides the ports of blocks.
+        """
+        runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
+        found = []
+        for register, signal in self.registers.items():
+            source = next((block for block in blocks if block.name == signal.rpartition(".")[0]), None)
+            readers = {runs.get(port.rpartition(".")[0]) for port, terms in wires if register in dict(terms)}
+            readers |= {None for terms in shown if register in dict(terms or ())}
+            every, phase = (source.every, source.phase) if source and readers == {runs[source.name]} else (ONE, Plant.phase)
+            found.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
+        return tuple(found)
 
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
         for port in (*self.inputs, *self.needed):

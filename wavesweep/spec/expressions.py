@@ -2,7 +2,7 @@
 
     sum    = product { ("+" | "-") product }        product = signed { ("*" | "/") signed }
     signed = "-" signed | "+" signed | power        power   = atom [ "**" signed ]
-    atom   = number | name | name "." port | "pi" | function "(" sum ")" | "(" sum ")"
+    atom   = number | name | name "." port | "pi" | function "(" sum ")" | "(" sum ")" | "prev" "(" sum ")"
 
 A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
 """
@@ -23,6 +23,7 @@ LONGEST = 400  # tokens
 MOST_PARTS = 2000  # of a tree, whose names may stand for other trees; its depth is LONGEST / 2 at most, as that of one text is
 DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
+PREVIOUS = "prev"  # of signals: what they were before the tick
 RESERVED = ("pi", *FUNCTIONS)
 EXPANDED = 32  # the largest exponent that is written out as products
 ONE: Tree = ("number", 1.0, 0)
@@ -127,15 +128,14 @@ class _Reader:
             if not math.isfinite(float(text)):
                 raise Fault(at, "a finite number", text)
             return ("number", float(text), at)
-        if kind == "name" and text not in FUNCTIONS:
-            self.next()
-            if self.text == "(":
-                raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
-            return ("number", math.pi, at) if text == "pi" else ("name", text, at)
-        if text not in (*FUNCTIONS, "("):
+        if kind != "name" and text != "(":
             raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
         self.next()
-        if text in FUNCTIONS:
+        if kind == "name":
+            if text not in FUNCTIONS and self.text != "(":
+                return ("number", math.pi, at) if text == "pi" else ("name", text, at)
+            if text not in (PREVIOUS, *FUNCTIONS):
+                raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
             if self.text != "(":
                 raise Fault(self.offset, f"( after {text}", show(self.text) if self.text else "the end")
             self.next()
@@ -143,7 +143,7 @@ class _Reader:
         if self.text != ")":
             raise Fault(self.offset, ") to close a parenthesis", show(self.text) if self.text else "the end")
         self.next()
-        return (text, inner, at) if text in FUNCTIONS else inner
+        return (text, inner, at) if kind == "name" else inner
 
 
 def text_of(tree: Tree, least: int = 0) -> str:
@@ -372,6 +372,27 @@ def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
     if tree[0] == "name" and tree[1] in meanings:
         return (*meanings[tree[1]][:-1], tree[2])
     return tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree)
+
+
+def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
+    """Return the tree with the outputs of registers in place of the signals within `prev(...)`, and the signal of each output.
+
+    Errors: Fault if there is no signal within the parentheses.
+    """
+    found: dict[str, str] = {}
+    parts = [tree[0]]
+    for part in tree[1:-1]:
+        inner, own = remembered(part, signals) if isinstance(part, tuple) else (part, {})
+        parts.append(inner)
+        found |= own
+    tree = (*parts, tree[-1])
+    if tree[0] != PREVIOUS:
+        return tree, found
+    known = {*signals, *found}
+    own = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in known}
+    if not own:
+        raise Fault(tree[-1], f"a signal of a wire within {PREVIOUS}( )", "none")
+    return with_trees(tree[1], {name: ("name", register, 0) for register, name in own.items()}), found | own
 
 
 def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:

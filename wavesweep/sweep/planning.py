@@ -1,6 +1,10 @@
 """The lines of `wavesweep check`: a run described before it runs."""
 
+from collections.abc import Iterator
 from functools import cache, partial
+
+import numpy as np
+from scipy.linalg import block_diag
 
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page
@@ -20,8 +24,6 @@ from wavesweep.sweep.workers import choose
 
 PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV
-
-SOLVED = "solved within a tick, in which what they read depends on what they give"
 
 
 def plan(spec: Spec) -> list[str]:
@@ -146,7 +148,6 @@ def _drawn_plan(spec):
         *_runs_lines(drawing, drawn),
         *_plant_lines(drawing),
         *_dead_time_lines(drawing, spec.values),
-        *(f"  {SOLVED}: {', '.join(ring)}" for ring in drawn.rings()),
         *_unread_lines(drawing),
         *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
         *_number_lines(spec),
@@ -200,6 +201,31 @@ def _dead_time_lines(drawing, values):
         parts += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
         parts += [f"is read in ticks by {_listed(readers)}"] if readers else []
         yield f"  {name}: {1e3 * seconds:.6g} ms, {_count(f'{seconds * drawing.rate(values):.6g}', 'tick')}; {', '.join(parts)}"
+
+
+def within_ticks(spec: Spec) -> Iterator[str]:
+    """Yield two lines about each algebraic loop of a drawn spec: what reads what in the same tick, and what that does to gains.
+
+    1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose way meets all of the loop.
+    """
+    drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
+    inside, ahead = drawing.inside, {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
+    wires = {inside.get(port, port): terms for port, terms in drawing.wires}
+    for ring in drawn.rings():
+        blocks = [each.block for each in drawn.placed if each.block.name in ring]
+        ports, outputs = ([f"{b.name}.{port}" for b in blocks for port in getattr(b, side)] for side in ("inputs", "outputs"))
+        through = block_diag(*(block.D for block in blocks))
+        back = np.array([[float(drawn.sums.get(port, {}).get(name, 0.0)) for name in outputs] for port in ports])
+        rest = float(np.linalg.det(np.eye(len(ports)) - back @ through))
+        acting = {name for name, row in zip(outputs, through, strict=True) if row.any()}
+        read = {port: [each for each in wires.get(port, ()) if inside.get(each[0], each[0]) in acting] for port in ports}
+        reads = ", ".join(f"{port} reads {sum_of(terms)}" for port, terms in read.items() if terms)
+        gain = f"a gain on this way acts {1 / rest:.4g} times, 1/(1 - L) with L = {1 - rest:.4g} round the loop"
+        yield f"solved within a tick: {_listed(ring)}: {reads} of the same tick; {gain}"
+        terms = [term for some in read.values() for term in some]
+        implicit = [term for term in terms if term[0] in ahead]
+        name, so = (implicit or terms)[0][0], f"so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; "
+        yield f"  {so if implicit else ''}prev({name}) in a wire reads {name} as it was before the tick"
 
 
 def _unread_lines(drawing):
