@@ -6,7 +6,7 @@ from flint import arb_mat, ctx
 from support import certified
 
 import wavesweep
-from wavesweep.cli.check import verdict_lines
+from wavesweep.cli.check import own_lines
 from wavesweep.monodromy.rounding import balance
 from wavesweep.stability import spectrum
 from wavesweep.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
@@ -64,7 +64,7 @@ def test_a_radius_that_is_1_but_for_rounding_is_not_called_unstable(gain, doubt)
     loop = wavesweep.compile({"controller": {"kind": "pmw-lm", "Kp": gain}})
     assert loop.response([5.0])["doubt"].tolist() == [doubt]
     assert wavesweep.verdict(loop.spec)["stable"] is (doubt == "")
-    said = next(verdict_lines(loop.spec, wavesweep.verdict(loop.spec)))
+    said = next(own_lines(loop.spec, wavesweep.verdict(loop.spec)))
     assert ("not known whether it is stable (spectral radius 1 per frame of 20 ms, but for rounding)" in said) == bool(doubt)
 
 

@@ -1598,7 +1598,7 @@ UNDAMPED = {
         {
             "p": {"type": "mass", "mass": 2.203, "stiffness": 17.66},
             "q": {"type": "mass", "mass": 4.406, "stiffness": 17.66 / 3},
-            "h": {"type": "hold", "every": 2},
+            "h": {"type": "hold", "every": 4},
         },
         {"h.u": "g*q.v - g*p.v", "p.f": "h.y", "q.f": "-h.y"},
     ),

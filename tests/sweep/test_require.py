@@ -9,7 +9,7 @@ from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
-from wavesweep.cli.check import verdict_lines
+from wavesweep.cli.check import own_lines
 from wavesweep.errors import UsageError
 from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.spec import load
@@ -287,5 +287,5 @@ def test_bounds_on_errors_hold_in_rational_arithmetic():
 def test_a_loop_that_may_conserve_is_told_how_to_ask():
     none = dict.fromkeys(("delay", "felt", "slowest", "channel_norm"))
     found = {"assumes": "", "period_s": 0.8, "spectral_radius": 1.0, "stable": False, "limits": [], **none}
-    assert any("require = { bounded = true }" in line for line in verdict_lines(load(steps()), found))
-    assert not any("bounded" in line for line in verdict_lines(load(steps()), found | {"spectral_radius": 1.1}))
+    assert any("require = { bounded = true }" in line for line in own_lines(load(steps()), found))
+    assert not any("bounded" in line for line in own_lines(load(steps()), found | {"spectral_radius": 1.1}))

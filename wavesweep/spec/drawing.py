@@ -418,7 +418,7 @@ def _reads(drawing: Drawing) -> frozenset[str]:
 @lru_cache(maxsize=64)
 def _names(drawing: Drawing) -> Names:
     keys = {}
-    if drawing.tick_hz == ("name", RATE, 0):
+    if RATE in drawing.rating:
         keys[RATE] = replace(TICK_HZ, path=RATE, required=False)
     for name, unit, description in drawing.numbers:
         kind = "integer" if name in drawing.whole else "number"
@@ -428,7 +428,7 @@ def _names(drawing: Drawing) -> Names:
         of_type = keys_of_block(block.type)
         for name, tree in block.trees():
             path = f"block.{block.name}.{name}"
-            if tree == ("name", path, 0):
+            if any(path == each for each, _ in names_in(tree)):
                 keys[path] = replace(of_type[name], path=path, required=False, shaping=path in drawing.shaping)
     return Names(keys, {name: path_of(name) for name, _, _ in drawing.numbers})
 

@@ -1,13 +1,14 @@
 """The job of stable intervals along an axis."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from wavesweep.errors import UsageError
+from wavesweep.loops.common_tick import with_common_tick
 from wavesweep.loops.domain import domain
 from wavesweep.loops.from_drawing import unsuitable
 from wavesweep.rows import Columns
@@ -145,6 +146,9 @@ def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | 
             spec.with_values({axis.path: end})
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
+    if spec.drawing and not spec.for_all:
+        spec = replace(spec, drawing=with_common_tick(spec.drawing, resolved.values()))
+        grid = replace(grid, spec=spec)
     index = some_loops(grid)
     changes = grid.loop_values(index)
     parts = list(drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path))
