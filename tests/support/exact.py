@@ -147,3 +147,14 @@ def march(values, force):
             found[name].append(signal)
         known[:-2] = steps[phase] @ known
     return {name: np.array(signals) for name, signals in found.items()}
+
+
+def margin_at_rest(values, theta=1e-30):
+    """The least eigenvalue of the Hermitian part of the map from a frame's forces to its displacements, next to 0 Hz (m/N)."""
+    with _bits():
+        angle = arb(theta)
+        hz = angle / (2 * arb.pi() * values["rates.ratio"]) * arb(values["rates.fast_hz"])
+        positions = balls.lifted(values, hz).tolist()
+        after = [*positions[1:], [acb(0, angle).exp() * entry for entry in positions[0]]]
+        H = mp.matrix([[_middle(b - a) for a, b in zip(*rows, strict=True)] for rows in zip(positions, after, strict=True)])
+    return min(mp.eighe((H + H.H) / 2, eigvals_only=True))

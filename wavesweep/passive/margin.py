@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.errors import UsageError
+from wavesweep.monodromy.circle import solve
 from wavesweep.passive.held_loop import HAND, HeldLoop
 from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
 from wavesweep.passive.lifted_map import TickMaps
@@ -15,6 +16,7 @@ TOLERANCE = 1e-9  # of the mean eigenvalue: a margin that is negative by more th
 FAINT = 256 * np.finfo(float).eps  # of the mean eigenvalue, up to which a margin is 0 but for rounding
 ALIKE = 0.5  # least share of one another of values that are alike
 SURE = 1e-8  # of the margin and of the mean, by how much rounding of the ticks may move a margin that is known
+SHARE = 1 / 16  # of a coupling at rest, up to which rounding of the ticks may move it
 SHAKES = 4  # times that ticks are rounded otherwise
 SLOW = 5e-3  # of an eigenvalue less 1, below which a mode may have a peak next to rest
 HUGE = 1e10  # an unstable loop that grows by this much in a frame keeps no digit worth reporting
@@ -113,7 +115,13 @@ def _margins(port, batch, decide) -> PortMargin:
     if open_.size:
         at = kept[open_]
         known[open_], below[open_] = _beyond_rounding(given.at(at), port, at, peak.theta[open_], margin[open_], scale[open_])
-    margin = np.where(known & np.isfinite(margin), np.where(np.abs(margin) <= FAINT * scale, 0.0, margin), np.nan)
+    margin = np.where(known & np.isfinite(margin), np.where(below | (margin > FAINT * scale), margin, 0.0), np.nan)
+    free = port.position is None and ticks.kind.size > 1
+    at = np.flatnonzero(free & (margin >= -TOLERANCE * scale) & (~below | (theta == 0)))
+    if at.size:
+        rest = _dragged(given.at(kept[at]), port, kept[at], scale[at])
+        at, rest = at[rest < 0], rest[rest < 0]
+        margin[at], theta[at], below[at] = rest, 0.0, True
     found.margin[kept], found.omega[kept] = margin, np.where(np.isnan(margin), np.nan, theta)
     found.certified[kept], found.negative[kept] = peak.certified, below
     return found
@@ -139,6 +147,31 @@ def _beyond_rounding(ticks, port, loops, theta, margin, mean):
     known = most - least <= SURE * (mean + np.abs(margin))
     below = (margin < -TOLERANCE * mean) | ((most < -FAINT * mean) & (most <= ALIKE * least))
     return known, known & below
+
+
+def _dragged(ticks, port, loops, mean):
+    """The margin at rest of ports that it shows not to be passive, however little, otherwise 0, `(loops,)`.
+
+    A motion at a multiple of the slow rate may drag along what a constant force e does not move. At rest the Hermitian part S
+    has then a 0 for e, and a coupling p of it to other forces: its least eigenvalue is `-p' (S + e e')^-1 p`, to first order in
+    that, and negative however small p is, where rounding would hide an eigenvalue.
+    """
+    M = ticks.kind.size
+    e = np.full((M, 1), M**-0.5)
+
+    def at_rest(some):
+        lifted = some.in_even_units().lifted(measured=False)
+        X = solve(-lifted.E, lifted.G)
+        both = (lifted.T @ e + lifted.O @ (X @ e) + np.swapaxes(e.T @ lifted.T + (e.T @ lifted.O) @ X, -1, -2)) / 2
+        return lifted.T + lifted.O @ X if some is ticks else None, e.T @ both, both - e @ (e.T @ both)
+
+    with np.errstate(all="ignore"):
+        (H, still, p), (*_, again) = at_rest(ticks), at_rest(_shaken(ticks, port, loops))
+        size, moved = np.linalg.norm(p, axis=(-1, -2)), np.linalg.norm(again.reshape(SHAKES, *p.shape) - p, axis=(-1, -2))
+        S = (H + np.swapaxes(H, -1, -2)) / 2 + mean[:, None, None] * e @ e.T
+        rest = -(np.swapaxes(p, -1, -2) @ solve(S, p))[:, 0, 0]
+        dragged = (np.abs(still[:, 0, 0]) <= TOLERANCE * mean) & (moved.max(0) <= SHARE * size)
+    return np.where(dragged, np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny), 0.0)
 
 
 def _shaken(ticks, port, loops):
