@@ -13,6 +13,7 @@ from wavesweep.simulation.march import run_drawn, simulate
 from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.hardware import ROUNDING, hardware_of, limits_of_walls, peak_of_encoder, readings
 from wavesweep.sweep.verdict import own_design
+from wavesweep.tables import simulation
 
 STEP = 5e-5  # m, of the encoder
 
@@ -160,6 +161,52 @@ def test_friction_holds_a_device_between_two_steps_of_its_encoder_up_to_its_limi
     force = factor * limit * STEP * 20.5 * np.minimum(ticks / 2000, 1.0)
     end = wavesweep.compile(walls).simulate(force)["x"].to_numpy()[-1000:]
     assert bool(np.ptp(end) == 0) is rests
+
+
+RUBBING = {
+    "device": {"mass": 0.045, "damping": 0.5, "velocity": "difference"},
+    "controller": {"kind": "dc-slow"},
+    "environment": {"K_VE": 300.0, "B_VE": 1.0, "delay": 1},
+}
+
+
+def rubbed(push, friction=0.26, parts=100, ticks=2000):
+    """Positions of RUBBING in each tick after a push from 0.1 to 0.15 s, by small steps in which friction stops or brakes."""
+    T, x, v, last, wall, held, rows = 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, []
+    for k in range(ticks):
+        rows.append(x)
+        held = wall if k % 20 == 1 else held
+        wall = 300.0 * x + (x - last) / T if k % 20 == 0 else wall
+        last, force = x, push * (100 <= k < 150) - held
+        for _ in range(parts):
+            if v == 0 and abs(force) <= friction:
+                break
+            new = v + T / parts / 0.045 * (force - 0.5 * v - np.copysign(friction, v or force))
+            v, before = (new, v) if v * new >= 0 else (0.0, v)
+            x += T / parts * (v + before) / 2
+    return np.array(rows)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("push", "rests"), [(0.5, True), (1.0, False)])
+def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests):
+    tables = RUBBING | {"simulate": {"friction": 0.26, "input": "pulse", "amplitude": push, "duration_s": 2.0}}
+    found, (run, *_) = wavesweep.verdict(tables), simulation.simulate(wavesweep.load(tables).as_simulated())
+    moving = np.flatnonzero(np.diff(rubbed(push)))[-1] + 1
+    rest_s = simulation._run_numbers(run.columns, run.facts)["rest_s"]
+    assert not found["stable"]
+    assert (rest_s is not None) == (moving < 1900) == rests
+    if rests:
+        assert rest_s == pytest.approx(moving * 1e-3, abs=2e-3)
+
+
+def test_the_limit_of_friction_stands_whether_the_linear_loop_is_stable_or_not():
+    for stiffness, stable in ((50.0, True), (300.0, False)):
+        tables = {"device": {"preset": "touch"}, "controller": {"kind": "dc-slow"}, "environment": {"K_VE": stiffness}}
+        found = wavesweep.verdict(tables)
+        assert found["stable"] is stable
+        assert found["hardware"]["holds_to"] == pytest.approx(2 * 0.26 / 5.5e-5)
+        assert ("chatter" in found["hardware"], "depth" in found["hardware"]) == (stable, stable)
 
 
 def test_the_verdict_and_the_wishes_say_the_same():

@@ -195,7 +195,9 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     if found["stable"] and found["felt"]:
         stiffness, damping = spec.units_felt
         yield f"  felt at rest: {_felt(found['felt'], stiffness, damping)}"
-    yield from (f"  {line}" for line in _hardware(found.get("hardware", {}), spec.at_port("N"), spec.at_port("m")))
+    yield from (
+        f"  {line}" for line in _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
+    )
     if found["stable"]:
         yield f"  slowest mode: {_mode(found['slowest'])}"
         if found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS:
@@ -318,7 +320,7 @@ def _felt(felt: Facts, *units: str) -> str:
     return f"{stiffness:.6g} {units[0]}{in_words(felt['over_band'])}"
 
 
-def _hardware(found: Facts, force: str, length: str) -> Iterator[str]:
+def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[str]:
     """What encoder, friction and motors do to the design."""
     if "chatter" in found:
         known = "makes a force that is not known to be bounded"
@@ -328,8 +330,10 @@ def _hardware(found: Facts, force: str, length: str) -> Iterator[str]:
         yield f"encoder: a step of {found['resolution']:.4g} {length} {known}"
     unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
     if "holds_to" in found:
-        held = f"holds the device against such a step up to {found['holds_to']:.6g} {unit}"
+        held = f"holds the device against a step of the encoder up to {found['holds_to']:.6g} {unit}"
         yield f"friction: {found['friction']:.4g} {force} {held}; a wall that is felt stiffer may buzz ({source})"
+        if not stable:
+            yield "  nothing but friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
     if "passive_to" in found:
         yield f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
     if found.get("depth") is not None:

@@ -54,18 +54,18 @@ def peaks_of(drawing: Drawing, values: Mapping[str, Any], size: int) -> np.ndarr
     return np.array([np.nan if each is None else each.gain for each in found])
 
 
-def hardware_of(spec: Spec) -> dict[str, float | None]:
+def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     """What the encoder, the friction and the motors of a spec do to its own design, as a JSON-able dict; None if not known.
 
     Of [simulate] or the device preset, each if it is given: resolution D (m), friction f_c (N), max_force (N). step_force (N):
     the largest force of the motors after one step of the encoder, at any time. chatter (N): a bound on what the encoder's
-    rounding adds to the force of the linear loop, whatever the hand does; see `peak_of`. holds_to, passive_to: see
-    `limits_of_walls`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the motors end, max_force over
-    the stiffness felt at rest.
+    rounding adds to the force of the linear loop, whatever the hand does; see `peak_of`. Both are of stable loops alone.
+    holds_to, passive_to: see `limits_of_walls`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the
+    motors end, max_force over the stiffness felt at rest.
     """
     found: dict[str, float | None] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
     drawing, values = own_loop(spec)
-    if (step := found.get("resolution")) and device_of(drawing) and drawing.hand[2] is not None:
+    if stable and (step := found.get("resolution")) and device_of(drawing) and drawing.hand[2] is not None:
         peak = peak_of_encoder(drawing, values)
         found |= {"step_force": peak and peak.step * step, "chatter": peak and peak.gain * step / 2}
     return found | limits_of_walls(spec) if found else {}

@@ -68,7 +68,7 @@ def beside(spec: Spec, own: dict, report: Callable[[int, int], None] | None = No
     """
     points, found = read_points(spec), {"for_all": for_all.verdict(spec)} if spec.for_all else {}
     found |= {"limits": limits(spec, report), "delay": _delays(spec)}
-    found |= {"hardware": _hardware(spec, own) if own["stable"] else {}}
+    found["hardware"] = _hardware(spec, own)
     return found | ({"measured": distances(spec, points, own["stable"])} if spec.measured else {})
 
 
@@ -242,8 +242,8 @@ def _delays(spec):
 
 def _hardware(spec, found):
     """`hardware_of` the spec, with the depth to which its wall can be pressed."""
-    hardware, stiffness = hardware_of(spec), (found["felt"] or {}).get("stiffness")
-    if "max_force" in hardware:
+    hardware, stiffness = hardware_of(spec, stable=found["stable"]), (found["felt"] or {}).get("stiffness")
+    if "max_force" in hardware and found["stable"]:
         hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
     return hardware
 

@@ -201,6 +201,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "stopped": facts["ticks"]["stopped"],
         "linear_loop": dict(facts["linear_loop"]),
         "contact": _contact(columns["touching"]) if "wall" in options and rows else None,
+        "rest_s": _rest(columns) if options.get("friction") and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
         "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped")) and rows else None,
@@ -237,6 +238,13 @@ def _contact(touching: np.ndarray) -> Numbers:
     return {"times": made, "share": float(touching.mean())}
 
 
+def _rest(columns: Columns) -> float | None:
+    """The time (s) from which on friction holds the device to the end, for more than a frame; None if it does not."""
+    moved = np.flatnonzero(np.diff(columns["x"]))
+    first = int(moved[-1]) + 1 if moved.size else 0
+    return float(columns["time_s"][first]) if columns["frame"][-1] - columns["frame"][first] > 1 else None
+
+
 def _energy(columns: Columns) -> Numbers:
     names = ("hand", "device", "channel")
     last = {name: float(columns.get(f"energy_{name}", [np.nan])[-1]) for name in names}
@@ -258,6 +266,8 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
     if found["contact"]:
         made, share = found["contact"]["times"], 100 * found["contact"]["share"]
         yield f"contact made {'once' if made == 1 else f'{made} times'}, felt for {share:.3g} % of the time", False
+    if found["rest_s"] is not None and not found["stopped"]:
+        yield f"came to rest at {found['rest_s']:.4g} s, and friction holds it to the end", False
     if found["share_at_max_force"] is not None:
         share = 100 * found["share_at_max_force"]
         yield f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time", False
