@@ -186,14 +186,17 @@ def test_what_is_not_known_is_not_called_unstable():
             200.0,
             -1.1,
             False,
-            ([190.0, None], 0.5),
-            "200 N/m (190 at 1 Hz, not known at 3 Hz; within a tenth of it only up to 0.5 Hz)",
+            ([190.0, None], 0.5, 3.5),
+            (
+                "200 N/m (190 at 1 Hz, not known at 3 Hz; within a tenth of it only up to 0.5 Hz; "
+                "free motion outweighs it from 3.5 Hz on)"
+            ),
         ),
-        (200.0, 0.0, False, ([200.0, 200.0], None), "200 N/m (200 at 1 Hz, 200 at 3 Hz)"),
+        (200.0, 0.0, False, ([200.0, 200.0], None, 2.0), "200 N/m (200 at 1 Hz; free motion outweighs it from 2 Hz on)"),
     ],
 )
 def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, band, text):
-    over = band and {"hz": [1.0, 3.0], "impedance": band[0], "holds_to_hz": band[1]}
+    over = band and {"hz": [1.0, 3.0], "impedance": band[0], "holds_to_hz": band[1], "outweighed_hz": band[2]}
     felt = {"stiffness": stiffness, "damping": damping, "rigid": rigid, "over_band": over}
     assert check._felt(felt, "N/m", "N*s/m") == text
 

@@ -246,7 +246,8 @@ def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
         for loop in several:
             at = loop.spec.with_values({"K_VE": 100.0})
             verdict = wavesweep.verdict(at)
-            ratios.append(verdict["slowest"]["damping_ratio"] if verdict["stable"] else None)
+            damped = verdict["least_damped"] or verdict["slowest"]
+            ratios.append(damped["damping_ratio"] if verdict["stable"] else None)
             delay = verdict["delay"]
             margins.append(-1 if delay["most"] is None else delay["most"] - delay["ticks"])
         if None not in ratios:
@@ -448,10 +449,59 @@ def test_a_design_that_is_direct_coupling_itself_has_no_error():
     assert found["transparency"].certified.all()
 
 
-def test_what_is_felt_over_a_band_is_the_least_impedance_of_the_stiffest_wall():
-    wish = {"felt": {"B_VE": [1], "band_hz": [0.1, 3.0]}, "z_width": {"B_VE": [1]}}
-    spec = load(TABLES | {"design": TABLES["design"] | {"wish": wish, "for_all": {}}})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)
-    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0, "K_VE": float(found["z_width"].value[0])}))
-    least = loop.response(np.geomspace(0.1, 3.0, 4001))["impedance_abs"].min()
-    assert found["felt"].value[0] == pytest.approx(least, rel=1e-3)
+def test_what_is_felt_over_a_band_is_the_least_that_the_stiffest_wall_adds_to_free_motion():
+    band = {"band_hz": [0.1, 3.0]}
+    wish = {"felt": {"B_VE": [1], **band}, "z_width": {"B_VE": [1]}, "free_motion": {"at_most": 1, **band}}
+    spec = load(TABLES | {"design": TABLES["design"] | {"wish": wish}})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec)[:1], {"controller.b": np.array([20.0, 60.0])}, 2000.0)
+    for at, b in enumerate((20.0, 60.0)):
+        own = wavesweep.compile(spec.with_values({"b": b, **scenarios_of(spec)[0].values}))
+        walls = ({"K_VE": float(found["z_width"].value[at]), "B_VE": 1.0}, {"K_VE": 0.0, "B_VE": 0.0})
+        hertz = np.geomspace(0.1, 3.0, 4001)
+        added, free = (
+            own.with_(**wall).response(hertz)[["impedance_re", "impedance_im"]].to_numpy() @ [1, 1j] for wall in walls
+        )
+        assert found["felt"].value[at] == pytest.approx(np.abs(added - free).min(), rel=1e-3)
+        assert found["free_motion"].value[at] == pytest.approx(np.abs(free).max(), rel=1e-3)
+    assert all(found[name].certified.all() for name in wish)
+
+
+# A slow mode without oscillation and one that rings, which do not act on each other.
+TWO_MODES = {
+    "rates": {"tick_hz": 500},
+    "numbers": {"d": 2.0, "k": 50.0},
+    "block": {
+        "slow": {"type": "mass", "mass": 1.0, "damping": 30.0, "stiffness": 20.0},
+        "rings": {"type": "mass", "mass": 0.1, "damping": "d", "stiffness": 5000.0},
+    },
+    "wire": {"slow.f": "-k*slow.x", "rings.f": "-10*slow.x"},
+    "sweep": {"along": "d", "d": {"start": 0.1, "stop": 40}},
+    "design": {"vary": {"d": {"start": 0.5, "stop": 20}}, "wish": {"damping_ratio": {"at_least": 0.3}}},
+}
+
+
+def least_ratio(d, k=50.0):
+    """Of the transition matrix over a tick, with the force of the spring that is held: by the exponential of an integral."""
+    from scipy.linalg import expm
+
+    T, A, B = 2e-3, np.zeros((4, 4)), np.zeros((4, 2))
+    A[0, 1] = A[2, 3] = B[1, 0] = 1.0
+    B[3, 1] = 10.0
+    A[1, :2], A[3, 2:] = [-20.0, -30.0], [-5000 / 0.1, -d / 0.1]
+    whole = expm(np.block([[A, B], [np.zeros((2, 6))]]) * T)
+    frame = whole[:4, :4] + whole[:4, 4:] @ np.array([[-k, 0, 0, 0], [-10.0, 0, 0, 0]])
+    s = np.log(np.linalg.eigvals(frame).astype(complex))
+    return (-s.real / np.abs(s)).min()
+
+
+def test_a_damping_ratio_is_that_of_every_mode_for_wishes_requirements_and_check():
+    spec = load(TWO_MODES)
+    designs = np.array([0.5, 2.0, 20.0])
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.d": designs}, 1.0)["damping_ratio"]
+    assert found.value == pytest.approx([least_ratio(d) for d in designs], rel=1e-9)
+    assert found.certified.all()
+    (row,) = wavesweep.compile(spec).stable_intervals(require={"damping_ratio": 0.3}).itertuples()
+    assert least_ratio(row.low) == pytest.approx(0.3, rel=1e-8)
+    checked = wavesweep.verdict(spec)
+    assert checked["slowest"]["damping_ratio"] == pytest.approx(1.0)
+    assert checked["least_damped"]["damping_ratio"] == pytest.approx(least_ratio(2.0), rel=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.stability.sensitivity import crossings_of, tracked_eigenvalue
-from wavesweep.stability.spectrum import damping_ratio
+from wavesweep.stability.spectrum import damping_ratio, least_damping
 
 
 def matrices(r, blocks):
@@ -91,3 +91,16 @@ def test_damping_ratios():
     s = np.array([-0.3 + 0.4j, -0.5, 0.2j, 0.3 + 0.4j])
     np.testing.assert_allclose(damping_ratio(np.expm1(s)), [0.6, 1, 0, -0.6], atol=1e-12)
     assert np.isnan(damping_ratio(np.array([0j]))).all()
+
+
+def test_a_least_damping_ratio_that_rounding_decides_is_not_sure():
+    """Of a Jordan block of 10 states at -0.5 in a dense basis, eigenvalues are computed to a few per cent."""
+    Q = np.linalg.qr(np.random.default_rng(1).standard_normal((10, 10)))[0]
+    apart, meeting = (
+        Q @ (each - np.eye(10)) @ Q.T for each in (np.diag(np.linspace(0.1, 0.9, 10)), np.eye(10, k=1) - 0.5 * np.eye(10))
+    )
+    pair = Q @ (np.kron(np.eye(5), 0.9 * np.array([[0.6, -0.8], [0.8, 0.6]])) * np.linspace(0.5, 1, 10) - np.eye(10)) @ Q.T
+    least, sure = least_damping(np.array([apart, meeting, pair]))
+    assert sure.tolist() == [True, False, True]
+    s = np.log(np.linalg.eigvals(np.eye(10) + pair))
+    assert least[[0, 2]] == pytest.approx([1.0, (-s.real / np.abs(s)).min()], abs=1e-9)

@@ -165,12 +165,53 @@ def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
 
 
 @pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0), ("pmw-lm", 25.0), ("dc", 25.0)])
-def test_what_is_felt_over_a_band_is_the_size_of_the_impedance(kind, b):
+def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
     tables = nested(values_of(kind, b=b, K_VE=300.0, damping=3.0))
     loop, felt = wavesweep.compile(tables), wavesweep.verdict(tables)["felt"]
-    band, rest = felt["over_band"], felt["stiffness"]
+    free, band, rest = loop.with_(K_VE=0.0, B_VE=0.0), felt["over_band"], felt["stiffness"]
+
+    def sizes(hertz):
+        found, without = (each.response(hertz)[["impedance_re", "impedance_im"]].to_numpy() @ [1, 1j] for each in (loop, free))
+        return np.abs(found - without), np.abs(without)
+
     assert band["hz"] == [1.0, 3.0, 10.0]
-    assert band["impedance"] == pytest.approx(loop.response(band["hz"])["impedance_abs"].to_numpy(), rel=1e-9)
-    below, above = (np.geomspace(1e-4, factor * band["holds_to_hz"], 500) for factor in (1.0, 1.01))
-    apart = [np.abs(loop.response(hertz)["impedance_abs"].to_numpy() / rest - 1) for hertz in (below, above)]
-    assert apart[0].max() <= 0.1 < apart[1].max()
+    for name, size in zip(("impedance", "free"), sizes(band["hz"]), strict=True):
+        assert band[name] == pytest.approx(size, rel=1e-9)
+    holds, outweighed = band["holds_to_hz"], band["outweighed_hz"]
+    below, above = (np.abs(sizes(np.geomspace(1e-4, factor * holds, 500))[0] / rest - 1).max() for factor in (1.0, 1.01))
+    assert below <= 0.1 < above
+    assert (outweighed is None) == (kind == "dc")
+    if outweighed:
+        below, above = ((np.subtract(*sizes(np.geomspace(1e-4, at, 500)))).min() for at in (outweighed * 0.999, outweighed))
+        assert above < 0 < below
+
+
+def braked(brake, stiffness=0.0, **design):
+    """A mass whose controller has a wall and a brake, all forces held over a tick."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 100.0, "B": 0.0, "brake": brake},
+        "block": {"m": {"type": "mass", "mass": 0.2, "damping": 1.0, "stiffness": stiffness}},
+        "wire": {"m.f": "hand - K*m.x - B*m.v - brake*m.v"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}, "wall": {"stiffness": "K", "damping": "B"}},
+    } | design
+
+
+@pytest.mark.parametrize("brake", [0.0, 20.0])
+def test_neither_a_brake_nor_a_mass_is_felt_as_a_wall(brake):
+    """Forces and position at the same ticks: the wall adds K at every frequency."""
+    band = wavesweep.verdict(braked(brake))["felt"]["over_band"]
+    assert band["impedance"] == pytest.approx([100.0] * 3, rel=1e-9)
+    assert band["holds_to_hz"] is None
+    # By hand: of x' = v, v' = (f - d v)/m over a tick with a held force f - brake*v.
+    T, d, m, z = 1e-3, 1.0, 0.2, np.exp(2e-3j * np.pi * np.array(band["hz"]))
+    decay = np.exp(-d / m * T)
+    velocity = (1 - decay) / d / (z - decay + brake * (1 - decay) / d)
+    moved = m / d * (1 - decay) * velocity + (T - m / d * (1 - decay)) / d * (1 - brake * velocity)
+    assert band["free"] == pytest.approx(np.abs((z - 1) / moved), rel=1e-8)
+
+
+def test_what_is_felt_without_a_wall_in_ports_has_no_band():
+    tables = braked(1.0, 5.0)
+    del tables["ports"]["wall"]
+    assert wavesweep.verdict(tables)["felt"]["over_band"] is None

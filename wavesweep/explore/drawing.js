@@ -172,9 +172,16 @@ function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
   if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness));
-  const band = o.stable && o.felt?.over_band, holds = band && band.holds_to_hz;
-  if (band) rows.push(item("n-band", `felt at ${band.hz.join(", ")} Hz`, band.impedance.map(size => text(size, 4)).join(", ") + (holds ? `; within a tenth up to ${text(holds, 3)} Hz` : "")));
-  if (o.slowest) rows.push(item("n-slow", "slowest mode falls to 1/e in", text(o.slowest.time_constant_s, 4) + " s", o.slowest.time_constant_s), item("n-ratio", "its damping ratio", text(o.slowest.damping_ratio, 3), o.slowest.damping_ratio));
+  const band = o.stable && o.felt?.over_band, most = band && band.outweighed_hz;
+  if (band) {
+    const seen = band.hz.filter(hz => !most || hz < most), holds = band.holds_to_hz;
+    const parts = [seen.map((_, i) => text(band.impedance[i], 4)).join(", "), holds ? `within a tenth up to ${text(holds, 3)} Hz` : "", most ? `outweighed by free motion from ${text(most, 3)} Hz on` : ""];
+    rows.push(item("n-band", seen.length ? `felt at ${seen.join(", ")} Hz` : "felt over frequency", parts.filter(Boolean).join("; ")));
+  }
+  if (o.slowest) {
+    const damped = o.least_damped ?? o.slowest;
+    rows.push(item("n-slow", "slowest mode falls to 1/e in", text(o.slowest.time_constant_s, 4) + " s", o.slowest.time_constant_s), item("n-ratio", "least damping ratio of all modes", text(damped.damping_ratio, 3) + (damped.omega ? `, at ${text(damped.omega / 2 / Math.PI, 4)} Hz` : ""), damped.damping_ratio));
+  }
   if (o.channel_norm !== null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
   fill($("own"), ...rows);
   $("assumes").textContent = o.assumes ? "Assumes: " + o.assumes : "";

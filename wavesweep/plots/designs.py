@@ -27,10 +27,11 @@ from wavesweep.tables.design import margins_of, wish_of
 NAMES = {
     "z_width": "stiffest wall",
     "felt": "stiffness felt",
+    "free_motion": "impedance of free motion",
     "transparency": "error of the response",
     "channel": "norm of the wave channel",
     "port": "margin of the hand's port",
-    "damping_ratio": "damping ratio of the slowest mode",
+    "damping_ratio": "least damping ratio of all modes",
     "settling": "time constant of the slowest mode",
     "delay_margin": "delay margin",
     "chatter": "force of the encoder's rounding, at most",

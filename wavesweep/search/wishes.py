@@ -1,7 +1,7 @@
 """Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
@@ -15,7 +15,7 @@ from wavesweep.search.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
+from wavesweep.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
 from wavesweep.sweep.drawn_loops import felt_of, held_loop, radii_of, responses_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
 from wavesweep.sweep.hardware import peaks_of
@@ -87,38 +87,74 @@ def _stiffest(spec, points: Points, stop, wished):
 
 
 def _felt_over(spec, band, points, wall, certified):
-    """Return the least size of the impedance over a band (Hz) at the wall of each point, and whether it is certified.
+    """Return the least size over a band (Hz) of what the wall of each point adds to free motion, and whether it is certified.
 
-    It is 0 without a wall. Between frequencies it is that of a polynomial through the logarithm of the size.
+    It is 0 without a wall.
     """
-    ends, value, certified = np.log(band), np.where(wall > 0, np.nan, wall), certified.copy()
+    value, certified, some = np.where(wall > 0, np.nan, wall), certified.copy(), np.flatnonzero(wall > 0)
     ties = {path: points.changes[path] * wall for path in points.ties}
-    there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape)
-    open_ = np.flatnonzero(wall > 0)
+    there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(some)
+
+    def added(frequency, points):
+        (found, off), (free, of_free) = (_impedances(spec, frequency, each) for each in (points, _without_wall(spec, points)))
+        size = np.abs(found - free)
+        return size, (off + of_free <= ERROR * size).all(-1)
+
+    value[some], sure = _extreme(spec, band, there, added, np.min)
+    certified[some] &= sure
+    return value, certified
+
+
+def _free_motion(spec, wish, points):
+    """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is unstable."""
+
+    def size(frequency, points):
+        found, off = _impedances(spec, frequency, points)
+        return np.abs(found), (off <= ERROR * np.abs(found)).all(-1)
+
+    points, stable = _without_wall(spec, points), np.empty(points.size, bool)
+    for members, values in _batches(spec, points):
+        stable[members] = _radii(spec, values, members.size) < 1
+    value, certified = _extreme(spec, wish.options.get("band_hz", BAND_HZ), points, size, np.max)
+    return np.where(stable, value, np.nan), certified & stable
+
+
+def _without_wall(spec, points):
+    return replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
+
+
+def _extreme(spec, band, points, sizes, least):
+    """Return the least or the largest size over a band (Hz) of each point, and whether it is certified.
+
+    sizes: takes frequencies and points, gives a size `(points, frequencies)` and whether it is known. Between frequencies it is
+    that of a polynomial through the logarithm of the size. least: `np.min` or `np.max`.
+    """
+    ends, value, certified = np.log(band), np.full(points.size, np.nan), np.zeros(points.size, bool)
+    open_ = np.arange(points.size)
     for pieces in PIECES[:-1]:  # a sharp dip stays in doubt
         if not open_.size:
             break
         frequency = _nodes(ends, pieces)
         size, sure = np.full((open_.size, frequency.size), np.nan), np.zeros(open_.size, bool)
-        for part, seen in _existing(spec, there.some(open_), partial(_sizes, spec, frequency)):
+        for part, seen in _existing(spec, points.some(open_), partial(sizes, frequency)):
             size[part], sure[part] = seen
-        degrees = np.log(size).reshape(open_.size, pieces, NODES) @ _degrees()
-        value[open_] = np.exp(
-            (degrees @ np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T).min((-1, -2))
-        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            degrees = np.log(size).reshape(open_.size, pieces, NODES) @ _degrees()
+        dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
+        value[open_] = np.exp(least(degrees @ dense, axis=(-1, -2)))
         settled = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
-        certified[open_] = certified[open_] & sure & settled
+        certified[open_] = sure & settled
         open_ = open_[~settled & np.isfinite(value[open_])]
     return value, certified
 
 
-def _sizes(spec, frequency, points):
-    """Return the size of the impedance, `(points, frequencies)`, and whether it is known well enough."""
-    size, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
+def _impedances(spec, frequency, points):
+    """Return the impedances at the hand and bounds on their errors, `(points, frequencies)`."""
+    found, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
     for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        found = responses_of(drawing_for(spec, values), values, members.size, frequency, ERROR / 2)
-        size[members], sure[members] = np.abs(found.impedance), (found.impedance_error <= ERROR).all(-1)
-    return size, sure
+        response = responses_of(drawing_for(spec, values), values, members.size, frequency, ERROR / 2)
+        found[members], error[members] = response.impedance, np.abs(response.impedance) * response.impedance_error
+    return found, error
 
 
 def _stiffest_of(spec, axis, wished, points):
@@ -281,11 +317,12 @@ def _port(spec, wish, points):
 
 
 def _damping_ratio(spec, wish, points):
-    """Damping ratio of the mode that decays most slowly; 0 or negative if the loop is unstable."""
+    """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
     del wish
     value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
-    for members, delta, _, known in _slowest(spec, points):
-        value[members], certified[members] = damping_ratio(delta), known
+    for members, E, known, _ in _frames(spec, points):
+        least, sure = least_damping(E)
+        value[members], certified[members] = np.where(known, least, np.nan), known & sure
     return value, certified
 
 
@@ -293,24 +330,23 @@ def _settling(spec, wish, points):
     """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
     del wish
     value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
-    for members, delta, period, known in _slowest(spec, points):
+    for members, E, known, period in _frames(spec, points):
+        delta = eigenvalues(E)[0]
+        delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
         with np.errstate(all="ignore"):
             time = -period / np.log1p(delta).real
         value[members], certified[members] = np.where((time >= 0) & np.isfinite(time), time, np.nan), known
     return value, certified
 
 
-def _slowest(spec, points):
-    """Yield indices, the eigenvalue that decays most slowly less 1, the frame in s, and whether the radius is known."""
+def _frames(spec, points):
+    """Yield indices, the frames less identity, whether their radius is known, and their period in s."""
     for members, values in _batches(spec, points):
         drawing = drawing_for(spec, values)
         drawn = assembled(drawing, read_by(drawing, values))
         E, hidden = telling_frames(drawing, read_by(drawing, values))
-        period = np.real(drawn.period * drawn.ticks)
-        delta, finite = eigenvalues(E)
-        known = finite & ~np.isnan(radius_of(E, hidden))
-        delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
-        yield members, *(np.broadcast_to(each, members.shape) for each in (delta, period, known))
+        E = np.broadcast_to(E, (members.size, *E.shape[-2:]))
+        yield members, E, np.isfinite(radius_of(E, hidden)), np.broadcast_to(np.real(drawn.period * drawn.ticks), members.shape)
 
 
 def _delay_margin(spec, wish, points):
@@ -358,6 +394,7 @@ _MEASURES = {
     "chatter": _chatter,
     "depth": _depth,
     "transparency": _transparency,
+    "free_motion": _free_motion,
     "channel": _channel,
     "port": _port,
     "damping_ratio": _damping_ratio,

@@ -69,8 +69,15 @@ WISHES = MappingProxyType(
         "felt": WishKind(
             "N/m",
             True,
-            "stiffness felt of that wall at rest or, with a band, the least size of its impedance over that",
+            "stiffness felt of that wall at rest or, with a band, the least size of the impedance that it adds to free motion",
             {"band_hz": (_BAND, 2), **_OF_WALL},
+            ("wall", "hand"),
+        ),
+        "free_motion": WishKind(
+            "N/m",
+            False,
+            "largest size over the band of the impedance of free motion, that without the wall",
+            {"band_hz": (_BAND, 2)},
             ("wall", "hand"),
         ),
         "transparency": WishKind(
@@ -81,7 +88,7 @@ WISHES = MappingProxyType(
         ),
         "channel": WishKind("1", False, "norm of the wave channel", {}),
         "port": WishKind("m/N", True, "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)),
-        "damping_ratio": WishKind("1", True, "damping ratio of the slowest mode", _WALLS, ()),
+        "damping_ratio": WishKind("1", True, "least damping ratio of all modes, as [sweep] require has it", _WALLS, ()),
         "settling": WishKind("s", False, "time constant of the slowest mode, in which it falls to 1/e", _WALLS, ()),
         "delay_margin": WishKind("tick", True, "further delay of the slow result up to which every delay is stable", _WALLS),
         "chatter": WishKind(

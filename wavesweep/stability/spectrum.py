@@ -111,6 +111,22 @@ def damping_ratio(delta) -> np.ndarray:
     return np.where(np.isfinite(ratio), ratio, np.nan)
 
 
+def least_damping(E):
+    """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
+
+    It does if no rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower
+    ratio, at the angle of each eigenvalue. An eigenvalue of 0 is over at once and counts as 1.
+    """
+    delta, finite = eigenvalues(E)
+    least = np.where(delta == -1, 1.0, np.nan_to_num(damping_ratio(delta))).min(-1, initial=1.0)
+    balanced, _ = balance(np.where(finite[..., None, None], E, 0.0))
+    lower = np.clip(least - TELLING, -1 + TELLING, None)
+    spiral = np.abs(np.angle(1 + delta)) * (1j - lower / np.sqrt(1 - lower**2))[:, None]
+    rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2), initial=0)
+    sure = finite & (_smallest(balanced, np.expm1(spiral)) > rounding[:, None]).all(-1)
+    return np.where(finite, least, np.nan), sure
+
+
 def slowest(delta):
     """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
     return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
-from math import isclose
 from time import monotonic
 
 import numpy as np
@@ -78,9 +77,10 @@ def own_design(spec: Spec, loop=None) -> dict:
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
     feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
-    `felt_over_band`; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at the strongest line
-    that a spectrum of the states shows of it (see `lines_of`), the second line (Hz) if it has more than a third of the energy,
-    and the states that take part most; least_damped: the same of the mode with the lowest damping ratio, if it is another one;
+    `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
+    of the states shows of it (see `lines_of`), the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more
+    than a third of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping
+    ratio, if it is another one;
     channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more than LARGEST_CHANNEL entries.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
@@ -95,7 +95,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
     named = {"slowest": slowest, "least_damped": damped if another else None}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
-    return found | {"felt": _felt(loop), **described, "channel_norm": channel}
+    return found | {"felt": _felt(spec, loop), **described, "channel_norm": channel}
 
 
 def _modes(spec, E):
@@ -248,7 +248,7 @@ def _hardware(spec, found):
     return hardware
 
 
-def _felt(loop):
+def _felt(spec, loop):
     """Stiffness and damping at the hand, None without one."""
     if loop is None:
         return None
@@ -256,7 +256,7 @@ def _felt(loop):
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
-    band = felt_over_band(loop, stiffness) if stiffness > 0 else None
+    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 else None
     return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False, "over_band": band}
 
 
@@ -297,8 +297,8 @@ def _mode(spec, mode, states, period):
         s = np.log1p(mode)
         hz, second = lines_in_loops(*own_loop(spec), np.array([[s]]))[0].tolist()
         s = complex(s.real / period, 2 * np.pi * hz)
-        ratio = damping_ratio(mode) if isclose(hz, abs(np.angle(1 + mode)) / (2 * np.pi * period)) else -s.real / abs(s)
-        found = {"time_constant_s": -1 / s.real, "damping_ratio": float(ratio), "omega": s.imag, "second_hz": second}
+        ratio = float(damping_ratio(mode))  # from frame to frame, as requirements and wishes mean it
+        found = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}
     return {name: _number(value) for name, value in found.items()} | {"states": states}
 
 

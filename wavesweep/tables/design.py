@@ -34,7 +34,7 @@ def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
 
 def wish_units(spec: Spec) -> dict[str, str]:
     """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
-    own = {"z_width": spec.units_felt[0], "felt": spec.units_felt[0], "port": spec.at_port("m/N")}
+    own = dict.fromkeys(("z_width", "felt", "free_motion"), spec.units_felt[0]) | {"port": spec.at_port("m/N")}
     return {wish.name: own.get(wish.name, wish.kind.unit) for wish in (spec.design.wishes if spec.design else ())}
 
 
