@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.stability.lines import lines_of
 
 RATES = {"drive": 8000.0, "wall": 1000.0}
 STATES = {"drive": ["mv", "mx", "lv", "lx"], "wall": ["x", "v"]}
@@ -104,3 +105,36 @@ def test_an_end_has_the_frequency_that_a_spectrum_of_a_simulation_shows(kind, nu
     found, resolution = strongest(tables, along, row.high, kind)
     assert abs(row.high_hz - row.high_omega / (2 * np.pi)) > 5 * resolution  # an image
     assert row.high_hz == pytest.approx(found, abs=2.5 * resolution)
+
+
+@pytest.mark.parametrize("ticks", [7, 8])
+def test_shares_of_lines_are_means_over_states_in_any_units(ticks):
+    s, at = np.array([np.log(1.5) + 0.4j]), np.arange(ticks)
+    line = np.exp((s + 2j * np.pi * np.arange(3)[:, None]) * at / ticks)  # of 0, 1 and 2 turns per frame
+    mixed = np.sqrt(0.9) * line[2] + np.sqrt(0.1) * line[0]
+    base, second = 0.4 / (2 * np.pi) / 0.02, (0.4 / (2 * np.pi) + 2) / 0.02
+    assert lines_of(np.stack([mixed, 1e6 * line[0]])[None], s, np.array([0.02]))[0] == pytest.approx(
+        [base, second]
+    )  # 0.55, 0.45
+    assert lines_of(mixed[None, None], s, np.array([0.02]))[0] == pytest.approx([second, np.nan], nan_ok=True)
+
+
+@pytest.mark.parametrize(("theta", "turns", "hz"), [(0.0, 2, 100.0), (np.pi, 2, 125.0), (np.pi, 0, 25.0), (0.0, 0, 0.0)])
+def test_both_lines_of_a_real_eigenvalue_are_one(theta, turns, hz):
+    moved = np.cos((theta + 2 * np.pi * turns) * np.arange(8) / 8 + 0.3)
+    found = lines_of(moved[None, None], np.array([1j * theta]), np.array([0.02]))[0]
+    assert found == pytest.approx([hz, np.nan], nan_ok=True)
+
+
+@pytest.mark.slow
+def test_two_lines_are_told_of_a_mode_that_position_and_velocity_show_at_different_ones():
+    tables = wall("pmw", 20, velocity="difference", controller={"b": 202.4})
+    first = wavesweep.compile(tables).poles().iloc[0]
+    (run,) = wavesweep.simulate(tables | {"simulate": {"input": "pulse", "duration_s": 12.0, "amplitude": 1e-9}})
+    shown = []
+    for name in STATES["wall"]:
+        moved = run[name].to_numpy()[4000:]
+        energy = np.abs(np.fft.rfft((moved - moved.mean()) * np.hanning(len(moved))))
+        shown.append(np.argmax(energy) * RATES["wall"] / len(moved))
+    assert sorted(shown) == pytest.approx(sorted([first.shown_hz, first.second_hz]), abs=0.3)
+    assert max(shown) > 100 * min(shown)

@@ -7,14 +7,8 @@ and Control 1990).
 
 import numpy as np
 
-from wavesweep.monodromy.rounding import balance
-from wavesweep.stability.boundary import times
-from wavesweep.stability.polishing import vectors_of
-from wavesweep.stability.spectrum import eigenvalues
-
 SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
 REAL = 1e-6  # rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
-APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 
 
 def lines_of(moved, s, period) -> np.ndarray:
@@ -29,7 +23,7 @@ def lines_of(moved, s, period) -> np.ndarray:
         energy = np.abs(np.fft.fft(moved * np.exp(-s[..., None] * index / ticks)[..., None, :])) ** 2
         share = np.nan_to_num(energy / energy.sum(-1, keepdims=True)).sum(-2)
         share = np.nan_to_num(share / share.sum(-1, keepdims=True))
-    half = np.where(at_minus_one(theta), np.sign(theta), 0).astype(int)
+    half = np.where(np.abs(theta) >= np.pi - REAL, np.sign(theta), 0).astype(int)
     conjugate = np.where((np.abs(theta) <= REAL) | (half != 0), (-turns - half) % ticks, index)
     share = share + np.where(conjugate == index, 0.0, np.take_along_axis(share, conjugate, -1))
     first = np.argmax(share, -1)[..., None]
@@ -40,43 +34,12 @@ def lines_of(moved, s, period) -> np.ndarray:
     return hz
 
 
-def at_minus_one(theta):
-    """Whether the angle of an eigenvalue is that of -1, at which two lines are one."""
-    return np.abs(theta) >= np.pi - REAL
-
-
-def in_ticks(kinds, changes, state, rows):
-    """Yield `rows` times the states, complex `(..., n, columns)`, in each tick of a frame.
-
-    kinds: of each tick. changes: per kind, the matrix, and what is added to each column, or None.
-    """
-    for kind in kinds:
-        yield times(rows, state)
-        matrix, added = changes[kind]
-        state = times(matrix, state)
-        if added is not None:
-            state += added
-
-
 def share_of_first(seen, ticks, s) -> np.ndarray:
-    """Return the share of the line of s itself, as `lines_of` has it, of modes `(..., columns)`; seen: from `in_ticks`."""
+    """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`; seen: the states, tick by tick,
+    `(..., states, columns)`."""
     near, total, turn, step = 0.0, 0.0, np.ones_like(s)[..., None, :], np.exp(-s / ticks)[..., None, :]
     for each in seen:
         moved = each * turn
         near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
     share = (near.real**2 + near.imag**2) / (ticks * total)
-    return np.nanmean(share, axis=-2) * np.where(at_minus_one(s.imag), 2, 1)
-
-
-def modes_in_frame(E, choices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the mode of each frame `I + E`, `(k, n, n)`, whose eigenvalue is nearest to one of `1 + choices`, `(k, choices)`.
-
-    These are the eigenvalue less 1 `(k,)`, the states `(k, n)`, and which of them take part.
-    """
-    E, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))
-    delta, _ = eigenvalues(E)
-    nearest = np.argmin(np.abs(delta[..., None] - choices[:, None]).min(-1), -1)[:, None]
-    delta = np.take_along_axis(delta, nearest, -1)[:, 0]
-    left, right = (part.reshape(units.shape) for part in vectors_of(E, delta))
-    part = np.abs(left * right)
-    return delta, right * units, part > APART * part.max(-1, keepdims=True)
+    return np.nanmean(share, axis=-2) * np.where(np.abs(s.imag) >= np.pi - REAL, 2, 1)

@@ -147,7 +147,8 @@ class DrawnTask:
         with suppress(IllPosedLoopError):
             drawn = assembled(self.drawing, varied)
             period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p.shape)
-            return lines_in_loops(self.drawing, varied, bound.logarithms(period, omega))[:, 0]
+            if drawn.ticks > 1:
+                return lines_in_loops(self.drawing, varied, bound.logarithms(period, omega))[:, 0]
         return omega / (2 * np.pi)
 
     def _recorded(self, found):

@@ -1,7 +1,6 @@
 """What a spectrum of the states of drawn loops shows of their modes, a batch at a time."""
 
 from collections.abc import Mapping
-from functools import lru_cache
 
 import numpy as np
 
@@ -10,35 +9,18 @@ from wavesweep.monodromy.cut import with_batch
 from wavesweep.monodromy.drift import TickDrift, counted_ticks
 from wavesweep.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.monodromy.periodic import frame_of, ticks_of
+from wavesweep.monodromy.rounding import balance
 from wavesweep.spec.drawing import Drawing
-from wavesweep.stability.lines import in_ticks, lines_of, modes_in_frame, share_of_first
+from wavesweep.stability.boundary import times
+from wavesweep.stability.lines import lines_of, share_of_first
+from wavesweep.stability.polishing import vectors_of
+from wavesweep.stability.spectrum import eigenvalues
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import drift_of, named_loops
 from wavesweep.sweep.open_loops import Opened
 
 MOST = 2**18  # numbers of states that are followed at once
-
-
-@lru_cache(maxsize=64)
-def of_plants(drawing: Drawing, states: tuple[str, ...]) -> np.ndarray:
-    """Which states are those of a block that moves continuously; what programs remember, a spectrum shows as stairs."""
-    starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
-    starts += [f"{block.name}." for block in drawing.alone if block.plant]
-    return np.array([name.startswith(tuple(starts)) for name in states], bool)
-
-
-def shown_by(drawing: Drawing, states: tuple[str, ...], drift: TickDrift, own) -> tuple[np.ndarray, np.ndarray]:
-    """The states that a spectrum shows as rows over states that are counted from others, `(n, n)`, and which it shows of modes
-    in which the states `own` take part, masks `(..., n)`.
-
-    They are the states of plants, also a position of theirs that nothing else reads; without a plant all of them.
-    """
-    blocks, rows, own = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), own.copy()
-    for lead, others in drift.moved:
-        rows[[index for index, _ in others], lead] = [factor for _, factor in others]
-        own[..., lead] = (own & (blocks == blocks[lead])).any(-1)
-    plants = own & of_plants(drawing, states)
-    return rows, np.where(plants.any(-1, keepdims=True), plants, own)
+APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 
 
 def lines_in_loops(drawing: Drawing, values: Mapping[str, object], s) -> np.ndarray:
@@ -50,16 +32,52 @@ def lines_in_loops(drawing: Drawing, values: Mapping[str, object], s) -> np.ndar
     with named_loops(drawn), np.errstate(all="ignore"):
         ticks, _ = counted_ticks(ticks_of(drawn, alone=True, terms=True), drift)
         n, leads = len(ticks.states), [lead for lead, _ in drift.moved]
-        E, inner = np.broadcast_to(frame_of(ticks), (size, n, n)), np.setdiff1d(np.arange(n), [*leads, *drift.unread])
-        state, own = np.zeros((size, n, 1), complex), np.zeros((size, n), bool)
-        delta, state[:, inner, 0], own[:, inner] = modes_in_frame(E[:, inner[:, None], inner], np.expm1(s))
+        inner = np.setdiff1d(np.arange(n), [*leads, *drift.unread])
+        E = np.broadcast_to(frame_of(ticks), (size, n, n))
+        own, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
+        delta, _ = eigenvalues(own)
+        nearest = np.argmin(np.abs(delta[..., None] - np.expm1(s)[:, None]).min(-1), -1)
+        delta = delta[np.arange(size), nearest]
+        left, right = (part.reshape(units.shape) for part in vectors_of(own, delta))
+        state, part = np.zeros((size, n, 1), complex), np.zeros((size, n))
+        state[:, inner, 0], part[:, inner] = right * units, np.abs(left * right)
         for lead in leads:
-            state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead, inner] * state[:, inner, 0]).sum(-1) / delta)
-        rows, shown = shown_by(drawing, ticks.states, drift, own)
+            state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
+        rows, shown = _shown_by(drawing, ticks.states, drift, part > APART * part.max(-1, keepdims=True))
         changes = [(np.eye(n) + each.E, None) for each in ticks.maps]
-        moved = np.concatenate([*in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
+        moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
         moved[~shown] = 0.0
         return lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
+
+
+def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: TickDrift, own) -> tuple[np.ndarray, np.ndarray]:
+    """The states that a spectrum shows as rows over states that are counted from others, `(n, n)`, and which it shows of modes
+    in which the states `own` take part, masks `(..., n)`.
+
+    They are the states of plants, also a position of theirs that nothing else reads; what programs remember, a spectrum shows
+    as stairs. Without a plant all are shown.
+    """
+    starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
+    starts += [f"{block.name}." for block in drawing.alone if block.plant]
+    blocks, rows, own = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), own.copy()
+    for lead, others in drift.moved:
+        rows[[index for index, _ in others], lead] = [factor for _, factor in others]
+        own[..., lead] = (own & (blocks == blocks[lead])).any(-1)
+    plants = own & [name.startswith(tuple(starts)) for name in states]
+    return rows, np.where(plants.any(-1, keepdims=True), plants, own)
+
+
+def _in_ticks(kinds, changes, state, rows):
+    """Yield `rows` times the states, complex `(..., n, columns)`, in each tick of a frame.
+
+    kinds: of each tick. changes: per kind, the matrix, and what is added to each column, or None.
+    """
+    for kind in kinds:
+        yield times(rows, state)
+        matrix, added = changes[kind]
+        state = times(matrix, state)
+        if added is not None:
+            state += added
 
 
 def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) -> np.ndarray:
@@ -75,7 +93,7 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) 
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[which]
     s = np.log(bound.radius_of(period)) + 1j * omega * period
     kept, force = np.array([ticks.states.index(name) for name in cut.states]), loops.drawn.inputs.index(PRODUCT)
-    rows, shown = shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept))
+    rows, shown = _shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept))
 
     def followed(some, w):
         """What is shown in each tick, of some loops `(k,)` and the modes of their eigenvalues 1 + w, `(k, columns)`."""
@@ -83,9 +101,8 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) 
         def of(part):
             return part[some] if part.ndim > 2 and len(part) > 1 else part
 
-        pole, mode = polynomials(
-            reduced(in_even_units(cut.E[some], cut.B[some], np.broadcast_to(np.eye(kept.size), cut.E[some].shape))), w
-        )
+        whole = in_even_units(cut.E[some], cut.B[some], np.broadcast_to(np.eye(kept.size), cut.E[some].shape))
+        pole, mode = polynomials(reduced(whole), w)
         state = np.zeros((some.size, n, w.shape[-1]), complex)
         state[:, kept] = mode / pole[:, None]
         for lead in leads:
@@ -93,7 +110,7 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) 
             state[:, lead] = np.where(w == 0, 0.0, moved / w)
         forces = [of(each.B)[..., force, None] if np.any(each.B[..., force]) else None for each in ticks.maps]
         changes = [(np.eye(n) + of(each.E), added) for each, added in zip(ticks.maps, forces, strict=True)]
-        return in_ticks(kinds, changes, state, rows[shown])
+        return _in_ticks(kinds, changes, state, rows[shown])
 
     order = np.argsort(which, kind="stable")
     order = order[s[order] != 0] if cut.integrates else order  # there nothing moves but the integrator

@@ -40,13 +40,7 @@ FELT = tuple(
     for end in ("low", "high")
 )
 LINES = tuple(
-    Field(
-        f"{end}_hz",
-        "number",
-        "Hz",
-        f"strongest line that a spectrum of the states shows in that oscillation, of all images of {end}_omega; missing where "
-        "the range ends it, or what is proved for many loops",
-    )
+    Field(f"{end}_hz", "number", "Hz", f"strongest line that a spectrum shows, of all images of {end}_omega; missing without")
     for end in ("low", "high")
 )
 HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
