@@ -7,7 +7,7 @@ from support import exact
 from support.specs import values_of
 
 import wavesweep
-from wavesweep.loops.device import device
+from wavesweep.loops.blocks import mass as mass_block
 
 # mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
 # spring in the hand; stiff and overdamped; heavy and slow.
@@ -19,8 +19,8 @@ CALM = [
 RINGING = [(0.1, 0.0, 800.0, 0.02), (0.05, 0.3, 20000.0, 5e-3)]
 
 
-def block_of(mass, damping, stiffness, period, velocity="exact"):
-    return device(values_of("dc", mass=mass, damping=damping, stiffness=stiffness, velocity=velocity), period)
+def block_of(mass, damping, stiffness, period):
+    return mass_block("device", period, mass, damping, stiffness)
 
 
 @pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), CALM + RINGING)
@@ -55,32 +55,6 @@ def test_devices_of_a_batch_come_out_as_one_by_one():
         alone = block_of(mass[i], damping[i], 10.0, 1e-3)
         np.testing.assert_allclose(together.E[i], alone.E, rtol=1e-14)
         np.testing.assert_allclose(together.B[i], alone.B, rtol=1e-14)
-
-
-def march(block, forces):
-    state, seen = np.zeros(len(block.states)), []
-    for force in forces:
-        seen.append(block.C @ state + block.D[:, 0] * force)
-        state = state + block.E @ state + block.B[:, 0] * force
-    return np.array(seen).T
-
-
-@pytest.mark.parametrize("stiffness", [0.0, 300.0])
-def test_an_encoder_gives_the_difference_of_positions(stiffness):
-    """`v_hat[k] = (x[k] - x[k-1])/T`, and the position does not care how its velocity is measured."""
-    forces = np.random.default_rng(1).standard_normal(50)
-    x, v_hat, dx = march(block_of(0.1, 1.5, stiffness, 1e-3, "difference"), forces)
-    np.testing.assert_allclose(v_hat[1:], np.diff(x) / 1e-3, atol=1e-12 * np.abs(v_hat).max())
-    np.testing.assert_allclose(dx[:-1], np.diff(x), atol=1e-12 * np.abs(dx).max())
-    np.testing.assert_allclose(x, march(block_of(0.1, 1.5, stiffness, 1e-3), forces)[0], atol=1e-14 * np.abs(x).max())
-
-
-def test_the_operator_adds_to_the_device():
-    """`(m + m_h) a + (d + d_h) v + k_h x`: only the sums of masses and dampings matter."""
-    split = values_of("dc", mass=0.1, damping=1.5, **{"operator.mass": 0.4, "operator.damping": 2.5})
-    whole = values_of("dc", mass=0.5, damping=4.0)
-    assert np.array_equal(device(split, 1e-3).E, device(whole, 1e-3).E)
-    assert np.array_equal(device(split, 1e-3).B, device(whole, 1e-3).B)
 
 
 @pytest.mark.parametrize("mass", [1e-310, 1e-300])

@@ -41,7 +41,7 @@ class Block:
 
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
     states: one name per state.
-    condition: factor by which closing its algebraic loops, or modes that turn by whole circles (see `loss`), may have
+    condition: factor by which closing its algebraic loops, or modes that turn by whole circles, may have
     multiplied the rounding of its entries, a number or an array over the batch. pivot: the product of the determinants of these
     loops' return differences; it is zero where one of them has no solution, and the entries have a pole. terms: for E, B, C and
     D, the sizes of the terms of each entry's sum, in which a closed loop counts for all that rounding of its entries does to
@@ -83,26 +83,3 @@ class Block:
     def batch(self) -> tuple[int, ...]:
         """The shape of the leading axes, all four arrays broadcast together."""
         return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
-
-
-KEPT = 0.5  # of a state, at least: its share after a step that counts as living on
-LARGEST_LOSS = 1e16
-
-
-def loss(E, sizes, tick: bool = False) -> np.ndarray:
-    """Return how much less a mode that lives on changes in a step than the terms of its change, `(...)`, 1 or more.
-
-    So it is if it turns by whole circles in the step: then the relative rounding of E is larger by as much. It shows in an
-    entry of the diagonal, or in a pair (i, j) and (j, i), of states of which the step keeps a share; units change neither.
-    E: less identity, `(..., n, n)`; sizes: of the terms of its entries. tick: whether it is that of a tick, whose entries have
-    closed forms: a mode that ends it in its other state counts in a frame alone, whose ticks add up to that.
-    """
-    with np.errstate(all="ignore"):
-        pairs, of_pairs = (np.abs(part * np.swapaxes(part, -1, -2)) for part in (E, sizes))
-        kept = np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT
-        if not tick:  # of a mode that has turned by a quarter circle more, the other state of its pair has the share
-            others = np.where(np.eye(E.shape[-1], dtype=bool), 0.0, pairs).max(-1, initial=0.0)
-            kept = kept | (others >= KEPT**2)
-        square = np.where(kept[..., None, :] & kept[..., :, None] & (of_pairs > 0), of_pairs / pairs, 1.0)
-        found = np.sqrt(np.fmax.reduce(square, (-1, -2), initial=1.0))
-    return np.minimum(found, LARGEST_LOSS)

@@ -1,57 +1,8 @@
-"""The haptic device with the operator's hand on it, under forces held over a tick."""
+"""A mass with a damper and a spring under a force that is held over a tick."""
 
 import numpy as np
 
-from wavesweep.loops.block import Block, loss, matrix, numbers
-
-
-def device(values, period) -> Block:
-    """Zero-order-hold device `(m + m_h) a + (d + d_h) v + k_h x = f`, with its velocity estimate.
-
-    values: the flat keys `device.*` and `operator.*` (kg, N*s/m, N/m), numbers or arrays. period: T in s.
-    Inputs: `f` (N). Outputs: `x` (m), `v_hat` (m/s), `dx` (m, the displacement in this tick).
-    Accuracy: a few ulp of each entry for every damping and stiffness, zero and overdamped included.
-    """
-    mass = values["device.mass"] + values["operator.mass"]
-    damping = (values["device.damping"] + values["operator.damping"]) / mass
-    stiffness = values["operator.stiffness"] / mass
-    s, g, of_s, of_g = impulse_and_step(damping, stiffness, period)
-    exact = values["device.velocity"] == "exact"
-    # The encoder's difference is a state of its own, w = (x[k] - x[k-1])/T, so that a free device keeps no second copy
-    # of its position, in which the drift would hide.
-    arrays = _exact if exact else _by_difference
-    parts = arrays(s, g, -damping, -stiffness, mass, period, -1)
-    sizes = None if of_s is None else arrays(of_s, of_g, *map(np.abs, (damping, stiffness, mass, period)), 1)
-    states = ("v", "x") if exact else ("v", "w", "x")
-    names = {"v": "device velocity", "w": "measured velocity", "x": "device position"}
-    labels = tuple(names[state] for state in states)
-    condition = 1.0 if sizes is None else loss(parts[0], sizes[0], tick=True)
-    facts = {"condition": condition, "terms": sizes, "at_rest": _at_rest(damping, stiffness, mass, exact), "labels": labels}
-    return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, **facts)
-
-
-def _at_rest(damping, stiffness, mass, exact):
-    """E, B, C and D that say that nothing moves, and that the spring has the force."""
-    force, rest = [-damping, -stiffness], [1, 0]
-    if exact:
-        return matrix([force, rest]), matrix([[1 / mass], [0]]), matrix([[0, 1], [1, 0], [0, 0]]), np.zeros((3, 1))
-    E = matrix([[force[0], 0, force[1]], [1, -1, 0], [1, 0, 0]])
-    return E, matrix([[1 / mass], [0], [0]]), matrix([[0, 0, 1], [0, 1, 0], [0, 0, 0]]), np.zeros((3, 1))
-
-
-def _exact(s, g, damping, stiffness, mass, period, _):
-    """E, B, C and D with the exact velocity; see `motion`."""
-    del period
-    C = matrix([[0, 1], [1, 0], [s, stiffness * g]])
-    return *motion(s, g, damping, stiffness, mass), C, matrix([[0], [0], [g / mass]])
-
-
-def _by_difference(s, g, damping, stiffness, mass, period, before):
-    """The same with the velocity from the change of position; before: the share of its last value in its change."""
-    x_row = [s, 0, stiffness * g]
-    E = matrix([[damping * s + stiffness * g, 0, stiffness * s], [s / period, before, stiffness * g / period], x_row])
-    B = matrix([[s / mass], [g / (mass * period)], [g / mass]])
-    return E, B, matrix([[0, 0, 1], [0, 1, 0], x_row]), matrix([[0], [0], [g / mass]])
+from wavesweep.loops.block import matrix, numbers
 
 
 def motion(s, g, damping, stiffness, mass):
