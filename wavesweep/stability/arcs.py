@@ -4,7 +4,7 @@ import numpy as np
 
 from wavesweep.monodromy.circle import on_circle
 from wavesweep.monodromy.cut import Cut, open_in
-from wavesweep.monodromy.shifts import Shifts
+from wavesweep.monodromy.shifts import DelayLines
 from wavesweep.stability.boundary import polish
 from wavesweep.stability.crossings import Crossings, at_both_ends, open_inside
 from wavesweep.stability.panels import panel_roots
@@ -25,14 +25,14 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
     transmits nothing there, the equation vanishes to a high order.
     """
     opened = open_in(cut, along, fixed)
-    shifts = Shifts.of(*opened[:2])
+    lines = DelayLines.of(opened[0])
     poles = np.linalg.eigvals(opened[0]).astype(complex)
     edges = np.linspace(0, np.pi, 5)
     column = np.repeat(np.arange(fixed.size), 4)
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sample(column, theta):
-        value, size, beyond, unsure = _boundary([part[column][:, None] for part in opened], shifts, theta, max(map(abs, span)))
+        value, size, beyond, unsure = _boundary([part[column][:, None] for part in opened], lines, theta, max(map(abs, span)))
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
         distance = [
             on_circle(sign * theta)[..., None] - some
@@ -46,11 +46,11 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
     found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
-    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, shifts, theta)[0], found)
+    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta)[0], found)
 
 
 @np.errstate(all="ignore")
-def _boundary(opened, shifts, theta, largest=0.0):
+def _boundary(opened, lines, theta, largest=0.0):
     """Return the two functions of the boundary at angles theta, and the sizes of their terms.
 
     The first is `Im K / sin(theta)` times |H|^2, H = 1/K, followed by the size of its terms. The second is
@@ -60,12 +60,11 @@ def _boundary(opened, shifts, theta, largest=0.0):
     not even at the points of the circle on the real axis. theta may be complex.
     """
     E, B, C, D = opened
-    left, right = (np.moveaxis(part, 0, -1) for part in (shifts.read(E, C, -theta), shifts.reached(E, B, theta)))
+    left, right = lines.row(E, C, -theta), lines.reached(E, B, theta)
     parts = left * right, C[..., 0, :] * right, left * B[..., 0]
-    parts = [np.ascontiguousarray(part) for part in parts]  # numpy adds up what lies scattered in another order
     value, there, back = (part.sum(-1) for part in parts)
     size, *sizes = (np.abs(part).sum(-1) for part in parts)
-    D, roundings = D[..., 0, 0], CAUTION + shifts.frames.max(initial=0)
+    D, roundings = D[..., 0, 0], CAUTION + max(map(len, lines.lines), default=0)
     beyond = 1 - (largest * (there + D)) * (largest * (back + D))
     unsure = 1 + 2 * (largest * (sizes[0] + np.abs(D))) * (largest * (sizes[1] + np.abs(D)))
     if not np.iscomplexobj(theta):
