@@ -1,39 +1,81 @@
 """How often the intervals of `wavesweep identify` contain the truth, and how often a wrong model is called explained.
 
-    PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS [SEED [EFFECT...]]]
+    PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS [SEED [KIND...]]]
 
-Logs come from the simulation, which shares no code with the fit, and those of a resonance from a march of two masses. Mass,
-damping, force and the place of the encoder's steps are random. A line for each kind of force and each encoder: the share of
-logs whose intervals of 95 % contain mass, damping and delay, and of logs that are explained.
+Logs come from marches in this file, which share no code with the fit: mass, damping, force, delay (a fraction of a tick, too),
+the speed at the start, the encoder and the place of its steps are random, and so is the force before the first row. A line
+for each kind of log: the share of logs whose intervals of 95 % contain mass, damping, delay and friction, half the width
+of the interval of the mass over the mass (median), what was called missing, and the seconds of a log. From `euler` on the kinds
+are those that the model does not explain, held against the same truth.
 """
 
 import sys
 import time
+from math import exp, log
 
 import numpy as np
 
 import wavesweep
-from wavesweep.identification.fit import fitted
+from wavesweep.errors import UsageError
 from wavesweep.identification.model import Model
-from wavesweep.identification.verdict import judged
+from wavesweep.identification.verdict import identified
 
 RATE = 1000.0  # Hz
-FORCES, ENCODERS = ("pulse", "chirp", "noise"), (1e-6, 1e-5, 1e-4)
+FORCES = ("pulse", "chirp", "noise", "steps")
+BEFORE = 10  # ticks of force before the first row
+NUMBERS = ("mass", "damping", "delay", "friction")
+
+# Rows, errors beside rounding (deviation in steps of the encoder, correlation of neighbours), what is special.
+KINDS = {
+    "quantised": (1000, 0.0, 0.0, ""),
+    "noise of 0.005 q": (1000, 0.005, 0.0, ""),
+    "noise of 0.03 q": (1000, 0.03, 0.0, ""),
+    "noise of 0.1 q": (1000, 0.1, 0.0, ""),
+    "noise of 0.3 q": (1000, 0.3, 0.0, ""),
+    "white": (1000, 1.0, 0.0, ""),
+    "white, no encoder": (1000, 1.0, 0.0, "unrounded"),
+    "coloured 0.95": (1000, 1.0, 0.95, ""),
+    "coloured 0.99": (1000, 1.0, 0.99, ""),
+    "one wild reading": (1000, 0.0, 0.0, "wild"),
+    "spring": (1000, 0.0, 0.0, "spring"),
+    "friction": (1000, 0.0, 0.0, "sliding"),
+    "friction, white": (1000, 1.0, 0.0, "sliding"),
+    "300 quantised": (300, 0.0, 0.0, ""),
+    "300 white": (300, 1.0, 0.0, ""),
+    "300 coloured 0.95": (300, 1.0, 0.95, ""),
+    "10^4 quantised": (10_000, 0.0, 0.0, ""),
+    "10^4 white": (10_000, 1.0, 0.0, ""),
+    "10^4 coloured 0.95": (10_000, 1.0, 0.95, ""),
+    "10^5 quantised": (100_000, 0.0, 0.0, ""),
+    "10^5 white": (100_000, 1.0, 0.0, ""),
+    "10^5 coloured 0.95": (100_000, 1.0, 0.95, ""),
+    "10^6 quantised": (1_000_000, 0.0, 0.0, ""),
+    "10^6 white": (1_000_000, 1.0, 0.0, ""),
+    "euler": (1000, 0.0, 0.0, "euler"),
+    "two masses, 30 Hz": (1000, 0.0, 0.0, "two masses 30"),
+    "two masses, 120 Hz": (1000, 0.0, 0.0, "two masses 120"),
+    "bad encoder": (1000, 0.0, 0.0, "bad encoder"),
+    "saturation": (1000, 0.0, 0.0, "saturation"),
+    "friction left out": (1000, 0.0, 0.0, "rubbing"),
+    "delay held at 0": (1000, 0.0, 0.0, "held"),
+}
 
 
 def force_of(kind, source, ticks=2000):
-    """A force (N) of random size, per tick."""
-    times, size = np.arange(ticks) / RATE, source.uniform(0.5, 2.0)
+    """A force (N) of random size, per tick, with that of the ticks before."""
+    times, size = np.arange(-BEFORE, ticks) / RATE, source.uniform(0.5, 2.0)
     if kind == "pulse":
         return np.where((times >= 0.1) & (times < 0.1 + source.uniform(0.03, 0.1)), size, 0.0)
     if kind == "chirp":
         octaves = np.log(60.0) * RATE / ticks  # from 0.5 to 30 Hz
-        return size * np.sin(2 * np.pi * 0.5 * np.expm1(octaves * times) / octaves)
-    return size * source.standard_normal(ticks)
+        return size * np.sin(2 * np.pi * (0.5 * np.expm1(octaves * times) / octaves + source.uniform()))
+    if kind == "steps":
+        return size * np.repeat(source.uniform(-1, 1, len(times) // 60 + 1), 60)[: len(times)]
+    return size * source.standard_normal(len(times))
 
 
 def moved(mass, damping, force, friction=0.0, spring=0.0):
-    """The position (m) at each tick of a device on a table."""
+    """The position (m) at each tick of a device on a table, from rest, by the simulation."""
     tables = {
         "controller": {"kind": "dc"},
         "rates": {"fast_hz": RATE},
@@ -44,23 +86,59 @@ def moved(mass, damping, force, friction=0.0, spring=0.0):
     return wavesweep.compile(tables).simulate(force, friction=friction)["x"].to_numpy()
 
 
-def two_masses(mass, damping, force, hertz=30.0, share=0.25, ratio=0.03):
-    """The same of a device of which a share of the mass hangs on a spring, with a resonance at `hertz`."""
+def marched(mass, damping, force, late=0.0, velocity=0.0, friction=0.0):
+    """The position (m) at each tick by the solution of m v' = f - d v - F sgn v from one change to the next."""
+    whole, part = divmod(late, 1.0)
+    now, rate, x, v, places = np.concatenate([np.full(int(whole) + 1, force[0]), force]), damping / mass, 0.0, velocity, []
+    for tick in range(len(force)):
+        places.append(x)
+        for push, seconds in ((now[tick], part / RATE), (now[tick + 1], (1 - part) / RATE)):
+            left = seconds
+            while left > 0 and (v or abs(push) > friction):
+                end = (push - (friction if (v or push) > 0 else -friction)) / damping
+                stop = log(1 - v / end) / rate if v * end < 0 else left
+                t = min(stop, left)
+                x += end * t + (v - end) * (1 - exp(-rate * t)) / rate
+                v, left = 0.0 if stop <= t < left else end + (v - end) * exp(-rate * t), left - t
+    return np.array(places)
+
+
+def euler(mass, damping, force, velocity):
+    """The same by Euler's rule."""
+    x, v, places = 0.0, velocity, []
+    for push in force:
+        places.append(x)
+        x, v = x + v / RATE, v + (push - damping * v) / mass / RATE
+    return np.array(places)
+
+
+def linear(A, push, force, late, state):
+    """The first state at each tick of x' = A x + push f, with the force a part of a tick late."""
     from scipy.linalg import expm
 
+    size, (whole, part) = len(A), divmod(late, 1.0)
+    wide = np.zeros((size + 1, size + 1))
+    wide[:size, :size], wide[:size, size] = A, push
+    now, steps = np.concatenate([np.full(int(whole) + 1, force[0]), force]), [expm(wide * s / RATE) for s in (part, 1 - part)]
+    state, places = np.append(state, 0.0), []
+    for tick in range(len(force)):
+        places.append(state[0])
+        for at, step in enumerate(steps):
+            state[size] = now[tick + at]
+            state = step @ state
+    return np.array(places)
+
+
+def two_masses(mass, damping, force, hertz=30.0, late=0.0, share=0.25, ratio=0.03):
+    """The same of a device of which a share of the mass hangs on a spring, with a resonance at `hertz`."""
     one, two = (1 - share) * mass, share * mass
     stiffness = (2 * np.pi * hertz) ** 2 * one * two / mass
     losses = 2 * ratio * stiffness / (2 * np.pi * hertz)
-    A = np.zeros((5, 5))
+    A = np.zeros((4, 4))
     A[0, 1] = A[2, 3] = 1.0
-    A[1] = [-stiffness / one, -(damping + losses) / one, stiffness / one, losses / one, 1 / one]
-    A[3] = [stiffness / two, losses / two, -stiffness / two, -losses / two, 0.0]
-    step, state, places = expm(A / RATE), np.zeros(5), []
-    for push in force:
-        places.append(state[0])
-        state[4] = push
-        state = step @ state
-    return np.array(places)
+    A[1] = [-stiffness / one, -(damping + losses) / one, stiffness / one, losses / one]
+    A[3] = [stiffness / two, losses / two, -stiffness / two, -losses / two]
+    return linear(A, [0, 1 / one, 0, 0], force, late, np.zeros(4))
 
 
 def read(places, resolution, source):
@@ -69,61 +147,68 @@ def read(places, resolution, source):
     return resolution * np.floor(places / resolution + offset + 0.5)
 
 
-def log_of(kind, resolution, source, effect="none"):
-    """Truth (mass in kg, damping in N*s/m, delay in ticks), force and reading of a log, with an effect or without."""
-    mass, damping, force = source.uniform(0.03, 0.3), source.uniform(0.2, 3.0), force_of(kind, source)
-    if effect == "resonance":
-        places = two_masses(mass, damping, force)
+def log_of(kind, source, force_kind):
+    """Truth by names, force (N), reading (m), step of the encoder (m), and the model that is fitted."""
+    rows, deviation, colour, special = KINDS[kind]
+    mass, damping, late = source.uniform(0.03, 0.3), source.uniform(0.2, 2.0), source.choice([0, 2, source.uniform(0, 6)])
+    force, velocity = force_of(force_kind, source, rows), source.choice([0.0, source.uniform(-0.2, 0.2)])
+    friction = 0.1 * np.abs(force).max() if special in ("sliding", "rubbing") else 0.0
+    felt = np.clip(force, *(np.array([-0.7, 0.7]) * np.abs(force).max())) if special == "saturation" else force
+    if special.startswith("two"):
+        places = two_masses(mass, damping, felt, float(special.split()[-1]), late)
+    elif special == "euler":
+        places, late = euler(mass, damping, felt, velocity), 0.5  # the delay that its rule amounts to
+    elif special == "spring":
+        places = linear(np.array([[0, 1], [-40 / mass, -damping / mass]]), [0, 1 / mass], felt, late, [0.0, velocity])
     else:
-        places = moved(mass, damping, force, friction=0.05 if effect in ("friction", "sliding") else 0.0)
-    position = read(places, resolution, source)
-    if effect == "late":  # the motors had it two ticks after the log
-        force = np.concatenate([force[2:], np.zeros(2)])
-    return (mass, damping, 2.0 * (effect == "late")), force, position
+        places = marched(mass, damping, felt, late, velocity, friction)
+    places, force = places[BEFORE:], force[BEFORE:]
+    q = min(10 ** source.uniform(-6, -4), np.ptp(places) / 30)
+    if special == "bad encoder":
+        places = places + 2 * q * np.sin(2 * np.pi * places / (60 * q))
+    errors = source.standard_normal(rows + 500) if deviation else np.zeros(rows + 500)
+    if colour:
+        from scipy.signal import lfilter
+
+        errors = np.sqrt(1 - colour**2) * lfilter([1.0], [1.0, -colour], errors)
+    places = places + deviation * q * errors[500:]
+    position = places if special == "unrounded" else read(places, q, source)
+    if special == "wild":
+        position[source.integers(rows)] += 1e-3
+    model = Model(special == "spring", special == "sliding", 0.0 if special == "held" else None)
+    truth = {"mass": mass, "damping": damping, "delay": late, "friction": friction}
+    return truth, force, position, 0.0 if special == "unrounded" else q, model
 
 
-MODELS = {
-    "none": Model(),
-    "sliding": Model(friction=True),
-    "friction": Model(),
-    "resonance": Model(),
-    "late": Model(delay=0.0),
-}
-
-
-def study(effect, kind, resolution, logs, seed=0):
-    """Shares of logs whose intervals contain mass, damping and delay, the words for what is missing, and seconds of each."""
-    source, inside, missing, started = np.random.default_rng(seed), [], [], time.perf_counter()
-    model = MODELS[effect]
-    for _ in range(logs):
-        truth, force, position = log_of(kind, resolution, source, effect)
-        fit = fitted(model, force, position, 1 / RATE, resolution)
-        half = dict(zip(fit.model.names, fit.half, strict=True))
-        errors = {
-            "log_mass": np.log(fit.numbers["mass"] / truth[0]),
-            "damping": fit.numbers["damping"] - truth[1],
-            "delay": fit.numbers["delay"] - truth[2],
-        }
-        inside.append([abs(errors[name]) <= half.get(name, np.inf) for name in errors])
-        missing.append(judged(fit, force, position, 1 / RATE).missing)
-    return np.mean(inside, axis=0), missing, (time.perf_counter() - started) / logs
+def study(kind, logs, seed=0):
+    """Of each log: which intervals contain the truth, half the width of that of the mass, what is missing, and seconds."""
+    source = np.random.default_rng([seed, *kind.encode()])
+    for at in range(logs):
+        truth, force, position, q, model = log_of(kind, source, FORCES[at % len(FORCES)])
+        started = time.perf_counter()
+        try:
+            fit, verdict = identified(model, force, position, 1 / RATE, q)
+        except UsageError as refused:
+            yield None, np.nan, str(refused)[:30], time.perf_counter() - started
+            continue
+        known = dict(zip(fit.model.names, np.c_[fit.low, fit.high], strict=True))
+        truth["log_mass"] = np.log(truth["mass"])
+        inside = [
+            low <= truth[name] <= high
+            for low, high, name in ((*known[name], name) for name in ("log_mass", *NUMBERS[1:]) if name in known)
+        ]
+        yield inside, float(np.diff(known["log_mass"])[0]) / 2, verdict.missing, time.perf_counter() - started
 
 
 def main():
-    logs = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    logs = int(sys.argv[1]) if len(sys.argv) > 1 else 80
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    effects = sys.argv[3:] or list(MODELS)
-    for effect in effects:
-        for kind in FORCES:
-            for resolution in ENCODERS:
-                inside, missing, seconds = study(effect, kind, resolution, logs, seed)
-                words = ", ".join(f"{word or 'explained'} {missing.count(word)}" for word in sorted(set(missing)))
-                held = (
-                    f"mass {inside[0]:.3f}, damping {inside[1]:.3f}, delay {inside[2]:.3f}; "
-                    if effect in ("none", "sliding")
-                    else ""
-                )
-                print(f"{effect:9} {kind:5} {resolution:g} m: {held}{words}; {seconds:.2f} s", flush=True)
+    for kind in sys.argv[3:] or KINDS:
+        inside, half, missing, seconds = zip(*study(kind, logs, seed), strict=True)
+        held = np.mean([each for each in inside if each], axis=0)
+        words = ", ".join(f"{word or 'explained'} {missing.count(word)}" for word in sorted(set(missing)))
+        shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(NUMBERS, held, strict=False))
+        print(f"{kind:18} {shares}; half-width {np.nanmedian(half):.1e}; {words}; {np.mean(seconds):.2f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ class Csv:
 
         Errors: UsageError that names the line and the column, or if there are fewer rows than `least`.
         """
-        places = [self.names.index(name) for name in columns]
+        places = [self._place(name) for name in columns]
         rows = np.empty((0, len(places)))
         if self.body.strip():
             try:
@@ -51,8 +51,13 @@ class Csv:
 
     def texts(self, column: str) -> list[tuple[int, str]]:
         """The line and the text of a column in each row."""
-        place, lines = self.names.index(column), csv.reader(self.body.splitlines())
+        place, lines = self._place(column), csv.reader(self.body.splitlines())
         return [(number, row[place].strip()) for number, row in enumerate(lines, start=2) if row]
+
+    def _place(self, name):
+        if self.names.count(name) > 1:
+            raise UsageError(f"{self.path}:1: {name}: expected one column of this name, found {self.names.count(name)}")
+        return self.names.index(name)
 
     def _fault(self, columns):
         """What is wrong with the first row that cannot be used; empty if nothing is."""
@@ -64,12 +69,12 @@ class Csv:
             if row and len(row) != width:
                 return f"{line}: expected {width} values as in the header, found {len(row)}"
             for name in columns if row else ():
-                cell = row[self.names.index(name)].strip()[:SHOWN]
+                cell = row[self.names.index(name)].strip()
                 try:
                     if not np.isfinite(float(cell)):
-                        return f"{line}: {name}: expected a finite number, found {cell}"
+                        return f"{line}: {name}: expected a finite number, found {cell[:SHOWN]}"
                 except ValueError:
-                    return f"{line}: {name}: expected a number, found {cell or 'nothing'}"
+                    return f"{line}: {name}: expected a number, found {cell[:SHOWN] or 'nothing'}"
         return ""
 
 
@@ -82,7 +87,7 @@ def read_csv(path: str | Path, most: int) -> Csv:
     text = data.decode("utf-8-sig", "replace")
     if "\0" in text or "\ufffd" in text:
         raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are no text; export it as CSV")
-    header, _, body = text.partition("\n")
+    header, _, body = text.replace("\r\n", "\n").replace("\r", "\n").partition("\n")
     for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
         if mark in header.strip() and "," not in header:
             expected = "expected commas between columns and points in numbers"

@@ -13,6 +13,7 @@ from wavesweep.spec.checking import nearest
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50
 JITTER = 0.01  # of a period, from which it is said
+SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
 UNEVEN = 0.5  # of a period, from which the steps are not equal
 GAP = 1.5  # periods between two rows of which one may be missing
 TURNING = {"force": "torque", "position": "angle"}
@@ -99,6 +100,9 @@ def _period(path: str | Path, times: np.ndarray, name: str) -> tuple[float, floa
         found = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
         raise UsageError(f"{path}:{row + 3}: {name}: expected equal steps, found {found}; take a part without gaps")
     period = float(times[-1] - times[0]) / (len(times) - 1)
+    if not SHORTEST <= period <= LONGEST:
+        expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
+        raise UsageError(f"{path}: {name}: {expected}; --scale {name}=FACTOR turns another unit into s, e.g. 1e-9 from ns")
     late = times - times[0] - period * np.arange(len(times))
     off = np.abs(late - np.median(late)) / period
     if off.max() > UNEVEN:

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from wavesweep.loops.device import impulse_and_step, motion
 
 OWN = ("start", "velocity", "offset")  # numbers of the log alone
+LARGEST = 100.0  # logarithm of a mass, beyond which none is tried
 STEP = 1e-4  # of finite differences, in units in which a number moves the position by about its range
 
 
@@ -41,17 +42,22 @@ class Model:
         given = dict(zip(self.names, map(float, theta), strict=True))
         fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0, "velocity": 0.0, "offset": 0.0}
         found = fixed | given
-        return found | {"mass": exp(min(given["log_mass"], 700.0)), "friction": abs(found["friction"])}
+        mass = exp(min(max(given["log_mass"], -LARGEST), LARGEST))
+        return found | {"mass": mass, "friction": abs(found["friction"])}
 
 
-def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float) -> np.ndarray:
-    """Position (m) at the start of each tick, `(ticks,)`; force: (N) of each tick; period: s."""
+def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+    """Position (m) at the start of each tick from tick `skip` on, `(ticks - skip,)`, where the numbers of the start hold.
+
+    force: (N) of each tick, of all ticks; period: s. The force before the log is not known: with `skip` above the delay it is
+    not needed, otherwise it is taken to be the first one.
+    """
     found = model.numbers(theta)
-    push, parts, full = pushes(found, force, period)
+    push, parts, full = _pushes(found, force, period, skip)
     return _sliding(found, push, parts, full, period) if found["friction"] else _linear(found, push, period)
 
 
-def pushes(found, force, period):
+def _pushes(found, force, period, skip):
     """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its parts; and what 1 N would add.
 
     A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then:
@@ -59,26 +65,26 @@ def pushes(found, force, period):
     """
     whole = int(np.floor(found["delay"]))
     part = found["delay"] - whole
-    now, before = late(force, whole) + found["offset"], late(force, whole + 1) + found["offset"]
-    full, rest = _reach(found, period), _reach(found, (1 - part) * period)
+    now, before = (late(force, ticks)[skip:] + found["offset"] for ticks in (whole, whole + 1))
+    full, rest = reach(found, period), reach(found, (1 - part) * period)
     push = np.outer(rest, now) + np.outer(full - rest, before)
     return push, ((part * period, before), ((1 - part) * period, now)), full
 
 
 def late(force: np.ndarray, ticks: int) -> np.ndarray:
-    """The force so many ticks later; before the log it was what it is at the start."""
+    """The force so many ticks later; before the log it is taken to be what it is at the start."""
     at = np.clip(np.arange(len(force)) - ticks, 0, len(force) - 1)
     return force[at] if ticks else force
 
 
-def _reach(found, length):
+def reach(found, length):
     """Velocity and position after a unit force over `length` seconds from rest."""
     mass = found["mass"]
     s, g, *_ = impulse_and_step(found["damping"] / mass, found["stiffness"] / mass, length)
     return np.array([float(s), float(g)]) / mass
 
 
-def _step(found, period):
+def step(found, period):
     """The matrix of a tick, of velocity and position."""
     mass, damping, stiffness = found["mass"], found["damping"] / found["mass"], found["stiffness"] / found["mass"]
     s, g, *_ = impulse_and_step(damping, stiffness, period)
@@ -87,7 +93,7 @@ def _step(found, period):
 
 def _linear(found, push, period):
     """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which keeps the digits of poles next to 1."""
-    A = _step(found, period)
+    A = step(found, period)
     half = found["damping"] / (2 * found["mass"])
     root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
     fast = -half - root
@@ -104,11 +110,12 @@ def _linear(found, push, period):
 
 def _sliding(found, push, parts, full, period):
     """The same with friction, tick by tick; a tick in which the device stops or starts is divided there."""
-    A, friction = _step(found, period), found["friction"]
+    A, friction = step(found, period), found["friction"]
     vv, vx, xv, xx = (float(each) for each in A.ravel())
     by_v, by_x = friction * float(full[0]), friction * float(full[1])
     v, x, places = found["velocity"], found["start"], []
     stiffness, ((first, before), (then, now)) = found["stiffness"], parts
+    (half_v, half_x), (by_half, _) = step(found, first)[0].tolist(), reach(found, first).tolist()
     for to_v, to_x, one, two in zip(*push.tolist(), before.tolist(), now.tolist(), strict=True):
         places.append(x)
         if v == 0.0:
@@ -119,7 +126,8 @@ def _sliding(found, push, parts, full, period):
         else:
             side = copysign(1.0, v)
         after = vv * v + vx * x + to_v - side * by_v
-        if after * side > 0.0:
+        # Where the force changes within the tick it may have stopped before, and started again.
+        if after * side > 0.0 and (not first or (half_v * v + half_x * x + (one - side * friction) * by_half) * side > 0.0):
             v, x = after, xv * v + xx * x + to_x - side * by_x
         else:
             for seconds, pull in ((first, one), (then, two)):
@@ -159,18 +167,21 @@ def _root(v, a, jerk):
     return time if time > 0 else float("inf")
 
 
-def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, scale: np.ndarray) -> np.ndarray:
-    """Derivatives of the positions by the numbers, `(ticks, numbers)`, from differences; scale: steps of 1/STEP.
+def euler(found, period):
+    """How far Euler's rule moves the logarithm of the mass and the damping, to those of another device: T d/2m of them."""
+    share = period * abs(found["damping"]) / (2 * found["mass"])
+    return np.array([share, share * abs(found["damping"])])
 
-    They are central or, with friction, whose march takes longer, to one side.
+
+def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, steps, skip: int = 0) -> np.ndarray:
+    """Derivatives of the positions by the numbers, `(ticks - skip, numbers)`, from central differences over `steps`.
+
+    With friction the steps should be as wide as the interval of the number: narrow ones may lie on one side of a stop.
     """
-    columns, behind = [], positions(model, theta, force, period) if model.friction else None
-    for at, size in enumerate(scale):
+    columns = []
+    for at, size in enumerate(steps):
         step = np.zeros(len(theta))
-        step[at] = STEP * size
-        ahead = positions(model, theta + step, force, period)
-        if model.friction:
-            columns.append((ahead - behind) / (STEP * size))
-        else:
-            columns.append((ahead - positions(model, theta - step, force, period)) / (2 * STEP * size))
+        step[at] = size
+        ahead, behind = (positions(model, theta + sign * step, force, period, skip) for sign in (1, -1))
+        columns.append((ahead - behind) / (2 * size))
     return np.stack(columns, axis=1)

@@ -9,11 +9,11 @@ from scipy.special import stdtrit
 
 from wavesweep.errors import UsageError
 from wavesweep.identification.fit import LATE
-from wavesweep.identification.model import OWN, Model
+from wavesweep.identification.model import OWN, Model, euler, reach, step
 from wavesweep.identification.points import FrequencyResponse
-from wavesweep.loops.device import impulse_and_step, motion
 
 RELATED = 3.5  # deviations of the correlation of neighbouring residuals, beyond which they are no noise
+ALIKE = 0.99  # correlation of neighbouring residuals up to which intervals are widened by it
 RARE = 9.0  # the logarithm of the odds against noise, at which an effect or a single frequency is none
 TONES = 80  # frequencies of a resonance that are tried
 RINGING = 0.03  # damping ratio of a resonance that is tried
@@ -24,7 +24,8 @@ CLEAR = 0.3  # share of what is left that an effect has to take away to be named
 class ResponseFit:
     """The numbers `names` of a model, half the widths of their intervals, and the judgement, as for a log.
 
-    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals.
+    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals. extra: by how much more the
+    intervals reach to both sides if the model does not explain the response.
     """
 
     model: Model
@@ -37,11 +38,22 @@ class ResponseFit:
     frequency_hz: float
     share: float
     correlation: float
+    extra: np.ndarray | float
 
     @property
     def names(self) -> tuple[str, ...]:
         """The numbers that are fitted."""
         return _names(self.model)
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower ends of the intervals."""
+        return self.theta - self.half - self.extra
+
+    @property
+    def high(self) -> np.ndarray:
+        """Upper ends of the intervals."""
+        return self.theta + self.half + self.extra
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -59,14 +71,15 @@ def _numbers(model, theta):
 
 def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: float) -> np.ndarray:
     """Admittance (m/N) of the sampled model, `(frequencies,)`: positions at the ticks over the force that is held between."""
-    mass, damping, stiffness = numbers["mass"], numbers["damping"], numbers["stiffness"]
-    s, g, *_ = impulse_and_step(damping / mass, stiffness / mass, period)
-    E, B = motion(s, g, -damping / mass, -stiffness / mass, mass)
-    angle = 2 * np.pi * frequency_hz * period
-    ahead = np.expm1(1j * angle)
-    # (z - 1 - E) (v, x) = B f, by Cramer's rule
-    determinant = (ahead - E[0, 0]) * (ahead - E[1, 1]) - E[0, 1] * E[1, 0]
-    return ((ahead - E[0, 0]) * B[1, 0] + E[1, 0] * B[0, 0]) / determinant * np.exp(-1j * angle * numbers["delay"])
+    (vv, vx), (xv, xx) = step(numbers, period)
+    angle, whole = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
+    # A force that is a part of a tick late is that of the tick before in this part, see `model`.
+    full, rest = reach(numbers, period), reach(numbers, (1 - numbers["delay"] + whole) * period)
+    by_v, by_x = rest[:, None] + (full - rest)[:, None] * np.exp(-1j * angle)
+    ahead = np.exp(1j * angle)
+    # (z - A) (v, x) = B f, by Cramer's rule
+    determinant = (ahead - vv) * (ahead - xx) - vx * xv
+    return ((ahead - vv) * by_x + xv * by_v) / determinant * np.exp(-1j * angle * whole)
 
 
 def fitted_response(measured: FrequencyResponse, period: float, model: Model) -> ResponseFit:
@@ -74,7 +87,7 @@ def fitted_response(measured: FrequencyResponse, period: float, model: Model) ->
     theta, left, J = _fit(measured, period, model, _first(measured, period, model))
     numbers = 2 * len(measured.frequency_hz) - len(theta)
     square = float(left @ left) / numbers
-    half = stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
+    extra, half = 0.0, stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
     H = admittance(_numbers(model, theta), measured.frequency_hz, period)
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
@@ -86,7 +99,10 @@ def fitted_response(measured: FrequencyResponse, period: float, model: Model) ->
         named = ("", float("nan"), 0.0)
     elif named[2] < CLEAR:
         named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
-    return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related)
+    if not explained:  # what is left has fewer independent errors than frequencies
+        extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, ALIKE))) - 1)
+        extra[:2] += euler(_numbers(model, theta), period)
+    return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra)
 
 
 def _weights(measured):

@@ -6,14 +6,16 @@ from itertools import dropwhile, takewhile
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.special import gammaincc
 
-from wavesweep.identification.fit import Fit, counted, likely_errors, places_of, refined
+from wavesweep.identification.fit import Fit, fitted, refined, widened
 from wavesweep.identification.model import Model, late, positions
 
-PLACES = (30, 60)  # of the encoder's steps, the fewest in long logs
-SHOWN = 12  # places, from which the usual size of rounding errors is told
+SHOWN = 12  # places of the encoder's steps, from which the usual size of rounding errors is told
 BANDS = 24  # of the spectrum, equally wide in octaves
-BEYOND = 3.0  # times the largest of the errors that rounding makes
+EXACT = 1e-10  # of the motion, below which what is left is that of double precision
+RARE = 1e-8  # probability of the power of a band, below which white noise does not make it
+NAMED = ("friction", "spring", "delay")
 SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
 TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
@@ -47,37 +49,56 @@ class Verdict:
     resonance_hz: tuple[float, float] | None
 
 
-def judged(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Verdict:
-    """Judge a fit. force: N of each tick. position: m, as read. period: s."""
-    left = _projected(fit.basis, counted(fit.still, fit.residual))
-    places = places_of(fit.positions, *PLACES)
-    likely = np.array([_projected(fit.basis, counted(fit.still, each)) for each in likely_errors(fit, places)])
+def identified(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float) -> tuple[Fit, Verdict]:
+    """Fit a model to a log and judge the fit, whose intervals are widened if it does not explain the log; see `fitted`."""
+    fit = fitted(model, force, position, period, resolution)
+    verdict = judged(fit)
+    return (widened(fit) if verdict.missing in (*NAMED, "resonance", "unknown") else fit), verdict
+
+
+def judged(fit: Fit) -> Verdict:
+    """Judge a fit."""
+    rows, told = fit.rows, fit.told
+    # Divided by the roots of its weights the score is white if the model is right.
+    root = np.sqrt(told.weight)
+    basis = np.linalg.qr(_sized(root[:, None] * told.slopes))[0]
+    left = _projected(basis, told.score / np.maximum(root, 1e-300))
     edges = _edges(len(left))
-    beyond = _powers(left, edges) / (BEYOND * np.max([_powers(each, edges) for each in likely], axis=0) + 1e-300)
+    # Powers of white noise are Gamma distributed.
+    odds = gammaincc(np.diff(edges), _powers(left, edges) / np.sum(left**2))
     seen, tone, taken, shown = False, float("nan"), 0.0, []
-    for frequency, changes in _effects(fit, force, period):
-        directions = counted(fit.still, changes)
-        basis = _orthogonal(fit.basis, directions)
-        along, sigma = left @ basis, (likely @ basis).std(axis=0) + 1e-300
-        seen |= bool((np.abs(along) > SIGMAS * sigma).any())
+    for frequency, changes in _effects(fit):
+        directions = (root * rows.used)[:, None] * changes
+        beside = _orthogonal(basis, directions)
+        along = left @ beside
+        seen |= bool((np.abs(along) > SIGMAS * np.linalg.norm(left[:, None] * beside, axis=0)).any())
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency:
-            shown.append((frequency, bool((np.abs(directions[:, 0] @ basis) > SURE * sigma).any())))
+            shown.append((frequency, bool((np.abs(directions[:, 0] @ beside) > SURE).any())))
         if frequency and share > taken:
             tone, taken = frequency, share
-    alike, remains = _like_friction(fit), seen or float(beyond.max()) > 1.0
+    residual, step = fit.residual[rows.skip :], rows.resolution
+    rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
+    exact = told.rounded or rms < EXACT * np.ptp(rows.position)
+    alike, remains = _like_friction(fit), not exact and (seen or float(odds.min()) < RARE)
     band = _band(shown)
     explained = not (remains or alike or band is None)
     named = ("one-way" if alike else "" if band else "unseen", float("nan"), 0.0)
     if remains:
-        named = max(("resonance", tone, taken), *_tried(fit, force, position, period), key=lambda each: each[2])
+        named = max(("resonance", tone, taken), *_tried(fit), key=lambda each: each[2])
         if named[2] < CLEAR:
-            worst = int(np.argmax(beyond))
-            named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / period), named[2])
-    rounding = [(np.mean(e**2), _neighbours(e)) for e in likely_errors(fit, SHOWN, 0.0)]
+            worst = int(np.argmin(odds))
+            named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])
+    rounding = [(np.mean(e**2), _neighbours(e)) for e in _roundings(fit.positions[rows.skip :], step)] if step else [(0.0, 0.0)]
     square, usual = np.mean(rounding, axis=0).tolist()
-    rms = float(np.sqrt(np.mean(fit.residual**2)))
-    return Verdict(explained, *named, rms, square**0.5, _neighbours(fit.residual), usual, band)
+    return Verdict(explained, *named, rms, square**0.5, _neighbours(residual), usual, band)
+
+
+def _roundings(places, step):
+    """Yield the errors of readings of these places at several places of the encoder's steps."""
+    for part in range(SHOWN):
+        moved = places / step + part / SHOWN
+        yield step * (np.floor(moved + 0.5) - moved)
 
 
 def _band(shown):
@@ -90,32 +111,34 @@ def _like_friction(fit: Fit) -> bool:
     """Whether a constant force against a device that moves one way alone was found, which Coulomb friction would be as well."""
     if fit.model.friction or fit.model.spring:
         return False
-    way = float(np.mean(np.sign(np.diff(fit.positions)[np.diff(fit.positions) != 0])))
+    moves = np.diff(fit.positions[fit.rows.skip :])
+    way = float(np.mean(np.sign(moves[moves != 0])))
     offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
     return abs(way) > ONE_WAY and offset * way < 0 and abs(offset) > 2 * half
 
 
-def _tried(fit: Fit, force: np.ndarray, position: np.ndarray, period: float) -> Iterator[tuple[str, float, float]]:
+def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
     """Yield each number that the model does not have, and the share of what is left that a fit with it takes away."""
-    model, part = fit.model, slice(TRIED)
+    model, rows = fit.model, fit.rows
+    end = rows.skip + TRIED
+    rows = replace(rows, force=rows.force[:end], position=rows.position[:end], used=rows.used[:TRIED])
     effects = {
         "friction": None if model.friction else replace(model, friction=True),
         "spring": None if model.spring else replace(model, spring=True),
         "delay": None if model.delay is None else replace(model, delay=None),
     }
-    log = (force[part], position[part], period)
-    before = _left(model, fit.theta, log)
+    before = _left(model, fit.theta, rows)
     for name, more in effects.items():
         if more is not None:
-            known = fit.numbers | ({"friction": 0.05 * float(np.std(force))} if name == "friction" else {})
-            after = _left(more, np.array([known[each] for each in more.names]), log)
+            known = fit.numbers | {"log_mass": np.log(fit.numbers["mass"])}
+            known |= {"friction": 0.05 * float(np.std(rows.force))} if name == "friction" else {}
+            after = _left(more, np.array([known[each] for each in more.names]), rows)
             yield name, float("nan"), 1 - after / before
 
 
-def _left(model, theta, log):
+def _left(model, theta, rows):
     """The squares that are left of a log by the best numbers."""
-    best = refined(model, theta, *log, np.zeros((0, 2), int))
-    return float(np.sum((positions(model, best, log[0], log[2]) - log[1]) ** 2))
+    return float(np.sum(rows.residual(model, refined(model, theta, rows)) ** 2))
 
 
 def _projected(basis, errors):
@@ -124,13 +147,17 @@ def _projected(basis, errors):
 
 def _orthogonal(basis, directions):
     """The directions without what the fit takes of them, orthonormal."""
-    size = np.linalg.norm(directions, axis=0)
-    rest = directions / np.where(size > 0, size, 1.0)
+    rest = _sized(directions)
     for _ in range(2):
         rest = rest - basis @ (basis.T @ rest)
     size = np.linalg.norm(rest, axis=0)
     rest = rest[:, size > 1e-7]
     return np.linalg.qr(rest)[0] if rest.shape[1] else np.zeros((len(rest), 1))
+
+
+def _sized(directions):
+    """The directions with a length of 1."""
+    return directions / np.maximum(np.linalg.norm(directions, axis=0), 1e-300)
 
 
 def _edges(rows):
@@ -148,17 +175,18 @@ def _neighbours(errors):
     return float(np.sum(errors[1:] * errors[:-1]) / total) if total else 0.0
 
 
-def _effects(fit: Fit, force: np.ndarray, period: float) -> Iterator[tuple[float, np.ndarray]]:
+def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     """Yield what each effect that the model does not have changes in the positions; of a resonance with its frequency."""
-    found = fit.numbers | {"friction": 0.0}
+    found, (force, period, skip) = fit.numbers | {"friction": 0.0}, (fit.rows.force, fit.rows.period, fit.rows.skip)
+    places = fit.positions[skip:]
     for by in (
-        *([] if fit.model.friction else [np.sign(np.gradient(fit.positions))]),
-        *([] if fit.model.spring else [fit.positions]),
-        *([] if fit.model.delay is None else [late(force, 1) - force]),
+        *([] if fit.model.friction else [np.sign(np.gradient(places))]),
+        *([] if fit.model.spring else [places]),
+        *([] if fit.model.delay is None else [(late(force, 1) - force)[skip:]]),
     ):
         yield 0.0, _response(found, by, period)[:, None]
     lowest, highest = 3 / (len(force) * period), 0.4 / period
-    pushing = late(force, round(found["delay"]))
+    pushing = late(force, round(found["delay"]))[skip:]
     for tone in np.geomspace(lowest, highest, TONES):
         yield float(tone), _ringing(pushing, float(tone), period, found["mass"])
 

@@ -79,7 +79,8 @@ def _title(canvas, facts, what):
 
 def _spectrum(columns, facts):
     """Frequencies (Hz), the amplitude density of the residual over bands, and that of white errors of the encoder and noise."""
-    left, period = columns["residual"] - columns["residual"].mean(), facts["period_s"]
+    left, period = columns["residual"][columns["weight"] > 0], facts["period_s"]
+    left = left - left.mean()
     power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)
     edges = np.unique(np.round(np.geomspace(1, len(power) + 1, SEGMENTS + 1)).astype(int)) - 1
     sizes = np.diff(edges)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from math import exp, isnan
 from pathlib import Path
@@ -19,13 +20,14 @@ from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table
 
 METHOD = (
-    "least squares of position against the sampled model, force held over a tick; intervals from "
-    "motions near the fitted one, rounded at 64 to 200 places of the encoder's steps with the white noise that is left, each "
-    "error carried through the fit"
+    "likelihood of rounded readings against the sampled model, force held over a tick, from the row on at which the force "
+    "before the log no longer matters; intervals from linear programs if rounding explains each reading, from the curvature "
+    "of the likelihood if white noise does as well, and otherwise from the spectrum of what is left"
 )
 UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
 TURNING = {"mass": "kg*m^2"}
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
+EARLY = 1.5  # ticks; a log whose rows have the position after their force is one tick ahead
 TOLD = 0.1  # ticks of delay that are said not to be in the spec
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
@@ -40,9 +42,9 @@ IDENTIFY = (
     Field("time_s", "number", "s", "time of the sample, equally spaced"),
     Field("force", "number", "N", "force of the log, held to the next sample"),
     Field("position", "number", "m", "position of the log"),
-    Field("fitted", "number", "m", "position of the fitted model"),
+    Field("fitted", "number", "m", "position of the fitted model; missing in the first rows, which are not fitted"),
     Field("residual", "number", "m", "position minus fitted"),
-    Field("weight", "number", "1", "weight in the fit: below 1 where the device stays within a step of its encoder"),
+    Field("weight", "number", "1", "1 if the row is fitted; 0 in the first rows, and for a wild reading"),
 )
 IDENTIFY_RESPONSE = (
     Field("frequency_hz", "number", "Hz", "frequency"),
@@ -99,8 +101,8 @@ def _of_response(path: str, period: float, spring: bool, delay: float | None) ->
     started = time.perf_counter()
     measured, model = read_response(path), Model(spring=spring, delay=delay)
     fit = fitted_response(measured, period, model)
-    parameters = _parameters(fit, fit.names, turns=False)
-    _refuse_unknown(path, parameters, False, False, "is the admittance in m/N")
+    parameters, unwidened = (_parameters(each, turns=False) for each in (fit, replace(fit, extra=0.0)))
+    _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N")
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
         "correlation": fit.correlation,
@@ -143,10 +145,9 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
 
 
 def _of_log(path: str, given: Asked) -> Table:
-    from wavesweep.identification.fit import fitted
     from wavesweep.identification.log import read_log, step_of
     from wavesweep.identification.model import Model
-    from wavesweep.identification.verdict import judged
+    from wavesweep.identification.verdict import identified
 
     started = time.perf_counter()
     columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
@@ -157,24 +158,24 @@ def _of_log(path: str, given: Asked) -> Table:
         moved = np.ptp(log.position) / step
         raise UsageError(f"{path}: expected a device that moves by 3 steps of its encoder at least, found {moved:.2g}")
     model = Model(spring, friction, delay)
-    fit = fitted(model, log.force, log.position, log.period, step)
-    parameters = _parameters(fit, fit.model.names, log.turns)
+    origin = log.position[0]  # with it readings far from 0 would lose digits
+    fit, verdict = identified(model, log.force, log.position - origin, log.period, step)
+    parameters, unwidened = (_parameters(each, log.turns) for each in (fit, replace(fit, extra=0.0)))
     named = "time, torque and angle in s, N*m and rad" if log.turns else "time, force and position in s, N and m"
-    _refuse_unknown(path, parameters, log.turns, bool(log.scaled), f"are {named}")
-    verdict = judged(fit, log.force, log.position, log.period)
+    _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
     asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
     asked |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
     facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}}
-    facts["notices"] = list(_notices(log, resolution, step))
+    facts["notices"] = list(_notices(log, resolution, step, fit.wild))
     found = {
         "time_s": log.times,
         "force": log.force,
         "position": log.position,
-        "fitted": fit.positions,
+        "fitted": fit.positions + origin,
         "residual": fit.residual,
-        "weight": fit.weights,
+        "weight": fit.used.astype(float),
     }
     return Table.of("identify", found, facts, fields=fields_of_log(log.turns))
 
@@ -185,18 +186,17 @@ def fields_of_log(turns: bool) -> tuple[Field, ...]:
     return tuple(Field(each.name, each.kind, other.get(each.unit, each.unit), each.description) for each in IDENTIFY)
 
 
-def _parameters(fit, fitted_names: Sequence[str], turns: bool) -> dict[str, dict[str, Any]]:
+def _parameters(fit, turns: bool) -> dict[str, dict[str, Any]]:
     """The numbers with their intervals of 95 % and units."""
-    half = dict(zip(fitted_names, fit.half.tolist(), strict=True))
+    ends = dict(zip(fit.names, np.stack([fit.low, fit.high], axis=1).tolist(), strict=True))
+    ends["mass"] = [exp(min(max(end, -700.0), 700.0)) for end in ends["log_mass"]]
     found = fit.numbers
-    names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in half), "delay"]
-    names += ["offset"] * ("offset" in half)
+    names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in ends), "delay"]
+    names += ["offset"] * ("offset" in ends)
     parameters = {}
     for name in names:
-        value, around = found[name], half.get(name, 0.0)
-        low, high = value - around, value + around
-        if name == "mass":
-            low, high = (value * exp(sign * min(half["log_mass"], 700.0)) for sign in (-1, 1))
+        value = found[name]
+        low, high = ends.get(name, (value, value))
         unit = (TURNING | {each: TURNED.get(unit, unit) for each, unit in UNITS.items() if each not in TURNING})[name]
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else UNITS[name]}
     return parameters
@@ -206,10 +206,15 @@ def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scale
     """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
+        others = ", ".join(f"{name} {spoken(each)}" for name, each in parameters.items() if name != "mass")
         raise UsageError(
             f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
-            f"{mass['unit']}; record a pulse, a chirp or noise that moves the device quickly"
+            f"{mass['unit']} (with {others}); record a pulse, a chirp or noise that moves the device quickly"
         )
+    for name in PATHS:
+        if name in parameters and parameters[name]["high"] < 0:
+            said = f"expected a {name} of at least 0, found {spoken(parameters[name])}"
+            raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
     low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
     if not low <= mass["value"] <= high and not scaled:
         found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
@@ -221,8 +226,8 @@ def _residual(fit, verdict) -> dict[str, Any]:
     return {
         "rms": verdict.rms,
         "rms_of_encoder": verdict.expected,
-        "steps": verdict.rms / fit.resolution if fit.resolution else None,
-        "white_noise": fit.noise,
+        "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
+        "white_noise": fit.told.noise,
         "correlation": verdict.correlation,
         "correlation_of_encoder": verdict.correlation_expected,
         "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
@@ -231,7 +236,7 @@ def _residual(fit, verdict) -> dict[str, Any]:
     }
 
 
-def _notices(log, resolution, step) -> Iterator[str]:
+def _notices(log, resolution, step, wild) -> Iterator[str]:
     from wavesweep.identification.log import JITTER
 
     if log.jitter > JITTER:
@@ -241,6 +246,9 @@ def _notices(log, resolution, step) -> Iterator[str]:
     if resolution is None:
         found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
         yield f"{found}; --resolution gives those of the encoder"
+    if len(wild):
+        worst = f"the first is at {log.times[wild[0]]:.6g} s"
+        yield f"{len(wild)} wild reading{'s' * (len(wild) > 1)} left out of the fit; {worst}"
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -263,8 +271,12 @@ def _lines(found: Numbers) -> Iterator[Line]:
     if "offset" not in found["parameters"]:
         yield "no constant force was fitted: the device moves one way only, where it and friction are the same", True
     left, unit = found["residual"], "rad" if found["turns"] else "m"
-    against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
-    yield f"residual {left['rms']:.3g} {unit} rms{against if found['resolution'] else ''}", False
+    against = ""
+    if found["resolution"]:
+        against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
+    yield f"residual {left['rms']:.3g} {unit} rms{against}", False
+    if found["resolution"] and not left["white_noise"]:
+        yield "each reading is within half a step of the model: the intervals are those of an encoder without noise", False
     if left["white_noise"] and found["explained"]:
         yield f"white noise of {left['white_noise']:.3g} {unit} beside the encoder's rounding", False
     yield from _judgement(found, "log")
@@ -275,6 +287,7 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
+    yield from ((line, True) for line in _negative(found["parameters"]))
     if found["explained"]:
         yield f"the model explains the {what}", False
         if band := found["residual"].get("resonance_hz"):
@@ -287,7 +300,16 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield "push harder, or record a chirp or noise", True
         return
     missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
-    yield f"the model does not explain the {what}, and the intervals do not hold: it lacks {missing}", True
+    yield f"the model does not explain the {what}, and the intervals are widened by what is left: it lacks {missing}", True
+
+
+def _negative(parameters: Mapping[str, Any]) -> Iterator[str]:
+    """Sentences on numbers below 0."""
+    if (delay := parameters["delay"]["value"]) < -EARLY:
+        yield f"the position is {-delay:.3g} ticks ahead of its force: are the two columns of the same time?"
+    for name in PATHS:
+        if name in parameters and parameters[name]["low"] < 0:
+            yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -352,8 +374,8 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     if facts["missing"] == "unseen":
         lines.append("# The log cannot tell whether the model is enough.")
     elif not facts["explained"]:
-        lines.append("# The model does NOT explain the log, so the intervals do not hold.")
-    return lines
+        lines.append("# The model does NOT explain the log; the intervals are widened by what is left.")
+    return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in _negative(facts["parameters"]))]
 
 
 KINDS = (

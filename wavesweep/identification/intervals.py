@@ -1,0 +1,203 @@
+"""What readings tell of the numbers of a model near a fit: the likeliest ones, and intervals that hold in 95 % of all logs.
+
+The positions are taken to be linear in the numbers, with slopes J. What is left may be three things:
+
+- Rounding alone: each reading is within half a step of the model. The numbers for which this is so are a polytope, and its ends
+  are found by linear programs. Its interval is as sure as that the encoder has no noise.
+- Rounding and white noise of deviation s: a reading has the probability F((r + q/2)/s) - F((r - q/2)/s), with r what is left,
+  q the step and F the normal distribution. Newton finds the largest likelihood, and its curvature the interval.
+- Coloured noise: an autoregression (Burg's method, its order by BIC) gives the spectrum of the score u, the slope of the
+  logarithm of that probability; the sandwich H^-1 J'E[u u']J H^-1 gives the interval. In logs that are not long the spectrum is
+  known roughly, so its quantile is that of logs drawn from the same autoregression, each with a spectrum of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog, minimize_scalar
+from scipy.signal import lfilter
+from scipy.special import log_ndtr, stdtrit
+
+SMOOTH = 0.5  # steps of white noise, above which rounded readings are like others
+NOISE = np.log([0.02, SMOOTH])  # steps of white noise between which it is searched
+NEWTON = 30  # steps of Newton's method, at most
+SLACK = 1e-3  # steps by which a reading may be off its rounding: digits of the file
+SEARCHED = 20_000  # rows, at most, by which the noise is found
+ORDER, ROWS_PER_ORDER = 30, 15  # of the autoregression, at most
+DRAWS, SHORT, WARM = 159, 5000, 1000  # logs drawn, rows up to which it is done, rows before each
+ADDED = 40  # constraints of a linear program that are added at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What the readings tell of the numbers near those at which the slopes were taken.
+
+    step: to the likeliest numbers. low, high: of the intervals, from these. noise: standard deviation of white noise beside
+    rounding (m). score (1/m) and weight (1/m^2): minus the first and the second derivative of the logarithm of the likelihood
+    by what is left, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding alone explains each reading.
+    """
+
+    step: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    noise: float
+    score: np.ndarray
+    weight: np.ndarray
+    slopes: np.ndarray
+    rounded: bool = False
+
+
+def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
+    """What is told by the residual (m) of numbers with such slopes. resolution: step of the encoder (m), 0 for none."""
+    size = np.linalg.norm(slopes, axis=0)
+    size[size == 0] = 1.0
+    basis, upper = np.linalg.qr(slopes / size)
+    inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
+    if resolution and (ends := _polytope(basis, residual, resolution, inverse)) is not None:
+        low, high, centre = ends
+        left = residual - basis @ centre
+        weight = np.full(rows, 12 / resolution**2)
+        step = inverse @ centre
+        return Told(step, low - step, high - step, 0.0, weight * left, weight, slopes, rounded=True)
+    change, noise = _likeliest(basis, residual, resolution)
+    score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
+    curved = np.linalg.inv(basis.T @ (weight[:, None] * basis))
+    many = max(np.sum(weight) ** 2 / np.sum(weight**2) - len(change) - 1, 1.0)
+    half = np.sqrt(np.diag(inverse @ curved @ inverse.T) * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
+    wider = _coloured(inverse, curved, basis, weight, score)
+    half = half if wider is None else np.maximum(half, wider)
+    return Told(inverse @ change, -half, half, noise, score, weight, slopes)
+
+
+def _polytope(basis, residual, resolution, aims):
+    """The least and the largest of `aims @ change` with all readings within half a step, and a change between; or None."""
+    unit = np.sqrt(len(residual))
+    A, b, numbers = basis * unit, residual / resolution, basis.shape[1]
+    active = np.unique(np.linspace(0, len(b) - 1, min(len(b), 10 * ADDED)).astype(int))
+    least = np.append(np.zeros(numbers), 1.0)
+    centre, active = _lowest(least, A, b, active, 0.0)  # the change from which the worst reading is least off
+    if centre[-1] > 0.5 + SLACK:
+        return None
+    found = []
+    for aim in aims:
+        cost = np.append(aim / np.linalg.norm(aim), 0.0)
+        for side in (1, -1):
+            change, active = _lowest(side * cost, A, b, active, 0.5 + SLACK)
+            found.append(change[:-1] * unit * resolution)
+    ends = np.einsum("asn,an->as", np.reshape(found, (len(aims), 2, numbers)), aims)
+    return ends[:, 0], ends[:, 1], np.mean(found, axis=0)
+
+
+def _lowest(cost, A, b, active, bound):
+    """The change, and a distance e, of the lowest cost with |b - A change| <= bound + e in each row; e is 0 if it is free.
+
+    Constraints are added as they are broken. Returns their rows as well.
+    """
+    bounds = [(-1e4, 1e4)] * A.shape[1] + [(0.0, None if cost[-1] else 0.0)]
+    while True:
+        rows, wide = A[active], np.ones(len(active))
+        upper = np.concatenate([np.c_[rows, -wide], np.c_[-rows, -wide]])
+        done = linprog(cost, upper, np.concatenate([bound + b[active], bound - b[active]]), bounds=bounds).x
+        off = np.abs(b - A @ done[:-1]) - bound - done[-1]
+        new = np.argpartition(off, -min(ADDED, len(off)))[-ADDED:]
+        new = np.setdiff1d(new[off[new] > 1e-6], active)
+        if not len(new):
+            return done, active
+        active = np.concatenate([active, new])
+
+
+def _likeliest(basis, residual, resolution):
+    """The likeliest change, and the deviation of the white noise beside rounding (m)."""
+    change = basis.T @ residual
+    left = residual - basis @ change
+    square = left @ left / (len(left) - len(change))
+    if square >= (SMOOTH**2 + 1 / 12) * resolution**2:
+        return change, float(np.sqrt(square - resolution**2 / 12))
+    every = -(-len(left) // SEARCHED)
+    few, part, best = basis[::every], residual[::every], change
+
+    def unlikely(logarithm):
+        nonlocal best
+        best, value = _climbed(few, part, resolution, np.exp(logarithm) * resolution, best)
+        return -value
+
+    noise = float(np.exp(minimize_scalar(unlikely, bounds=NOISE, method="bounded", options={"xatol": 0.05}).x)) * resolution
+    return _climbed(basis, residual, resolution, noise, best)[0], noise
+
+
+def _climbed(basis, residual, resolution, noise, change):
+    """The likeliest change for a noise, from another one, by Newton's method, and the logarithm of its likelihood."""
+    value, score, weight = _readings(residual - basis @ change, resolution, noise)
+    for _ in range(NEWTON):
+        curved = basis.T @ (weight[:, None] * basis)
+        curved += np.eye(len(change)) * 1e-9 * np.trace(curved)
+        step = np.linalg.solve(curved, basis.T @ score)
+        for _ in range(NEWTON):
+            after = _readings(residual - basis @ (change + step), resolution, noise)
+            if after[0].sum() >= value.sum():
+                break
+            step = step / 2
+        change, gain = change + step, after[0].sum() - value.sum()
+        value, score, weight = after
+        if gain < 1e-6:
+            break
+    return change, float(value.sum())
+
+
+def _readings(left, resolution, noise):
+    """Logarithm of the likelihood of what is left, with minus its first and second derivatives, `(rows,)` each."""
+    if noise > SMOOTH * resolution:
+        square = noise**2 + resolution**2 / 12
+        return -(left**2) / (2 * square), left / square, np.full(len(left), 1 / square)
+    near, far = (np.abs(left) - resolution / 2) / noise, (np.abs(left) + resolution / 2) / noise
+    above, beyond = log_ndtr(-near), log_ndtr(-far)
+    value = above + np.log1p(-np.exp(beyond - above))
+    one, two = (np.exp(-(at**2) / 2 - value) / np.sqrt(2 * np.pi) for at in (near, far))
+    score = (one - two) / noise
+    return value, np.sign(left) * score, score**2 + (far * two - near * one) / noise**2
+
+
+def _autoregression(series):
+    """Polynomials and powers of the innovations of autoregressions, `(series, order + 1)` and `(series,)`.
+
+    Burg's method (Burg 1975) goes up to the largest order; of each series the order with the least BIC is taken.
+    """
+    count, rows = series.shape
+    most = min(ORDER, rows // ROWS_PER_ORDER)
+    past, power = np.eye(1, most + 1).repeat(count, axis=0), np.mean(series**2, axis=1)
+    ahead, behind, best = series[:, 1:], series[:, :-1], rows * np.log(power)
+    kept, powers = past.copy(), power.copy()
+    for order in range(1, most + 1):
+        mirror = -2 * np.sum(ahead * behind, axis=1) / np.sum(ahead**2 + behind**2, axis=1)
+        past[:, : order + 1] += mirror[:, None] * past[:, order::-1]
+        power = power * (1 - mirror**2)
+        ahead, behind = (ahead + mirror[:, None] * behind)[:, 1:], (behind + mirror[:, None] * ahead)[:, :-1]
+        bic = rows * np.log(power) + order * np.log(rows)
+        better = bic < best
+        best, powers = np.where(better, bic, best), np.where(better, power, powers)
+        kept[better] = past[better]
+    return kept[:, : np.flatnonzero(np.any(kept, axis=0))[-1] + 1], powers
+
+
+def _coloured(inverse, curved, basis, weight, score):
+    """Half the intervals if the score is an autoregression; None if it is white."""
+    (rows, numbers), (past, power) = basis.shape, _autoregression(score[None])
+    if past.shape[1] == 1:
+        return None
+    lean, size = inverse @ curved, 1 << (2 * rows - 1).bit_length()
+    taken = np.stack([np.abs(np.fft.rfft(basis @ each, size)) ** 2 for each in lean], axis=1) / size
+    taken[1:-1] *= 2
+
+    def deviations(past, power):
+        spectrum = (power * rows / (rows - numbers))[:, None] / np.abs(np.fft.rfft(past, size)) ** 2
+        return np.sqrt(spectrum @ taken), spectrum[:, 0]
+
+    deviation, slow = deviations(past, power)
+    if rows > SHORT:
+        many = max(rows * min(1.0, float(np.mean(score**2) / slow[0])) - numbers, 1.0)
+        return deviation[0] * np.sqrt(1 + numbers / many) * stdtrit(many, 0.975)
+    drawn = lfilter(np.sqrt(power), past[0], np.random.default_rng(0).standard_normal((DRAWS, WARM + rows)))[:, WARM:]
+    along = drawn @ basis
+    others = deviations(*_autoregression(drawn - weight * (along @ curved @ basis.T)))[0]
+    odds = np.sort(np.abs(along @ lean.T) / np.maximum(others, 1e-300), axis=0)
+    return deviation[0] * np.maximum(odds[int(np.ceil(0.95 * (DRAWS + 1))) - 1], stdtrit(np.inf, 0.975))
