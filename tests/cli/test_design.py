@@ -196,7 +196,7 @@ def test_all_bounds_give_the_design_that_keeps_them_best(run):
     code, text, results = run(
         "--no-plot", "--set", "design.wish={z_width={at_least=200, B_VE=[1]}, felt={at_least=100, B_VE=[1]}}"
     )
-    assert (code, text.count("best design:"), " on the front" in text) == (0, 1, False)
+    assert (code, text.count("best of "), " on the front" in text) == (0, 1, False)
     rows = read(results / "design.csv")
     margins = rows["z_width"] / 200 - 1, rows["felt"] / 100 - 1
     least = np.minimum(*margins)
@@ -238,7 +238,7 @@ def test_one_design_is_told_once_with_the_wish_that_decides(free, margins, said)
     }
     found = counts | best | {"own": {}, "files": [], "walls_to": 1.0, "margins": dict.fromkeys(values, margins)}
     lines = [line for line, _ in design_lines(found | {"near": {}, "free": free, "runners_up": []})]
-    assert [line for line in lines if "best" in line][:1] == ["the best design: felt 500 N/m, port 0.1, with b = 20"]
+    assert [line for line in lines if "best" in line][:1] == ["best of 1 design tried: felt 500 N/m, port 0.1, with b = 20"]
     assert sum("felt 500" in line for line in lines) == 1
     assert any(said in line for line in lines)
 

@@ -1,9 +1,13 @@
 """The search finds published fronts, keeps constraints, and depends on its seed alone."""
 
+from functools import reduce
+from itertools import product
+
 import numpy as np
 import pytest
 
 from wavesweep import compile  # noqa: A004 - the library calls it so
+from wavesweep.search import study
 from wavesweep.search.search import Judged, generations, hypervolume, spread, undominated
 from wavesweep.search.study import design
 from wavesweep.spec import load
@@ -177,3 +181,47 @@ def test_a_design_is_proved_for_all_numbers_of_its_spec():
     )
     assert found["holds"].all()
     assert 0.99 * worst < found["z_width"][0] < worst
+
+
+def coupled(ticks, K, mass):
+    """A frame of direct coupling with exact velocity; the force of its sample, K x + v, is in place a tick later."""
+    decay = np.exp(-1.5 / mass * 1e-3)
+    tick = np.array([[1.0, mass / 1.5 * (1 - decay), 0.0], [0.0, decay, 0.0], [0.0, 0.0, 1.0]])
+    tick[:2, 2] = -(1e-3 - mass / 1.5 * (1 - decay)) / 1.5, -(1 - decay) / 1.5
+    return np.linalg.matrix_power(tick, ticks - 1) @ np.vstack([tick[:2], [K, 1.0, 0.0]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("listed", [{}, {"device.mass": [0.08, 0.125]}])
+def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed):
+    """By the frames' matrices: at the wall no order of up to eight frames grows, and a little beyond it one does."""
+    lengths, masses = (16, 33), listed.get("device.mass", [0.1])
+    ratio = {"at_least": 0.01}
+    tables = {
+        "controller": {"kind": "dc-slow"},
+        "environment": {"integration": "explicit", "delay": 1, "K_VE": 50.0},
+        "for_all": {"rates.ratio": {"values": list(lengths), "varying": True}},
+        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+    }
+
+    def growth(K):
+        frames = {mass: [coupled(each, K, mass) for each in lengths] for mass in masses}
+        return max(
+            np.abs(np.linalg.eigvals(reduce(np.matmul, order))).max() ** (1 / length)
+            for mass in masses
+            for length in range(1, 9)
+            for order in product(frames[mass], repeat=length)
+        )
+
+    def own(**wish):
+        design = {"vary": {"device.damping": {"start": 1, "stop": 2}}, "for_all": listed, "wish": wish}
+        spec = load(tables | {"design": design})
+        return study.own_design(spec.as_designed(), study.job_of(spec))
+
+    found = own(felt={}, z_width={"at_least": 1}, damping_ratio=ratio | {"walls": [50]})
+    wall = found["z_width"]
+    assert found["felt"] == pytest.approx(wall, rel=1e-9)
+    assert growth(wall) < 1 < growth(1.03 * wall)
+    assert found["damping_ratio"] > 0
+    assert growth(50.0) < 1 < growth(200.0)
+    assert own(damping_ratio=ratio | {"walls": [50, 200]})["damping_ratio"] is None

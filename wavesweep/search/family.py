@@ -13,6 +13,7 @@ from wavesweep.spec.design import HAND, in_order
 from wavesweep.spec.drawing import name_of
 
 WALL_STIFFNESS = "environment.K_VE"
+OF_ALL = -1  # in place of the number of a scenario, if a value is what is proved for all of [for_all]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,11 @@ class Scenario:
         parts = [f"{name_of(path)}={value:.12g}" for path, value in self.values.items()]
         parts += [f"{one}/{other}={ratio:g}" for one, (other, ratio) in self.ratios.items()]
         return ", ".join(parts)
+
+
+def described(scenarios: Sequence[Scenario], at: int) -> str:
+    """Return the words for what sets a worst value: the scenario of that number, or what is proved, OF_ALL."""
+    return "[for_all]" if at == OF_ALL else scenarios[at].described()
 
 
 def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:

@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.passive import HAND as OPERATOR
 from wavesweep.passive import HandBox
-from wavesweep.search.family import Scenario, count_of, scenarios_of
+from wavesweep.search.family import Scenario, count_of, described, scenarios_of
 from wavesweep.search.genes import designs_of, differing, genes_of
 from wavesweep.search.search import Judged, generations, spread, undominated
 from wavesweep.search.verdicts import judged, miss
@@ -23,13 +23,14 @@ from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.drawn_loops import held_loop
-from wavesweep.sweep.for_all import proved_from_zero, verdict
+from wavesweep.sweep.for_all import refuse_unsuitable_ranges
 from wavesweep.sweep.gathering import records_of
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
 from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, resumable
+from wavesweep.sweep.varying import Rules
 from wavesweep.sweep.workers import choose
 from wavesweep.tables.design import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.tables.table import Table, facts_of
@@ -103,8 +104,8 @@ class DesignJob(Job):
 
     def task_of(self, spec, scenarios, designs, count: int, last: bool) -> "DesignTask":
         """The task for designs; last: whether they are of the front, for which more is checked."""
-        box, proved = (self.box, spec.for_all is not None) if last else (None, False)
-        return DesignTask(spec, scenarios, designs, count, self.stop, self.dtype, box, proved)
+        box, rules = (self.box, _rules_of(spec)) if last else (None, None)
+        return DesignTask(spec, scenarios, designs, count, self.stop, self.dtype, box, rules)
 
     def slices_of(self, chunk: Chunk) -> int:
         """Number of designs of a chunk."""
@@ -125,8 +126,7 @@ class DesignJob(Job):
 class DesignTask:
     """The wishes of some designs, at their worst over the scenarios.
 
-    count: number of designs, which may be 0. box: of hands to check them for. proved: whether they have to be proved for all of
-    [for_all].
+    count: number of designs, which may be 0. box: of hands to check them for. rules: what they have to be proved for.
     """
 
     spec: Spec
@@ -136,38 +136,20 @@ class DesignTask:
     stop: float
     dtype: np.dtype
     box: HandBox | None = None
-    proved: bool = False
+    rules: Rules | None = None
 
     def records(self) -> np.ndarray:
         """Return a record per design."""
         records = np.zeros(self.count, self.dtype)
         records["slice"] = np.arange(self.count)
         if self.count:
-            found = evaluate(self.spec, self.spec.design.wishes, self.scenarios, self.designs, self.stop)
+            found = evaluate(self.spec, self.spec.design.wishes, self.scenarios, self.designs, self.stop, self.rules)
             for name, worst in found.items():
                 records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
                 records[f"{name}_certified"] = worst.certified
-        if self.proved:
-            self._prove(records)
         if self.box:
             self._hold(records)
         return records
-
-    def _prove(self, records):
-        """Take the walls and the designs that are proved for all of [for_all] in place of those that were looked at."""
-        names = [wish.name for wish in self.spec.design.wishes]
-        for number, record in enumerate(records):
-            spec = self.spec.with_values({path: column[number].item() for path, column in self.designs.items()})
-            if "z_width" in names:
-                wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
-                for damping in wish.options.get("B_VE", (spec.values[spec.wall[1]],)):
-                    wall = proved_from_zero(spec.with_values({spec.wall[1]: damping}), spec.wall[0], self.stop)
-                    record["z_width"] = min(record["z_width"], wall)
-                continue
-            said = verdict(spec)["verdict"]
-            for name in names if said != "proved" else ():
-                record[f"{name}_certified"] = False
-                record[name] = np.nan if said == "refuted" else record[name]
 
     def _hold(self, records):
         """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
@@ -223,23 +205,37 @@ def design(
         said = miss(spec, run.everything(), job.scenarios, wish_units(spec))
         run.forget()  # nothing of it is left to be done
         raise WavesweepError(said)
-    front = spread(best, FRONT)
-    job.genes[settings["generations"]] = front.genes
-    records = run.records(settings["generations"])
-    genes, records = run.kept(front.genes, records)
+    genes = spread(best, FRONT).genes
+    if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
+        others = np.concatenate([first[: spec.for_all is not None], run.feasible()])  # the search sees little of [for_all]
+        genes = np.concatenate([genes, run.next_to(others, genes)])
+    job.genes[settings["generations"]] = genes
+    genes, records = run.kept(genes, run.records(settings["generations"]))
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
         said = miss(spec, records, job.finest, wish_units(spec))
         run.forget()
         raise WavesweepError(said)
     # With more to hold for, a design may be worth less than another one.
-    still = undominated(Judged(genes, *judged(asked, records)))
+    objectives, violation = judged(asked, records)
+    still = undominated(Judged(genes, objectives, violation))
+    rest = np.setdiff1d(np.lexsort(objectives.T[::-1]), still, assume_unique=True)
     columns, kept = _columns(spec, job, genes[still], records[still])
     counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
     timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
-    facts |= {"own": own_design(spec, job), "stop": job.stop, "runners_up": run.runners_up(genes[still])}
+    facts |= {
+        "own": own_design(spec, job),
+        "stop": job.stop,
+        "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
+    }
     facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
+
+
+def _rules_of(spec):
+    """What designs have to be proved for: [for_all] and the values of [design.for_all]; None without [for_all]."""
+    rules = Rules.of(spec) if spec.for_all else None
+    return rules and replace(rules, for_all=rules.for_all.beside(spec.design))
 
 
 def plan(spec: Spec) -> list[str]:
@@ -276,6 +272,11 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> DesignJob:
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")
+    if spec.for_all:
+        if asked.ratios or for_hands == "box":
+            found = "--for-hands box" if for_hands == "box" else "a ratio"
+            raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {found}")
+        refuse_unsuitable_ranges(spec, spec.wall[0] if {wish.name for wish in asked.wishes} & {"z_width", "felt"} else "")
     grid, settings = make_grid(spec.as_designed(), ()), asked.settings
     axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
@@ -408,13 +409,20 @@ class _Run:
         good = judged(spec.design, found)[1] == 0
         return genes[good], found[good]
 
-    def runners_up(self, genes: np.ndarray) -> list[dict[str, Any]]:
-        """The next best designs beside the only one of a result: their numbers, and their wishes at their worst."""
+    def next_to(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
+        """The first of some designs, the best first, that differ from those of a result and from each other."""
+        return others[differing(self.job.grid.spec.design.vary, others, genes, APART, RUNNERS_UP)]
+
+    def runners_up(self, genes: np.ndarray, others: np.ndarray, records: np.ndarray) -> list[dict[str, Any]]:
+        """The next best designs beside the only one of a result: their numbers, and their wishes at their worst.
+
+        others: that were checked as it was, the best first, with their records.
+        """
         if len(genes) > 1:
             return []
-        spec, others = self.job.grid.spec, self.feasible()
-        some, records = self.checked(others[differing(spec.design.vary, others, genes, APART, RUNNERS_UP)])
-        columns, _ = _columns(spec, self.job, some, records)
+        spec = self.job.grid.spec
+        at = differing(spec.design.vary, others, genes, APART, RUNNERS_UP)
+        columns, _ = _columns(spec, self.job, some := others[at], records[at])
         names = [axis.name for axis in spec.design.vary], [wish.name for wish in spec.design.wishes]
         numbers, wishes = ([{name: columns[name][at].item() for name in each} for at in range(len(some))] for each in names)
         return [{"numbers": one, "wishes": other} for one, other in zip(numbers, wishes, strict=True)]
@@ -438,22 +446,25 @@ def _seconds(job):
 
 
 def own_design(spec: Spec, job: DesignJob) -> dict[str, float | None]:
-    """Return the wishes of the spec's own design, at their worst; None if there is no value."""
+    """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
     own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    found = evaluate(spec, spec.design.wishes, job.finest, own, job.stop)
-    return {name: float(worst.value[0]) if np.isfinite(worst.value[0]) else None for name, worst in found.items()}
+    found = evaluate(spec, spec.design.wishes, job.finest, own, job.stop, rules := _rules_of(spec))
+    known = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not rules) for name, worst in found.items()}
+    return {name: float(worst.value[0]) if known[name] else None for name, worst in found.items()}
 
 
 def _columns(spec, job, genes, records):
     """Return the columns of the table, and the records."""
-    values, columns = designs_of(spec.design.vary, genes), {}
+    values, columns, constant = designs_of(spec.design.vary, genes), {}, not (spec.for_all and Rules.of(spec).vary)
     for axis in spec.design.vary:
         columns[axis.name] = values[axis.path]
     flags = [records[f"{wish.name}_certified"] for wish in spec.design.wishes]
     objectives, violation = judged(spec.design, records)
     for wish in spec.design.wishes:
         columns[wish.name] = records[wish.name]
-        texts = [job.finest[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
+        at_rate = "" if constant or wish.name in ("z_width", "channel") else " at a constant rate"
+        numbers = records[f"{wish.name}_scenario"].tolist()
+        texts = [(described(job.finest, at) or "the spec's own") + at_rate for at in numbers]
         columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
     columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
     if job.box:
@@ -473,7 +484,12 @@ def _notices(job):
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
     yield f"each design holds for {several}; those of the front were checked over {len(job.finest)}"
     if job.grid.spec.for_all:
-        yield "of these, z_width, or that the design is stable, is proved for all of [for_all]"
+        names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}
+        names |= {"z_width": "z_width", "felt": "the wall of felt"}
+        said = [names[wish.name] for wish in job.grid.spec.design.wishes if wish.name != "channel"]
+        yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
+        if Rules.of(job.grid.spec).vary:
+            yield "all wishes but z_width are of the spec's own constant rate"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     if {wish.name for wish in job.grid.spec.design.wishes} == {"channel"}:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wavesweep.search.family import Scenario
+from wavesweep.search.family import Scenario, described
 from wavesweep.spec import Spec
 from wavesweep.spec.design import Design
 
@@ -63,7 +63,7 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
             said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
         if not (np.isnan(value) or records[f"{wish.name}_certified"][at]):
             said += ", not certified"
-        place = scenarios[int(records[f"{wish.name}_scenario"][at])].described()
+        place = described(scenarios, int(records[f"{wish.name}_scenario"][at]))
         parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
     against = _against(design, records)
     bounded = any(wish.bound is not None for wish in design.wishes)

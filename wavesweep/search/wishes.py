@@ -11,15 +11,17 @@ from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.loops.from_drawing import assembled, refuse_unsuitable
 from wavesweep.response.steady import GOOD
 from wavesweep.rows import Rows
-from wavesweep.search.family import Points, Scenario, points_of
+from wavesweep.search.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
+from wavesweep.sweep import for_all
 from wavesweep.sweep.drawn_loops import felt_of, held_loop, radii_of, responses_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
 from wavesweep.sweep.hardware import peaks_of
 from wavesweep.sweep.interval_job import at_points
+from wavesweep.sweep.varying import Rules
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn
@@ -41,12 +43,18 @@ class Worst(Rows):
 
 
 def evaluate(
-    spec: Spec, wishes: Sequence[Wish], scenarios: Sequence[Scenario], designs: Mapping[str, np.ndarray], stop: float
+    spec: Spec,
+    wishes: Sequence[Wish],
+    scenarios: Sequence[Scenario],
+    designs: Mapping[str, np.ndarray],
+    stop: float,
+    rules: Rules | None = None,
 ) -> dict[str, Worst]:
     """Return the worst values of designs: wish -> `Worst`. The designs need not be the product of some axes.
 
     spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
-    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m.
+    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m. rules: if given, walls are those that are proved
+    for all of them, and other values are missing where a loop is refuted, and not certified where it is not proved.
     Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
     """
     found, known = {}, {}
@@ -57,33 +65,55 @@ def evaluate(
             if key not in known:
                 felt = any(wish.name == "felt" for wish in wishes)
                 points = points_of(spec.values, designs, scenarios, walls)
-                known[key] = points, _stiffest(spec, points, stop, felt)
-            points, (wall, at_rest, certified) = known[key]
+                known[key] = points, _stiffest(spec, points, (*designs,), stop, felt, rules)
+            points, (wall, at_rest, certified, of_all) = known[key]
             value = wall if wish.name == "z_width" else at_rest
             if "band_hz" in wish.options:
                 value, certified = _felt_over(spec, wish.options["band_hz"], points, wall, certified)
-            found[wish.name] = Worst(*points.worst(value, more=True), points.all_of(certified))
+            worst, scenario = points.worst(value, more=True)
+            others = ~of_all | (value != np.repeat(worst, points.size // worst.size))
+            found[wish.name] = Worst(worst, np.where(points.all_of(others), scenario, OF_ALL), points.all_of(certified))
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
+        walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
         points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
         value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
         for part, seen in _existing(spec, points, partial(_MEASURES[wish.name], spec, wish)):
             value[part], certified[part] = seen
+        if rules and wish.name != "channel":  # which does not depend on the loop
+            said = _of_all(points, lambda own: for_all.verdict(spec.with_values(own), rules)["verdict"], (*designs, *walls))
+            value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
         found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
     return found
 
 
-def _stiffest(spec, points: Points, stop, wished):
-    """Return the stiffest wall up to which every wall is stable, the stiffness that is felt of it, and whether it is certified.
+def _of_all(points, of, paths):
+    """Return what `of` says of the values of some paths, which no scenario changes, of each point."""
+    first, back = distinct_rows({path: points.changes[path] for path in paths}, points.size)
+    return np.array([of({path: points.changes[path][at].item() for path in paths}) for at in first])[back]
 
-    wished: whether the felt stiffness is needed.
+
+def _stiffest(spec, points: Points, designs, stop, wished, rules):
+    """Return the stiffest wall up to which every wall is stable, the stiffness that is felt of it, whether they are certified,
+    and whether it is less than that of the scenarios, as what is proved for all of some rules is.
+
+    designs: paths of the numbers of designs. wished: whether the felt stiffness is needed.
     """
     axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
     once, back = distinct_rows(points.changes, points.size)
     value, felt, certified = *np.full((2, once.size), np.nan), np.zeros(once.size, bool)
     for part, seen in _existing(spec, points.some(once), partial(_stiffest_of, spec, axis, wished)):
         value[part], felt[part], certified[part] = seen
-    return value[back], felt[back], certified[back]
+    value, felt, certified = value[back], felt[back], certified[back]
+    if not rules:
+        return value, felt, certified, np.zeros(points.size, bool)
+    paths = [path for path in points.changes if path in designs or path in spec.wall]
+    proved = _of_all(points, lambda own: for_all.proved_from_zero(spec.with_values(own), axis.path, stop, rules), paths)
+    wall = np.minimum(value, proved)
+    there = replace(points, changes={**points.changes, axis.path: wall})
+    for members, values in _batches(spec, there) if wished else ():
+        felt[members] = np.where(wall[members] > 0, felt_of(drawing_for(spec, values), values, members.size), 0.0)
+    return wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value
 
 
 def _felt_over(spec, band, points, wall, certified):
@@ -112,7 +142,7 @@ def _free_motion(spec, wish, points):
         found, off = _impedances(spec, frequency, points)
         return np.abs(found), (off <= ERROR * np.abs(found)).all(-1)
 
-    points, stable = _without_wall(spec, points), np.empty(points.size, bool)
+    stable = np.empty(points.size, bool)
     for members, values in _batches(spec, points):
         stable[members] = _radii(spec, values, members.size) < 1
     value, certified = _extreme(spec, wish.options.get("band_hz", BAND_HZ), points, size, np.max)

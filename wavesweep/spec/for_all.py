@@ -1,5 +1,7 @@
 """What every answer has to hold for, the table [for_all]: numbers that are not known, or vary from frame to frame."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -47,6 +49,14 @@ class ForAll:
         known = {axis.path for axis in (*design.vary, *design.for_all)}
         others = (axis for axis in self.unknown if axis.path not in known)
         return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
+
+    def beside(self, design: Design) -> ForAll:
+        """The same, and the values of [design.for_all] for numbers that it does not have itself."""
+        known = {axis.path for axis in self.axes}
+        hand = ((f"operator.{part}", values) for part, values in design.hand.items())
+        axes = [axis for axis in design.for_all if axis.path not in known]
+        axes += [Axis(path, path, values, min(values), max(values), False) for path, values in hand if path not in known]
+        return replace(self, axes=(*self.axes, *axes))
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""

@@ -207,20 +207,20 @@ def _all_of(rows) -> _Row | None:
     return _Row(low.low, high.high, part, all(near) and all(row.settled for row in (low, high)), _text(part))
 
 
-def proved_from_zero(spec: Spec, path: str, stop: float) -> float:
-    """Return up to what stiffness of a wall, at most `stop`, all loops of [for_all] are proved to be stable from about 0 on."""
+def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
+    """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved to be stable from about 0 on."""
     values = dict(spec.values)
     drawing = drawing_for(spec, values, path)
-    rows = ForAllTask(Rules.of(spec), path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
+    rows = ForAllTask(rules, path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
     found = rows[(rows["intervals"] > 0) & (rows["low"] <= FROM_ZERO * rows["high"] * (1 + SETTLED))]
     return float(found["high"].max(initial=0.0))
 
 
-def verdict(spec: Spec) -> dict[str, str]:
+def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown") and
-    counterexample, the numbers with which it is unstable."""
+    counterexample, the numbers with which it is unstable. rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
-    rules, values = Rules.of(spec), dict(spec.values)
+    rules, values = rules or Rules.of(spec), dict(spec.values)
     loop, known = _Loop(ForAllTask(rules, "", (0.0, 0.0), ()), own_loop(spec)[0], values), True
     for case in loop.cases:
         if rules.vary:

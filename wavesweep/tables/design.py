@@ -94,13 +94,13 @@ def _box(columns):
 
 def design_lines(found: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
-    over = count(found["scenarios"], "combination")
-    yield f"{count(found['searched'], 'design')} evaluated, each at its worst over {over}", False
+    over, tried = count(found["scenarios"], "combination"), count(found["searched"], "design")
+    yield f"{tried} evaluated, each at its worst over {over}", False
     if found["designs"] > 1:
         yield f"{count(found['designs'], 'design')} on the front", False
     for names in _alike(found["numbers"]):
-        first = "the best design" if found["designs"] == 1 else f"best {' and '.join(names)}"
-        yield f"{first}: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
+        first = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
+        yield f"{first} of {tried} tried: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
     yield from _bound_lines(found)
     for each in found["runners_up"]:
         margins = f"; margins: {_shares(each['margins'])}" if each["margins"] else ""
@@ -161,7 +161,7 @@ def _design(wishes: Mapping[str, float | None], numbers: Mapping[str, Any], unit
 
 
 def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str:
-    said = {name: "not known, unstable" if value is None else f"{value:.5g} {units[name]}" for name, value in values.items()}
+    said = {name: "unstable, or not known" if value is None else f"{value:.5g} {units[name]}" for name, value in values.items()}
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
 
 
