@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from wavesweep.cli import messages
+from wavesweep.cli import main, messages
 
 
 @contextmanager
@@ -120,3 +120,12 @@ def test_a_warning_is_coloured_unless_no_color_is_set(monkeypatch, no_color, col
     with terminal(monkeypatch) as said:
         messages.say("beware", warning=True)
         assert ("\x1b[" in said()) is coloured
+
+
+def test_on_a_terminal_the_bar_of_the_work_is_not_the_last_word_while_many_rows_are_written(sweep, spec, monkeypatch):
+    monkeypatch.setattr("wavesweep.cli.output.NOTABLE", 0)
+    with terminal(monkeypatch) as said:
+        assert main(["zwidth", spec, "--no-plot"]) == 0
+        text = said()
+    assert re.search(r"^writing [\d,]+ rows\r?$", text, re.MULTILINE)
+    assert text.index("writing") < text.index("Wrote")

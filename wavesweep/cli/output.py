@@ -29,6 +29,7 @@ INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all
 FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 LONG = 1_000_000  # rows, whose writing takes some seconds and has a bar of its own
+NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -72,8 +73,11 @@ def produce(
             tables = compute(specs, **work, progress=report, checkpoint=kept)
         before = None if options.to_stdout else results.existing_facts(tables[0].kind, directory)
         tables = [replace(table, facts={**table.facts, "spec_place": place, **measured}) for table in tables]
+        rows = max(table.rows for table in tables)
+        if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
+            say(f"writing {rows:,} rows{' and the figure' if options.plot and not options.to_stdout else ''}")
         try:
-            with progress(options.quiet or max(table.rows for table in tables) < LONG, "writing") as report:
+            with progress(options.quiet or rows < LONG, "writing") as report:
                 finished = [_finish(table, directory, options, table is tables[0], report) for table in tables]
         except BaseException as error:
             if kept is not None and kept.is_file():
