@@ -263,7 +263,7 @@ class Loop:
         frequency_hz, from_, to, axes: as for `response`.
         """
         found = self.response(frequency_hz, from_=from_, to=to, **axes)
-        return _figure(ax, "bode-ports" if "from" in found else "bode", found, self.spec)
+        return _figure(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec)
 
     def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
         """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.

@@ -122,7 +122,8 @@ def test_a_warning_is_coloured_unless_no_color_is_set(monkeypatch, no_color, col
         assert ("\x1b[" in said()) is coloured
 
 
-def test_on_a_terminal_the_bar_of_the_work_is_not_the_last_word_while_many_rows_are_written(sweep, spec, monkeypatch):
+@pytest.mark.usefixtures("sweep")
+def test_on_a_terminal_the_bar_of_the_work_is_not_the_last_word_while_many_rows_are_written(spec, monkeypatch):
     monkeypatch.setattr("wavesweep.cli.output.NOTABLE", 0)
     with terminal(monkeypatch) as said:
         assert main(["zwidth", spec, "--no-plot"]) == 0

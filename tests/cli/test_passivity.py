@@ -40,7 +40,7 @@ def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
     assert (code, out) == (0, "")
     folder = tmp_path / "results/filters"
     assert files_of(folder) == {f"passivity{suffix}" for suffix in SUFFIXES}
-    assert (folder / "passivity.csv").read_text().startswith(HEADER + "\n1,0,1.053277")
+    assert (folder / "passivity.csv").read_text().startswith(HEADER + "\n1,0.0,1.053277")
     table = results.read(folder / "passivity.parquet")
     assert len(table["channel_norm"]) == 6
     assert table["channel_norm"][::2] == pytest.approx([1.0532774, 1.0016532, 1.0000024], abs=1e-7)
@@ -58,7 +58,7 @@ def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
     assert code == 0
     lines = out.splitlines()
     assert lines[0] == HEADER
-    assert all(line.split(",")[2:4] == ["NaN", "NaN"] for line in lines[1:])
+    assert all(line.split(",")[2:4] == ["", ""] for line in lines[1:])
     assert all(line.split(",")[6] == "1" for line in lines[1:])
     assert "dc has no wave channel" in err
 

@@ -27,10 +27,10 @@ def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(r
     assert (code, "8 curves of 2 frequencies" in text) == (0, True)
     assert sorted(path.suffix for path in results.glob("bode-ports.*")) == [".csv", ".json", ".parquet", ".png"]
     columns = read(results / "bode-ports.csv")
-    assert columns["unit"][columns["to"] == "twice"].tolist() == [""] * 4
+    assert columns["unit"][columns["to_output"] == "twice"].tolist() == [""] * 4
     code, text, _ = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 30]", "--set", "bode.to=speed", "--no-plot")
     assert (code, "changed: bode.to all -> speed" in text.replace('"', "")) == (0, True), text
-    assert {*read(results / "bode-ports.csv")["to"]} == {"speed"}
+    assert {*read(results / "bode-ports.csv")["to_output"]} == {"speed"}
     code, text, _ = run("verify", str(results))
     assert code == 0, text
 

@@ -40,7 +40,7 @@ def test_every_end_has_its_rows_its_words_and_its_files(wavesweep, hole, tmp_pat
     folder = tmp_path / "results/hole"
     assert {file.name for file in folder.iterdir()} == {f"why{s}" for s in (".csv", ".parquet", ".png", ".datapackage.json")}
     table = results.read(folder / "why.parquet")
-    found = dict.fromkeys(zip(table["interval"].tolist(), table["end"].tolist(), strict=True))
+    found = dict.fromkeys(zip(table["interval"].tolist(), table["side"].tolist(), strict=True))
     assert list(found) == [(0, "low"), (0, "high"), (1, "low"), (1, "high")]
     assert "K_VE: stable from 0 to 799.713 and 2523.34 to 4448.82 N/m\n" in err
     assert "B_VE is not swept here, held at the spec's 1\n" in err

@@ -500,7 +500,7 @@ def test_the_end_that_is_explained_is_no_stiffness_felt_whatever_the_order_of_it
     figures = [plots.why({name: column[::step] for name, column in columns.items()}, rows.attrs["facts"]) for step in (1, -1)]
     titles = [[axes.get_title(loc="left") or axes.get_title() for axes in figure.axes] for figure in figures]
     assert sorted(titles[0]) == sorted(titles[1])
-    limit = columns["limit"][columns["quantity"] == "end"].max()
+    limit = columns["limit_value"][columns["quantity"] == "end"].max()
     assert f"= {limit:.5g} N/m" in "".join(titles[0])
 
 

@@ -38,7 +38,7 @@ def test_a_loop_of_two_rates_answers_as_its_march_does(source):
         wanted = marched(frequency, source)
         for name, each in zip(OUTPUTS, wanted, strict=True):
             if name != "angle":
-                assert value(rows[rows.to == name])[0] == pytest.approx(each, rel=1e-9)
+                assert value(rows[rows.to_output == name])[0] == pytest.approx(each, rel=1e-9)
 
 
 def test_an_output_that_drifts_has_its_response():
@@ -48,7 +48,7 @@ def test_an_output_that_drifts_has_its_response():
     c, b = (1 - a) * 0.02 / 0.05, (1 - a) / 0.05
     e = (0.001 - c) / 0.05
     for source in ("ref", "load"):
-        speed, angle, torque = (value(found[(found["from"] == source) & (found.to == name)]) for name in OUTPUTS[:3])
+        speed, angle, torque = (value(found[(found.from_input == source) & (found.to_output == name)]) for name in OUTPUTS[:3])
         force = torque - (source == "load")
         np.testing.assert_allclose((z - 1) * angle, c * speed + e * force, rtol=1e-9)
         np.testing.assert_allclose((z - a) * speed, b * force, rtol=1e-9)
@@ -66,7 +66,7 @@ def test_a_loop_of_one_rate_is_that_of_python_control():
 
 
 def test_the_static_limit_is_exact_and_what_an_integrator_removes_is_0():
-    found = loop().response(0).set_index(["from", "to"])
+    found = loop().response(0).set_index(["from_input", "to_output"])
     assert found.response_re["ref", "speed"] == pytest.approx(1, rel=1e-12)
     assert found.response_re["ref", "torque"] == pytest.approx(0.05, rel=1e-12)
     assert found.response_re["load", "torque"] == pytest.approx(1, rel=1e-12)
@@ -154,6 +154,6 @@ def test_bounds_hold_at_50_digits(source):
     found = loop().response(frequencies, from_=source)
     wanted = np.array([at_50_digits(frequency, source) for frequency in frequencies])
     for name, each in zip(("speed", "torque", "twice"), wanted.T, strict=True):
-        rows = found[found.to == name]
+        rows = found[found.to_output == name]
         assert (abs(value(rows) - each) <= rows.response_error * abs(each)).all()
         assert rows.response_error.max() < 1e-10

@@ -32,7 +32,7 @@ def test_the_package_keeps_frictionless_rules(package, columns):
     assert all(re.fullmatch(r"[-a-z0-9._/]+", name) for name in names)
     assert len(set(names)) == len(names)
     for resource in package["resources"]:
-        assert resource["schema"]["missingValues"] == ["NaN"]
+        assert resource["schema"]["missingValues"] == [""]
         assert [field["name"] for field in resource["schema"]["fields"]] == list(columns)
         for field in resource["schema"]["fields"]:
             assert field["type"] in {"number", "integer", "boolean", "string"}

@@ -155,7 +155,7 @@ def test_a_number_within_a_plant_is_swept_by_panels():
 
 def test_the_derivative_of_an_end_in_a_number_within_a_plant_is_known():
     found = wavesweep.why(joint() | {"sweep": {"along": "kp", "kp": {"start": 0, "stop": 20000}}})
-    (row,) = found[(found.number == "ks") & (found.end == "high")].itertuples()
+    (row,) = found[(found.number == "ks") & (found.side == "high")].itertuples()
     step = 1e-4
     up, down = (limits(joint(10000.0 * (1 + each)))[0][1] for each in (step, -step))
     assert row.elasticity == pytest.approx((up - down) / (2 * step * LIMIT), rel=1e-4)

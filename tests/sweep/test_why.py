@@ -35,8 +35,8 @@ RATE |= {"K_LM": 2, "B_LM": 1, "Kp": 1.5} | {f"filters.{name}.cutoff_hz": 1 for 
 
 def ends_of(table):
     """The certified rows of ends that are not zero, for numbers that are not zero."""
-    assert table.certified[(table.quantity == "end") | (table.limit != 0)].all()  # nothing is felt of a wall of 0
-    return table[(table.limit != 0) & (table.value != 0)]
+    assert table.certified[(table.quantity == "end") | (table.limit_value != 0)].all()  # nothing is felt of a wall of 0
+    return table[(table.limit_value != 0) & (table.value != 0)]
 
 
 @pytest.mark.thorough
@@ -46,11 +46,11 @@ def ends_of(table):
 def test_central_differences_in_50_digits_give_the_same(name):
     values = LOOPS[name]
     rows = ends_of(wavesweep.compile(nested(values)).sensitivity())
-    assert (rows.limit > 0).any()
+    assert (rows.limit_value > 0).any()
     rows = rows[rows.number.isin(LONG[name])] if name in LONG else rows
-    for (_, _, number), pair in rows.groupby(["interval", "end", "number"]):
+    for (_, _, number), pair in rows.groupby(["interval", "side", "number"]):
         quantities = pair.set_index("quantity")
-        limit, omega = quantities.limit["end"], quantities.omega["end"]
+        limit, omega = quantities.limit_value["end"], quantities.omega["end"]
         path = PATHS.get(number, number)
         exact = elasticity(values, "environment.K_VE", limit, omega, path)
         assert quantities.elasticity["end"] == pytest.approx(float(exact), rel=1e-8)
@@ -66,7 +66,7 @@ def test_along_a_number_that_is_no_wall_too():
     rows = rows[rows.quantity == "end"]
     assert {"K_VE", "device.mass"} <= set(rows.number)
     for row in rows.itertuples():
-        exact = elasticity(values, "controller.b", row.limit, row.omega, PATHS.get(row.number, row.number))
+        exact = elasticity(values, "controller.b", row.limit_value, row.omega, PATHS.get(row.number, row.number))
         assert row.elasticity == pytest.approx(float(exact), rel=1e-8)
 
 
@@ -87,9 +87,9 @@ def test_units_decide_sums_of_elasticities(seed):
     if seed in IN_DOUBT:
         assert not table.certified.all()
         return
-    some = table[table.limit != 0]
+    some = table[table.limit_value != 0]
     assert some.certified.all()
-    for (*_, quantity), rows in some.groupby(["interval", "end", "crossing", "quantity"]):
+    for (*_, quantity), rows in some.groupby(["interval", "side", "crossing", "quantity"]):
         off = 1e-9 if quantity == "end" else 1e-7  # what is felt is differentiated by real steps
         assert dimension(rows, MASS) == pytest.approx(1, abs=off)
         assert dimension(rows, RATE) == pytest.approx(2, abs=off)
@@ -111,10 +111,10 @@ def compare(tables, along, span):
         if any(len(each) != len(limits) for each in moved):
             continue
         for row in some.itertuples():
-            name = row.end if row.quantity == "end" else f"felt_{row.end}"
+            name = row.side if row.quantity == "end" else f"felt_{row.side}"
             up, down, twice_up, twice_down = (each[name].iloc[row.interval] for each in moved)
             slope = (8 * (up - down) - (twice_up - twice_down)) / (12e-4 * value)
-            scale = max(abs(row.slope), abs(row.limit / value), 1e-6)
+            scale = max(abs(row.slope), abs(row.limit_value / value), 1e-6)
             assert abs(slope - row.slope) < 2e-6 * scale, (number, row)
             compared += 1
     return compared
@@ -144,12 +144,12 @@ def test_limits_of_random_drawings_computed_again():
 def test_limits_at_rates_that_do_not_divide_computed_again(kind):
     tables = {"controller": {"kind": kind}, "rates": {"slow_hz": 60.0}, "environment": {"integration": "explicit"}}
     assert compare(tables, "K_VE", (0, 20000)) > 0
-    for _, rows in wavesweep.compile(tables).sensitivity().query("limit > 0").groupby(["interval", "end", "quantity"]):
+    for _, rows in wavesweep.compile(tables).sensitivity().query("limit_value > 0").groupby(["interval", "side", "quantity"]):
         assert (dimension(rows, MASS), dimension(rows, RATE)) == pytest.approx((1, 2), abs=1e-9)
 
 
 def of(table, end, *names):
-    rows = table[(table.end == end) & (table.quantity == "end")].set_index("number")
+    rows = table[(table.side == end) & (table.quantity == "end")].set_index("number")
     return rows.elasticity[list(names)].tolist()
 
 
@@ -171,7 +171,7 @@ def test_a_controller_as_blocks_has_the_same_derivatives():
     values = load({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"}}).values
     drawn, built = (wavesweep.compile(each).sensitivity("K_VE", (0, 20000)) for each in (as_blocks(values), nested(values)))
     for quantity in ("end", "felt"):
-        one, other = (each[(each.quantity == quantity) & (each.end == "high")].set_index("number") for each in (drawn, built))
+        one, other = (each[(each.quantity == quantity) & (each.side == "high")].set_index("number") for each in (drawn, built))
         names = [name for name in one.index if name in other.index and name != "rates.tick_hz"]
         assert {"b", "Kp", "B_VE", "K_LM"} <= set(names)
         np.testing.assert_allclose(one.elasticity[names], other.elasticity[names], rtol=1e-8, atol=1e-10)
@@ -254,11 +254,11 @@ def test_requests_that_cannot_be_met_say_why():
 def test_where_a_frame_does_not_say_what_is_felt_there_are_no_derivatives_of_it(along, span, end):
     """The device alternates from tick to tick at the high end; at 0 a branch is out of the loop."""
     table = wavesweep.compile({"controller": {"kind": "pmw"}}).sensitivity(along, span)
-    rows = table[(table.end == end) & (table.quantity == "felt") & (table.value != 0)]
+    rows = table[(table.side == end) & (table.quantity == "felt") & (table.value != 0)]
     assert len(rows) > 3
     assert (rows.doubt == "rounding").all()
     assert rows.elasticity.isna().all()
-    assert (rows.limit > 300).all()
+    assert (rows.limit_value > 300).all()
 
 
 def test_a_range_that_the_spec_does_not_give_is_named():
@@ -280,7 +280,7 @@ def test_the_key_of_a_block_is_explained_as_a_number_with_its_name():
     named = PD.replace("kd = 3.0", "kd = 300.0")
     by_name = wavesweep.why(tomllib.loads(named), "m")
     by_path = wavesweep.why(tomllib.loads(named.replace("m = 0.2\n", "").replace('mass = "m"', "mass = 0.2")), "block.m.mass")
-    for column in ("limit", "omega", "elasticity", "slope"):
+    for column in ("limit_value", "omega", "elasticity", "slope"):
         assert by_path[column].tolist() == by_name[column].tolist()
     assert len(by_path)
 

@@ -56,7 +56,7 @@ def _without_bars(rows: Columns) -> str:
     """Why a panel has no bars; empty if it has some."""
     if (np.abs(np.nan_to_num(rows["elasticity"])) > ROUNDED).any():
         return ""
-    if (rows["limit"] == 0).all():
+    if (rows["limit_value"] == 0).all():
         return "as a per cent of 0 is nothing"
     missing = np.isnan(rows["elasticity"]).all()
     return f"since they are not known ({_why_missing(rows)})" if missing else "since no number moves it"
@@ -64,7 +64,7 @@ def _without_bars(rows: Columns) -> str:
 
 def _panels(columns: Columns) -> list[Columns]:
     """The rows of each combination, interval, end and crossing."""
-    names = [*list(columns)[: list(columns).index("along")], "interval", "end", "crossing"]
+    names = [*list(columns)[: list(columns).index("along")], "interval", "side", "crossing"]
     keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
     found: dict[tuple, list[int]] = {}
     for row, key in enumerate(keys):
@@ -129,8 +129,8 @@ def _title(rows: Columns) -> list[str]:
 
 def _end(rows: Columns) -> str:
     of_end = int(np.argmax(rows["quantity"] == "end"))  # the other quantity is the stiffness felt there
-    limit, unit = rows["limit"][of_end], printed(rows["unit"][of_end : of_end + 1])
-    return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {limit:.5g} {unit}".rstrip()
+    limit, unit = rows["limit_value"][of_end], printed(rows["unit"][of_end : of_end + 1])
+    return f"{rows['side'][0]} end, {symbol(rows['along'][0])} = {limit:.5g} {unit}".rstrip()
 
 
 def _kinds(rows: Columns) -> list[str]:

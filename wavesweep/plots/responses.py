@@ -85,7 +85,7 @@ def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None 
     columns, left_out = _shown(columns, left_out)
     units = sorted(set(columns["unit"].tolist()) - {""})
     several = len(set(columns["spec"].tolist())) > 1
-    rows = zip(*(columns[name].tolist() for name in ("spec", "from", "to", "unit")), strict=True)
+    rows = zip(*(columns[name].tolist() for name in ("spec", "from_input", "to_output", "unit")), strict=True)
     names = [
         (f"{shortened(spec)}: " if several else "")
         + with_unit(f"{source} to {output}", printed([unit]) if len(units) > 1 else "")

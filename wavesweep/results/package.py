@@ -21,7 +21,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
 
     stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
     """
-    schema = {"fields": [_field(field) for field in fields], "missingValues": ["NaN"]}
+    schema = {"fields": [_field(field) for field in fields], "missingValues": [""]}
     package = {
         "profile": "data-package",
         "name": kind,

@@ -23,7 +23,7 @@ MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
 STEPS = 96  # in which a mode is tracked_eigenvalue into the interval
 INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
-TEXTS = ("along", "end", "quantity", "unit", "states", "number", "number_unit", "doubt")
+TEXTS = ("along", "side", "quantity", "unit", "states", "number", "number_unit", "doubt")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,7 @@ def _rows(loops, found, ends, members) -> dict:
     known = {
         "at": members[at],
         "interval": found["interval"][row][at],
-        "end": np.where(upper[at], "high", "low").astype(object),
+        "side": np.where(upper[at], "high", "low").astype(object),
         "crossing": crossings.number,
         "corner": np.bincount(at, minlength=p.size)[at] > 1,
         "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
@@ -207,7 +207,7 @@ def _rows(loops, found, ends, members) -> dict:
         quantities["felt"] = (felt_there, slope, error)
     value = np.stack([np.broadcast_to(loops.values[path], p.shape)[at] for path in loops.numbers], -1)
     parts = [_quantity(loops, known, value, doubt, name, *quantity) for name, quantity in quantities.items()]
-    parts = [{name: column[~np.isnan(part["limit"])] for name, column in part.items()} for part in parts]
+    parts = [{name: column[~np.isnan(part["limit_value"])] for name, column in part.items()} for part in parts]
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order = np.lexsort((whole["crossing"], whole["at"]))
     return {name: column[order] for name, column in whole.items()}
@@ -264,7 +264,7 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     }
     names = {"number": [_name(spec, path) for path in numbers], "number_unit": [_unit(spec, path) for path in numbers]}
     return (
-        {name: np.repeat(column, len(numbers)) for name, column in (known | {"limit": limit}).items()}
+        {name: np.repeat(column, len(numbers)) for name, column in (known | {"limit_value": limit}).items()}
         | {name: np.full(value.size, text, object) for name, text in texts.items()}
         | {name: np.tile(np.array(each, object), limit.size) for name, each in names.items()}
         | {name: np.where(given, each.ravel(), np.nan) for name, each in (("elasticity", elasticity), ("slope", slope))}

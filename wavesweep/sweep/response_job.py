@@ -152,7 +152,12 @@ class ResponseJob(Job):
         columns = {name: np.full(rows, own_value(spec, name, self.read)) for name in self.names} | self.grid.axis_columns(at)
         text = {"spec": spec.name, "controller": spec.kind}
         if self.route:
-            text = {"spec": spec.name, "from": self.route[0], "to": self.route[1], "unit": spec.unit_between(*self.route)}
+            text = {
+                "spec": spec.name,
+                "from_input": self.route[0],
+                "to_output": self.route[1],
+                "unit": spec.unit_between(*self.route),
+            }
         columns |= {name: np.full(rows, word, dtype=object) for name, word in text.items()}
         columns["frequency_hz"] = self.frequency[point]
         columns |= {name: np.ascontiguousarray(records[name]) for name in self.dtype.names if name != "slice"}

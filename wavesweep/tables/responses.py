@@ -47,8 +47,8 @@ BODE = (
 _IN_UNIT = "in the unit of the row"
 BODE_PORTS = (
     BODE[0],
-    Field("from", "string", "", "input of the drawn loop"),
-    Field("to", "string", "", "output of the drawn loop"),
+    Field("from_input", "string", "", "input of the drawn loop"),
+    Field("to_output", "string", "", "output of the drawn loop"),
     Field("unit", "string", "", "unit of the response, that of the output over that of the input; empty if one is not known"),
     replace(BODE[2], description="frequency of the input, which is held over each tick"),
     BODE[3],

@@ -29,7 +29,7 @@ METHOD = (
 WHY = (
     ALONG,
     Field("interval", "integer", "1", "number of the stable interval, from 0"),
-    Field("end", "string", "", "end of the interval: low or high; only ends that stability sets, and not the range"),
+    Field("side", "string", "", "end of the interval: low or high; only ends that stability sets, and not the range"),
     Field(
         "crossing",
         "integer",
@@ -38,7 +38,7 @@ WHY = (
     ),
     Field("corner", "boolean", "", "several crossings lie within 1e-6 of this end, which moves with one of them"),
     Field("quantity", "string", "", "the limit: end, or felt, the static stiffness that the hand feels at this end"),
-    Field("limit", "number", "", "value of the limit, in its unit"),
+    Field("limit_value", "number", "", "value of the limit, in its unit"),
     Field("unit", "string", "", "unit of the limit"),
     Field("omega", "number", "rad/s", "frequency of the mode that crosses there, from frame to frame"),
     Field("damping_ratio", "number", "1", "its damping ratio a tenth of the end inside, half-way into a narrow interval"),
@@ -121,7 +121,7 @@ LEAST = 5e-4  # an elasticity below which a number does not matter
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """For each end and crossing its mode, the limit and the stiffness felt there, each with the numbers that matter most."""
-    names = ("interval", "end", "crossing")
+    names = ("interval", "side", "crossing")
     keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
     ends = []
     for key in dict.fromkeys(keys):
@@ -131,7 +131,11 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         first = int(np.flatnonzero(rows)[0])
         mode = {name: columns[name][first] for name in ("omega", "damping_ratio", "states", "corner", "second_hz")}
         mode |= {"line_hz": columns["hz"][first]}
-        ends.append(dict(zip(names, key, strict=True)) | {name: _plain(value) for name, value in mode.items()} | limits)
+        ends.append(
+            dict(zip(("interval", "end", "crossing"), key, strict=True))
+            | {name: _plain(value) for name, value in mode.items()}
+            | limits
+        )
     return {
         "along": dict(facts["along"]),
         "stable_intervals": [list(each.values()) for each in facts["intervals"]],
@@ -151,7 +155,7 @@ def _limit(columns: Columns, rows: np.ndarray) -> Numbers | None:
     order = known[np.argsort(-np.abs(columns["elasticity"][known]), kind="stable")][:FIRST]
     doubts = counted_doubts(columns["doubt"][some])
     return {
-        "value": float(columns["limit"][some[0]]),
+        "value": float(columns["limit_value"][some[0]]),
         "unit": str(columns["unit"][some[0]]),
         "doubts": doubts,
         "elasticities": {str(columns["number"][row]): float(columns["elasticity"][row]) for row in order},
