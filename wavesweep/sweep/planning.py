@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from functools import cache, partial
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page
@@ -212,6 +211,8 @@ def within_ticks(spec: Spec) -> Iterator[str]:
     inside, ahead = drawing.inside, {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
     wires = {inside.get(port, port): terms for port, terms in drawing.wires}
     for ring in drawn.rings():
+        from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
+
         blocks = [each.block for each in drawn.placed if each.block.name in ring]
         ports, outputs = ([f"{b.name}.{port}" for b in blocks for port in getattr(b, side)] for side in ("inputs", "outputs"))
         through = block_diag(*(block.D for block in blocks))
