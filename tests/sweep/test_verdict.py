@@ -246,11 +246,13 @@ def late_radius(k, tau, tick=0.1):
 
 
 @pytest.mark.slow
-def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle():
-    found = limit_of(wavesweep.verdict(late(0.9, 8)), "tau")
+@pytest.mark.parametrize(("k", "ticks"), [(0.9, 8), (0.4, 36)])
+def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ticks, monkeypatch):
+    monkeypatch.setattr(judging, "SECONDS", 600.0)
+    found = limit_of(wavesweep.verdict(late(k, ticks)), "tau")
     assert found["certified"]
     assert (found["low"], found["stopped"]) == (None, True)  # the dead time of the own values to the first end, and no further
-    assert late_radius(0.9, found["high"] * 0.9999) < 1 < late_radius(0.9, found["high"] * 1.0001)
+    assert late_radius(k, found["high"] * 0.9999) < 1 < late_radius(k, found["high"] * 1.0001)
     assert found["to"] == pytest.approx(np.ceil(found["high"] / 0.1) * 0.1, rel=1e-12)
 
 

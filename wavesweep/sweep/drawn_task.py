@@ -32,6 +32,7 @@ from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.stability import Circle, Intervals, Spiral, along_by_discs, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
+from wavesweep.stability.by_lines import LONG, unstable_counts
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
 from wavesweep.stability.crossings import SLIVER
 from wavesweep.stability.frames import Frames
@@ -326,7 +327,7 @@ class DrawnTask:
             found, of_size = self._by_discs(values, size), self.bound.of_size
             return common([found, replace(self, bound=of_size).connected(values, size, opened)]) if of_size else found
         if opened is None or opened.loops.cut is None:
-            return self._by_panels(values, size)
+            return self._by_lines(values, size) if self.in_pieces else self._by_panels(values, size)
         found = self._by_cut(opened)
         if not (found.doubt != NONE).any():
             return found
@@ -352,6 +353,23 @@ class DrawnTask:
             return opened.known
         loops, size = opened.loops, int(opened.which.max()) + 1
         return opened.intervals(loops.alone if size == 1 else with_batch(loops.cut, size), self.span, self.bound)
+
+    def _by_lines(self, values, size):
+        """The intervals by panels, but in columns with long dead times in which nothing crosses."""
+        if self.bound or max(values.get(f"block.{name}.ticks", 0) for name in self.drawing.dead_times) < LONG:
+            return self._by_panels(values, size)
+        loops, bounds = self._loops(values), np.stack(domains(self.drawing, values, self.along, self.span, size))
+        errors = partial(loops.errors, counted=False)  # in the states of the frames
+        unstable = unstable_counts(loops.frames, errors, self.span, size, bounds)
+        column, others = np.flatnonzero(unstable >= 0), np.flatnonzero(unstable < 0)
+        stable, nowhere = unstable[column] == 0, np.full(column.size, np.nan)
+        ends, zero = (np.where(stable, end, np.nan) for end in self.span), np.zeros(column.size, int)
+        found = Intervals(column, stable - 1, 1 * stable, *ends, nowhere, nowhere, zero + NONE, 0.0 * zero)
+        if not others.size:
+            return found
+        more = self._by_panels(selected(values, others), others.size)
+        whole = Intervals.join([found, replace(more, column=others[more.column])])
+        return whole.take(np.argsort(whole.column, kind="stable"))
 
     def _by_panels(self, values, size):
         drawn = assembled(self.drawing, values)
@@ -528,18 +546,22 @@ class _Along:
             return _frames(filled(without_drift(E, self.drift)), facts, p.shape)
         return None
 
-    def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
-        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
+    def errors(self, number, p, *, counted: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.
+
+        counted: see `errors_of_closed`.
+        """
         p = np.where(p == 0, TINY, p)
         try:
             ticks = self._ticks(number, p)
         except IllPosedLoopError:
             if p.size == 1:
                 return (np.full((1, max(2, len(self.drift.kept)), max(2, len(self.drift.kept))), np.nan),) * 2
-            each = [self.errors(*one) for one in _one_by_one(number, p)]
+            each = [self.errors(*one, counted=counted) for one in _one_by_one(number, p)]
             return tuple(np.concatenate(part) for part in zip(*each, strict=True))
         with np.errstate(all="ignore"):
-            E, dE = (np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in errors_of_closed(ticks, self.drift))
+            parts = errors_of_closed(ticks, self.drift, counted=counted)
+            E, dE = (np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in parts)
         if self.radius is None:
             return E, dE
         radius = np.broadcast_to(self.radius[number], p.shape)
