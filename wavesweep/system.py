@@ -78,6 +78,17 @@ def keep_memory() -> None:
         mallopt(M_TRIM_THRESHOLD, KEPT)
 
 
+def why_no_processes() -> str:
+    """Say why no worker processes can be started here; empty if they can."""
+    try:
+        import multiprocessing.synchronize  # noqa: F401 - semaphores
+
+        import joblib  # noqa: F401
+    except (ImportError, OSError) as error:
+        return f"no worker processes can be started here ({error})"
+    return ""
+
+
 MASKS = hasattr(signal, "pthread_sigmask")  # without masks of signals, workers hear those of their terminal
 
 

@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import os
-import pickle
 import platform
 import subprocess
 import sys
@@ -16,8 +15,8 @@ from support.chunks import DieOnce, finished_in
 
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep import clusters, pools, workers
-from wavesweep.sweep.pools import Pool
+from wavesweep.sweep import clusters, workers
+from wavesweep.sweep.pools import in_parallel
 from wavesweep.sweep.workers import Workers, results
 from wavesweep.tables.intervals import intervals
 
@@ -58,32 +57,15 @@ def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
 
 
 @pytest.mark.slow
-def test_the_next_run_has_the_processes_of_the_last_one_and_the_pool_ends_with_an_error():
-    two = Workers(2, "loky", None, "")
+def test_the_next_run_has_the_processes_of_the_last_one_and_an_error_ends_them():
+    def ids():
+        return {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
 
-    def ids(pool):
-        return {future.result() for future in [pool.submit(os.getpid) for _ in range(50)]}
-
-    with pools.processes(two) as pool:
-        first = ids(pool)
-    with pools.processes(two) as pool:
-        assert ids(pool) <= first
-        with pytest.raises(ZeroDivisionError) as caught:
-            pool.submit(divmod, 1, 0).result()
-    assert "Traceback" in str(caught.value.__cause__)
-    with pytest.raises(KeyError), pools.processes(two):
-        raise KeyError
-    with pools.processes(two) as pool:
-        assert not ids(pool) & first
-
-
-@pytest.mark.slow
-def test_what_cannot_be_sent_is_told():
-    with pools.processes(Workers(1, "loky", None, "")) as pool:
-        with pytest.raises((TypeError, AttributeError, pickle.PicklingError)):
-            pool.submit(lambda: 1)
-        with pytest.raises(TypeError, match="pickle"):
-            pool.submit(compile, "1", "", "eval").result()  # code is no value
+    first = ids()
+    assert ids() <= first
+    with pytest.raises(ZeroDivisionError):
+        list(in_parallel("loky", 2, [(divmod, 1, 0)]))
+    assert not ids() & first
 
 
 @pytest.mark.slow
@@ -155,11 +137,8 @@ def test_nothing_of_the_current_folder_is_run(tmp_path):
         (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")
     program = (
         "import sys; sys.path[:] = [p for p in sys.path if p]\n"
-        "from wavesweep.sweep.pools import processes\n"
-        "from wavesweep.sweep.tasks import radius_over\n"
-        "from wavesweep.sweep.workers import Workers\n"
-        "with processes(Workers(2, 'loky', None, '')) as pool:\n"
-        "    print([pool.submit(len, 'a' * n).result() for n in range(4)])"
+        "from wavesweep.sweep.pools import in_parallel\n"
+        "print(sorted(found for found, _ in in_parallel('loky', 2, [(len, 'a' * n) for n in range(4)])))"
     )
     run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (run.stdout, run.stderr) == ("[0, 1, 2, 3]\n", "")
@@ -251,7 +230,7 @@ def test_a_run_says_who_is_waited_for(monkeypatch):
         assert list(results(Workers(2, "threading", None, ""), [0, 1, 2], lambda number: number)) == [(True, None, 0.0)] * 3
     finally:
         workers.LOGGER.removeHandler(held)
-    assert "3 tasks are with 2 threads of this process" in held.said[0]
+    assert "the rest is with 2 threads of this process" in held.said[0]
 
 
 @pytest.mark.parametrize(("seconds", "together"), [(0.0, 8), (0.4, 2), (3.0, 1)])
@@ -265,7 +244,7 @@ def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
         done.set_result(function(each_of, work, batch))
         return done
 
-    monkeypatch.setitem(workers.BACKENDS, "dask", lambda _: contextlib.nullcontext(Pool(submit, 1, str, 8)))
+    monkeypatch.setattr(workers, "dask", lambda _: contextlib.nullcontext(clusters.Pool(submit, 1, str)))
     monkeypatch.setattr(workers, "timed", lambda number, _: (number, None, seconds))
     found = list(results(Workers(1, "dask", None, ""), range(50), lambda number: number))
     assert sorted(number for number, *_ in found) == list(range(50))

@@ -38,8 +38,8 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     n = E.shape[-1]
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         found = _Ports(ports, name, K, L, C, D, sizes[2:])
-        read = of_made @ D + of_ports
-        parts = _closed(E, B, of_made @ C, read, of_inputs, found.values)
+        read = _times(of_made, D) + of_ports
+        parts = _closed(E, B, _times(of_made, C), read, of_inputs, found.values)
         at_most = np.abs(found.values[..., n:])
         for part, of_part in ((1, np.abs(B) @ at_most), (3, np.abs(of_inputs) + np.abs(read) @ at_most)):
             # The wall's force may reach the avatar twice, by +1/b and -1/b, which leaves eps/b.
@@ -65,7 +65,7 @@ class _Ports:
 
     def __init__(self, ports, name, K, L, C, D, sizes):
         self.condition = self.pivot = 1.0
-        through, own, size = K @ D, _joined(K @ C, L), np.abs(K)
+        through, own, size = _times(K, D), _joined(_times(K, C), L), np.abs(K)
         of_through, of_own = size @ sizes[1], _joined(size @ sizes[0], np.abs(L))
         needs = _closure(_somewhere(of_through))
         batch, kind = np.broadcast_shapes(through.shape[:-2], own.shape[:-2]), np.result_type(through, own)
@@ -78,7 +78,7 @@ class _Ports:
             if not needs[port].any() or (loop.size and loop[0] != port):
                 continue
             rows = loop if loop.size else np.array([port])
-            value = own[..., rows, :] + through[..., rows[:, None], before] @ self.values[..., before, :]
+            value = own[..., rows, :] + _times(through[..., rows[:, None], before], self.values[..., before, :])
             of_value = of_own[..., rows, :] + of_through[..., rows[:, None], before] @ self.sizes[..., before, :]
             if loop.size:
                 inside = through[..., rows[:, None], rows], of_through[..., rows[:, None], rows]
@@ -102,7 +102,16 @@ def _closure(needs):
 def _closed(E, B, C, read, through, ports):
     """Return E, B, C and D of the whole; read: how outputs depend on ports; through: on the external inputs."""
     n = E.shape[-1]
-    return [E + B @ ports[..., :n], B @ ports[..., n:], C + read @ ports[..., :n], through + read @ ports[..., n:]]
+    x, w = ports[..., :n], ports[..., n:]
+    return [E + _times(B, x), _times(B, w), C + _times(read, x), through + _times(read, w)]
+
+
+def _times(A, B):
+    """Return `A B`, in which an entry that overflows is lost only for what it is multiplied with."""
+    found = A @ B
+    if np.isfinite(found).all():
+        return found
+    return np.where((A != 0).astype(float) @ (B != 0) > 0, found, 0.0)
 
 
 def _traced(signal, sums, known):

@@ -98,7 +98,9 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
             E, B, C, D = parts
             B, D = B[..., force : force + 1], D[..., force : force + 1]
             read = np.abs(reads) if of_sizes else reads
-            rows = [(read @ E, read @ B)] + ([(C[..., 1:2, :], D[..., 1:2, :])] if ports.reaction else [])
+            with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
+                first = read @ E, read @ B
+            rows = [first] + ([(C[..., 1:2, :], D[..., 1:2, :])] if ports.reaction else [])
             if moves:
                 along = np.abs(share) + np.abs(answers) @ shifts.dN / ENTRIES if of_sizes else share
                 rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, :]))

@@ -7,16 +7,27 @@ import logging
 import re
 import socket
 import time
+from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep.pools import DIED, Pool
+from wavesweep.sweep.pools import DIED
 
 PATIENCE = 10.0  # s for a scheduler to answer
 ALONE = 20.0  # s that a dask scheduler may be without workers
 TOGETHER = 8  # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
 OTHERS = "one that is ended has its chunks done by others"
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """`submit(function, *arguments)` gives a future; `count` workers. look: says who works; WavesweepError if all are lost."""
+
+    submit: Callable
+    count: int
+    look: Callable[[], str]
 
 
 @contextmanager
@@ -47,7 +58,7 @@ def dask(workers):
             return f"{len(found)} workers of {name}; {OTHERS}"
 
         try:
-            yield Pool(executor.submit, max(workers.count, sum(threads().values())), look, TOGETHER)
+            yield Pool(executor.submit, max(workers.count, sum(threads().values())), look)
         except distributed.KilledWorker as error:
             raise WavesweepError(DIED) from error
         except (CancelledError, OSError) as error:  # all that is heard of a scheduler that ended

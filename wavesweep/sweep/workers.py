@@ -5,22 +5,23 @@ one, end when it ends, and run nothing of the current folder.
 """
 
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
 
 from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep.clusters import dask, imported
-from wavesweep.sweep.pools import processes, threads
+from wavesweep.sweep.clusters import TOGETHER, dask, imported
+from wavesweep.sweep.pools import AHEAD, in_parallel
 from wavesweep.sweep.tasks import attested, each_of, timed
-from wavesweep.system import processors
+from wavesweep.system import processors, why_no_processes
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
-BACKENDS = {"loky": processes, "threading": threads, "dask": dask}
-AHEAD = 3  # tasks per worker that are handed out before the first is finished
+BACKENDS = (*LOCAL, "dask")
 TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
 LOOK = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
@@ -74,8 +75,8 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     if useful < 2:
         return Workers(1, None, None, "a single processor")
     expected = seconds()
-    if expected < WORTH:
-        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
+    if alone := f"work below {WORTH:g} s is faster without workers" if expected < WORTH else why_no_processes():
+        return Workers(1, None, None, alone)
     return Workers(min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work")
 
 
@@ -92,8 +93,14 @@ def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
 
 def _elsewhere(workers, numbers, task_of):
     refuse_backend(workers.backend)
-    with BACKENDS[workers.backend](workers) as pool:
-        silence, calls, size = Silence(), ((number, task_of(number)) for number in numbers), 1
+    calls = ((number, task_of(number)) for number in numbers)
+    if workers.backend in LOCAL:
+        who = {"loky": "processes; one that is stopped goes on after kill -CONT", "threading": "threads of this process"}
+        with closing(in_parallel(workers.backend, workers.count, ((timed, *call) for call in calls))) as answers:
+            yield from _watched(answers, f"the rest is with {workers.count} {who[workers.backend]}")
+        return
+    with dask(workers) as pool:
+        silence, size = Silence(), 1
 
         def handed_out(count):
             batches = (list(islice(calls, size)) for _ in range(count))
@@ -108,11 +115,33 @@ def _elsewhere(workers, numbers, task_of):
                 silence.go_on(f"{len(waiting)} tasks are with {pool.look()}")
             for future in done:
                 waiting |= handed_out(1)
-                found, there = future.result()
-                if there != versions():
-                    raise WavesweepError(f"expected workers with {_named(versions())}, found one with {_named(there)}")
-                size = max(1, min(pool.together, int(TASK * len(found) / max(TINY, sum(seconds for *_, seconds in found)))))
+                found = _of_our_version(*future.result())
+                size = max(1, min(TOGETHER, int(TASK * len(found) / max(TINY, sum(seconds for *_, seconds in found)))))
                 yield from found
+
+
+def _watched(answers, who):
+    """Yield the results among the answers of workers; a thread says if nothing has finished for long. who: has the rest."""
+    silence, over = Silence(), threading.Event()
+
+    def watch():
+        while not over.wait(LOOK):
+            silence.go_on(who)
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        for answer in answers:
+            silence.end()
+            yield _of_our_version(*answer)
+    finally:
+        over.set()
+
+
+def _of_our_version(found, there):
+    """What a worker has found. Raises WavesweepError if it has other versions, on which the last digits depend."""
+    if there != versions():
+        raise WavesweepError(f"expected workers with {_named(versions())}, found one with {_named(there)}")
+    return found
 
 
 def _named(found):
