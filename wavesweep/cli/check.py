@@ -75,6 +75,10 @@ def command(
 
     loaded, silent = specs.load(spec, overrides), switches["as_json"] or switches["quiet"]
     poles = _axis_of_poles(loaded, locus) if locus is not None else None
+    if plot or poles:
+        from wavesweep import plots
+
+        plots.refuse_settings()
 
     def show(lines: Iterable[str]) -> None:
         if not silent:
@@ -144,7 +148,6 @@ def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, forma
     directory, figures = Path(out or Path("results", spec.name)), ["diagram"] * plot + ["root-locus"] * (poles is not None)
     results.refuse_unusable(directory)
     refuse_other_things(*(directory / f"{name}.{form}" for name in figures for form in formats))
-    plots.refuse_settings()
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     drawn = (plots.diagram(spec) if name == "diagram" else locus_of(spec, poles) for name in figures)
     written = (
