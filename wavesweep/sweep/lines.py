@@ -72,8 +72,10 @@ def _in_ticks(kinds, changes, state, rows):
 
     kinds: of each tick. changes: per kind, the matrix, and what is added to each column, or None.
     """
+    at = rows.argmax(-1)
+    picked = (rows == np.eye(rows.shape[-1])[at]).all()  # which takes a tenth of a product's time
     for kind in kinds:
-        yield times(rows, state)
+        yield state[..., at, :] if picked else times(rows, state)
         matrix, added = changes[kind]
         state = times(matrix, state)
         if added is not None:
