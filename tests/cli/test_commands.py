@@ -11,6 +11,7 @@ import pytest
 
 from wavesweep import load
 from wavesweep.cli.entry import COMMANDS, group, module_of
+from wavesweep.cli.output import own_folder
 
 ROOT = Path(__file__).parents[2]
 
@@ -210,11 +211,38 @@ def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep,
     assert "replaced" not in run()[2]
     (tmp_path / spec).write_text((tmp_path / spec).read_text().replace("[0.5, 1.0]", "[0.5, 1.0, 2.0]"))
     assert "replaced the results of this spec; changed: sweep.B_VE [0.5, 1] -> [0.5, 1, 2]\n" in run()[2]
-    code, _, err = run("--set", "b=40", "--set", "environment.delay=3")
+    code, _, err = run("--set", "b=40", "--set", "environment.delay=3", "--out", "results/wall")
     assert code == 0
     assert "replaced the results of this spec; changed: environment.delay 0 -> 3, b 25 -> 40\n" in err
     assert json.loads(run("--json")[1])["changed"] == ["environment.delay 3 -> 0", "b 40 -> 25"]
     assert len(sweep.seen) == 5
+
+
+@pytest.mark.parametrize(
+    ("settings", "folder"),
+    [
+        (["b=40"], "wall,b=40"),
+        (["b=40", "environment.delay=3"], "wall,b=40,environment.delay=3"),
+        (["sweep.B_VE="], "wall,sweep.B_VE="),
+        (["sweep.B_VE=[2, 4]"], "wall,sweep.B_VE=_2,_4_-9c0f6a65"),
+        (["sweep.B_VE=[2,4]"], "wall,sweep.B_VE=_2,4_-df89b177"),
+    ],
+)
+def test_results_with_set_stand_beside_the_specs_own_in_a_folder_that_says_so(settings, folder, wavesweep, spec):
+    """A digest tells settings apart whose texts no file system takes; the spec's own results stay as they were."""
+    wavesweep("zwidth", spec, "--no-plot", "--quiet")
+    own = {path: path.read_bytes() for path in Path("results/wall").iterdir()}
+    words = [word for each in settings for word in ("--set", each)]
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", *words)
+    assert (code, "replaced" in err, sorted(path.name for path in Path("results").iterdir())) == (0, False, ["wall", folder])
+    assert {path: path.read_bytes() for path in Path("results/wall").iterdir()} == own
+    assert wavesweep("inspect", folder)[0] == 0
+
+
+def test_a_folder_for_long_settings_has_a_short_name():
+    one, other = (own_folder(["a", "b"], [f"wire.x={'1+' * 300}{end}"]) for end in "12")
+    assert one != other
+    assert {len(one.name), len(other.name)} == {len("a+b,-12345678") + 80}
 
 
 def test_an_edited_spec_does_not_meet_the_checkpoint_of_its_earlier_version(wavesweep, sweep, spec):
@@ -224,7 +252,7 @@ def test_an_edited_spec_does_not_meet_the_checkpoint_of_its_earlier_version(wave
     first, again = (given["checkpoint"] for _, given in sweep.seen)
     assert first == again
     first.touch()
-    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--set", "b=40")
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--set", "b=40", "--out", "results/wall")
     assert (code, sweep.seen[-1][1]["checkpoint"] == first) == (0, False)
     assert f"an interrupted run of another version of the spec is kept in {first}; remove it if it is not needed\n" in err
 
@@ -240,7 +268,7 @@ def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "one").rename(tmp_path / "two")
     monkeypatch.chdir(tmp_path / "two")
-    assert wavesweep("zwidth", spec, "--no-plot", "--set", "b=40")[0] == 0
+    assert wavesweep("zwidth", spec, "--no-plot", "--set", "b=40", "--out", "results/wall")[0] == 0
     assert len(sweep.seen) == 2
 
 
@@ -261,7 +289,8 @@ def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wa
     ],
 )
 def test_the_summary_says_which_wall_it_is_for_and_what_the_defaults_are(settings, said, wavesweep, spec):
-    code, _, err = wavesweep("zwidth", spec, "--no-plot", *(word for setting in settings for word in ("--set", setting)))
+    words = (word for setting in settings for word in ("--set", setting))
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "results/wall", *words)
     assert code == 0
     assert said in err
     facts = json.loads(Path("results/wall/zwidth.datapackage.json").read_text())["wavesweep"]

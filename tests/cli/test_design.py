@@ -52,7 +52,8 @@ def run(tmp_path, monkeypatch, capfd):
     (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
 
     def run(*arguments):
-        code = main(["design", "mine.toml", *arguments])
+        out = [] if "--out" in arguments else ["--out", "results/mine"]
+        code = main(["design", "mine.toml", *arguments, *out])
         return code, "".join(capfd.readouterr()), tmp_path / "results" / "mine"
 
     return run

@@ -24,7 +24,12 @@ def run(tmp_path, monkeypatch, capfd):
 
     def run(*arguments):
         plot = [] if arguments[0] == "check" or "--plot" in arguments else ["--no-plot"]
-        code = main([*arguments, *plot])
+        out = (
+            []
+            if arguments[0] == "check" or "--out" in arguments
+            else ["--out", f"results/{arguments[1].removesuffix('.toml')}"]
+        )
+        code = main([*arguments, *plot, *out])
         return code, "".join(capfd.readouterr()), tmp_path / "results"
 
     return run

@@ -23,12 +23,13 @@ def run(tmp_path, monkeypatch, capfd):
 
 
 def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(run):
-    code, text, results = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 20]")
+    code, text, results = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 20]", "--out", "results/drive")
     assert (code, "8 curves of 2 frequencies" in text) == (0, True)
     assert sorted(path.suffix for path in results.glob("bode-ports.*")) == [".csv", ".json", ".parquet", ".png"]
     columns = read(results / "bode-ports.csv")
     assert columns["unit"][columns["to_output"] == "twice"].tolist() == [""] * 4
-    code, text, _ = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 30]", "--set", "bode.to=speed", "--no-plot")
+    other = ("--set", "bode.frequency_hz=[1, 30]", "--set", "bode.to=speed", "--out", "results/drive")
+    code, text, _ = run("bode", "drive.toml", *other, "--no-plot")
     assert (code, "changed: bode.to all -> speed" in text.replace('"', "")) == (0, True), text
     assert {*read(results / "bode-ports.csv")["to_output"]} == {"speed"}
     code, text, _ = run("verify", str(results))
@@ -46,7 +47,7 @@ def test_a_loop_without_ports_has_no_response(run):
 
 
 def test_simulate_says_where_a_step_settles(run):
-    code, text, results = run("simulate", "drive.toml", "--set", "simulate.duration_s=1")
+    code, text, results = run("simulate", "drive.toml", "--set", "simulate.duration_s=1", "--out", "results/drive")
     assert code == 0
     assert "drawn, ref: step: 1000 ticks, 1 s\nspeed settles at 1, peak 1." in text
     assert "s after the step, within 2 % from" in text

@@ -228,10 +228,19 @@ def test_a_run_without_a_tick_is_a_table_without_a_row(simulate):
 @pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    settings = ("--set", "simulate.frequency_hz=[2]", "--set", "simulate.duration_s=4", "--quiet", "--no-plot")
+    settings = (
+        "--set",
+        "simulate.frequency_hz=[2]",
+        "--set",
+        "simulate.duration_s=4",
+        "--quiet",
+        "--no-plot",
+        "--out",
+        "short",
+    )
     assert wavesweep("simulate", str(example), *settings) == (0, "", "")
-    facts = json.loads(Path(f"results/{example.stem}/simulate.datapackage.json").read_text())["wavesweep"]
-    rows = len(results.read(f"results/{example.stem}/simulate.parquet")["tick"])
+    facts = json.loads(Path("short/simulate.datapackage.json").read_text())["wavesweep"]
+    rows = len(results.read("short/simulate.parquet")["tick"])
     # The own designs of some of them are unstable.
     assert (rows == 4000) == (not facts["ticks"]["stopped"])
     assert rows == 4000 or not facts["linear_loop"]["stable"]

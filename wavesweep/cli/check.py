@@ -69,6 +69,7 @@ def command(
     _refuse_at_odds(plot or locus is not None, out)
     from wavesweep import spec as specs
     from wavesweep.cli.messages import printable, progress
+    from wavesweep.cli.output import own_folder
     from wavesweep.sweep.assumptions import over_preset, unusual
     from wavesweep.sweep.planning import plan, within_ticks
     from wavesweep.sweep.verdict import beside, own_design
@@ -95,7 +96,8 @@ def command(
 
         lines += study.plan(loaded)
     notices = [*unusual(loaded), *over_preset(loaded), *(within_ticks(loaded) if loaded.drawing else ())]
-    pictures = _pictures(loaded, plot, poles, out, formats) if plot or poles else []
+    directory = Path(out or own_folder([loaded.name], overrides))
+    pictures = _pictures(loaded, plot, poles, directory, formats) if plot or poles else []
     if switches["as_json"]:
         from wavesweep.cli.messages import show_json
 
@@ -137,7 +139,7 @@ def _axis_of_poles(spec: Spec, name: str) -> Axis:
     return axis
 
 
-def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, formats: tuple[str, ...]) -> list[Path]:
+def _pictures(spec: Spec, plot: bool, poles: Axis | None, directory: Path, formats: tuple[str, ...]) -> list[Path]:
     """Draw the loop, its poles over an axis, or both, and write the pictures; gives the paths of the files."""
     from wavesweep import __version__, plots, results
     from wavesweep.cli.output import refuse_other_things
@@ -145,7 +147,7 @@ def _pictures(spec: Spec, plot: bool, poles: Axis | None, out: str | None, forma
     from wavesweep.plots.locus import locus_of
     from wavesweep.plots.style import about_figure
 
-    directory, figures = Path(out or Path("results", spec.name)), ["diagram"] * plot + ["root-locus"] * (poles is not None)
+    figures = ["diagram"] * plot + ["root-locus"] * (poles is not None)
     results.refuse_unusable(directory)
     refuse_other_things(*(directory / f"{name}.{form}" for name in figures for form in formats))
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}

@@ -43,7 +43,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     from wavesweep import results
     from wavesweep import spec as specs
     from wavesweep.cli.messages import say, show_json
-    from wavesweep.cli.output import refuse_other_things, write_whole
+    from wavesweep.cli.output import own_folder, refuse_other_things, write_whole
     from wavesweep.export import exported, terms_of
     from wavesweep.simulation import hand_force
     from wavesweep.sweep.assumptions import assumes, over_preset
@@ -52,7 +52,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
 
     started = time.perf_counter()
     loaded = specs.load(spec, overrides)
-    folder = Path(out or Path("results", loaded.name, to))
+    folder = Path(out or own_folder([loaded.name], overrides) / to)
     results.refuse_unusable(folder)
     found = exported(loaded, gains=switches["gains"])
     paths = [folder / name for name in found]

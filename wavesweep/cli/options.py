@@ -62,7 +62,8 @@ override = click.option(
     multiple=True,
     metavar="KEY=VALUE",
     help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
-    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated.",
+    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated. Results then go to a folder of their own, "
+    "e.g. results/mine,b=40, unless --out names one.",
 )
 quiet = click.option("-q", "--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
 # Read by the entry, before any command runs; declared here so that each help lists it.

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
+from hashlib import sha256
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -31,6 +33,7 @@ HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 LONG = 1_000_000  # rows, whose writing takes some seconds and has a bar of its own
 NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 MOST_CHANGES = 5  # of a spec that are listed
+LONGEST = 80  # letters of what --set changes, in the name of a folder
 
 
 def produce(
@@ -230,7 +233,19 @@ def prepare_work(options: Options) -> None:
 
 def folder_of(specs: Sequence[Spec], options: Options) -> Path:
     """Return the folder for the results."""
-    return Path(options.out or Path("results", "+".join(each.name for each in specs)))
+    return Path(options.out or own_folder((each.name for each in specs), options.overrides))
+
+
+def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
+    """Return the folder for results without --out: `mine`, or `mine,b=40` with --set b=40, which keeps the spec's own results.
+
+    What is no letter, digit or one of . = , + - in these becomes _, for all file systems and shells; where something was
+    changed or cut off, a digest tells such names apart.
+    """
+    own, said = "+".join(names), ",".join(overrides)
+    plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST].rstrip(".")
+    digest = "" if plain == said else f"-{sha256(said.encode()).hexdigest()[:8]}"
+    return Path("results", f"{own},{plain}{digest}" if said else own)
 
 
 class Finished(NamedTuple):

@@ -85,7 +85,9 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
     ratio = values[RATIO]
     if int(ratio) != ratio:
         raise UsageError(f"{RATIO}: expected a whole number of ticks in a frame, found {ratio}")
-    drawing = loop_drawing({**values, RATIO: 20, "environment.delay": 1})  # a delay that gives results a hold of their own
+    drawing = loop_drawing(
+        {**values, RATIO: 20, "environment.delay": 1}, (number,)
+    )  # a delay that gives results a hold of their own
     slow = [block.name for block in drawing.blocks if evaluate(block.every, {RATIO: 20}) != 1]
     if not slow:
         raise UsageError(f"controller.kind: expected a slow environment, found {values['controller.kind']}, which has none")
