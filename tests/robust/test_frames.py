@@ -246,11 +246,19 @@ def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
     assert growth(family.at(found.fails_from), found.words[1]) >= 1
 
 
+def test_along_a_gain_that_is_0_in_the_spec_the_frames_are_those_of_its_values():
+    values = fig4(**{"controller.Kp": 0.0})
+    along = frames_of_controller(values, Frames(LENGTHS), "controller.Kp")
+    own = frames_of_controller(values | {"controller.Kp": 20.0}, Frames(LENGTHS))
+    for one, other in zip(along.at(20.0), own.at(values["environment.K_VE"]), strict=True):
+        np.testing.assert_allclose(large(np.linalg.eigvals(one)), large(np.linalg.eigvals(other)), atol=1e-9)
+
+
 def test_what_is_no_frame_is_refused():
     for lengths, delays in (((), (1,)), ((0,), (1,)), ((16, 20), (17,)), ((16,), ())):
         with pytest.raises(UsageError, match="frames: expected"):
             Frames(lengths, delays)
     with pytest.raises(UsageError, match="slow environment"):
         frames_of_controller(fig4("dc"), Frames((20,)))
-    with pytest.raises(UsageError, match="one wire"):
+    with pytest.raises(UsageError, match=r"while frames vary \(\[for_all\]\), expected a number that one wire"):
         frames_of_controller(fig4(), Frames((20,)), "controller.b")

@@ -369,7 +369,7 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
 def test_what_other_programs_take_for_a_value_is_no_name(word, write):
     expected = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
     number = changed(ARM, ("kd*", f"{word}*"), ("kd = ", f"{word} = "))
-    more = ", and neither pi nor a function nor the name of a column"
+    more = ", and neither pi nor a function"
     assert mistakes(write(number)) == [f'a.toml:7:1: numbers.{word}: expected {expected}{more}, found "{word}"']
     block = changed(ARM, ("net.", f"{word}."), ("[block.net]", f"[block.{word}]"))
     assert mistakes(write(block)) == [f'a.toml:15:2: block.{word}: expected {expected}, found "{word}"']

@@ -67,7 +67,8 @@ def test_a_loop_without_a_hand_has_frequencies_of_its_own_rate_and_a_step():
         ({"inputs": {"ref": 3}}, "ports.inputs.ref", "for a signal from outside", "3"),
         ({"inputs": {"ref": "kp"}}, "ports.inputs.ref", "a name that is no number", '"kp"'),
         ({"inputs": {"a": "ref", "b": "ref"}}, "ports.inputs.b", "a signal of its own", '"ref" again'),
-        ({"inputs": {"x": "ref"}}, "ports.inputs.x", "nor the name of a column", '"x"'),
+        ({"inputs": {"x": "ref"}}, "ports.inputs.x", "`wavesweep keys ports` lists those", '"x"'),
+        ({"wall": {"stiffness": "kp"}}, "ports.wall", "a number that is 0 and multiplies the velocity", "no damping"),
         ({"inputs": {"ref": {"unit": "rad"}}}, "ports.inputs.ref", "a signal, a signal from outside", "none"),
         (
             {"inputs": {"ref": {"signal": "ref", "uni": "rad"}}},

@@ -178,6 +178,16 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
             r"have a rule for steps that vary .*, found pd \(notch\)",
         ),
         (PD, {"kd": {"values": [3, 4], "varying": True}}, "expected one number, which `every` of blocks reads"),
+        (
+            PD | {"block": PD["block"] | {"pd": {"type": "hold", "every": "n", "phase": 3}}},
+            {"n": {"values": [2, 5], "varying": True}},
+            "phases below the shortest frame, 2, found 3 of pd",
+        ),
+        (
+            PD | {"block": PD["block"] | {"more": {"type": "hold", "every": 7}}, "wire": PD["wire"] | {"more.u": "0"}},
+            {"n": {"values": [2, 5], "varying": True}},
+            "found n of pd, 7 of more",
+        ),
         (PD, {"lost": 2}, "a built-in controller, whose results may be lost"),
         (PD, {"n": {"values": [2, 5], "varying": True}, "kd": {"start": 3, "stop": 4}}, "the range of kd"),
     ],

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from wavesweep.errors import UsageError
-from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES, BlockType
+from wavesweep.spec.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES, BlockType
 from wavesweep.spec.checking import expectation, nearest, show
 from wavesweep.spec.design import WISHES, WishKind
 from wavesweep.spec.keys import Key
@@ -61,6 +61,8 @@ def lines(name: str) -> Iterator[str]:
     if table := _table(name):
         yield f"{table}: {TABLES[table]}" if table.startswith("rates") else f"[{table}]  {TABLES[table]}"
         yield from (_wish(wish, kind) for wish, kind in WISHES.items() if table == "design.wish")
+        if taken := {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}.get(table):
+            yield f"  names of columns of tables, which none may have: {', '.join(sorted(taken))}"
         return
     if name == "block":
         width = max(map(len, TYPES))

@@ -24,7 +24,7 @@ from wavesweep.monodromy.rounding import both
 from wavesweep.robust.enclosure import Enclosure
 from wavesweep.spec.block_types import without_rule
 from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
-from wavesweep.spec.expressions import evaluate, names_in
+from wavesweep.spec.expressions import evaluate, names_in, text_of
 
 FRAME = "frame"  # a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # the same: the result never comes, and the last one is held
@@ -125,12 +125,10 @@ def frames_of_drawing(
     known = {name_of(path): value for path, value in values.items()}
     runs = {block.name: [int(evaluate(tree, known)) for tree in (block.every, block.phase)] for block in drawing.blocks}
     slow = {name: phase for name, (every, phase) in runs.items() if every != 1}
-    every = {runs[name][0] for name in slow}
-    alone = [block.name for block in drawing.blocks if block.phases]
-    if len(every) != 1 or alone or max(slow.values()) >= min(lengths):
+    late = [f"{phase} of {name}" for name, phase in slow.items() if phase >= min(lengths)]
+    if late:
         raise UsageError(
-            "a frame that varies: expected blocks that run once in it, at phases before its shortest length, found "
-            f"every {sorted(every)}, phases {sorted(slow.values())}, lengths {sorted(lengths)}"
+            f"[for_all] varying: expected phases below the shortest frame, {min(lengths)}, found {', '.join(late)}"
         )
     _refuse_unlike(drawing, [block for block in drawing.blocks if block.name in slow], elapsed)
     kinds = {phase: frozenset(name for name in slow if slow[name] == phase) for phase in sorted({*slow.values(), 0})}
@@ -141,7 +139,7 @@ def frames_of_drawing(
     def rest(symbol):
         return [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]
 
-    nominal = every.pop()
+    nominal = max(runs[name][0] for name in slow)
     return _family(
         drawing, values, Frames(lengths, (0,), elapsed=elapsed), number, kinds | {TICK: frozenset()}, (), symbols, rest, nominal
     )
@@ -155,12 +153,16 @@ def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> N
     names = {name for block in slow for name, _ in names_in(block.every)}
     readers = sorted({path for path, tree in drawing.trees() if not path.endswith(".every") and _reads(tree, names)})
     for wrong, expected in (
-        (len({block.every[:2] for block in slow}) > 1 and [block.name for block in slow], "slow blocks with the same `every`"),
+        (not slow and ["none"], "blocks whose `every` is the number that varies"),
+        (
+            len({block.every[:2] for block in slow}) > 1 and [f"{text_of(block.every)} of {block.name}" for block in slow],
+            "the number that varies as `every` of all blocks that do not run in every tick",
+        ),
         (elapsed and without_rule(slow), "slow blocks whose types have a rule for steps that vary (`wavesweep keys block`)"),
         (readers, "keys and wires that do not read the frame's length"),
     ):
         if wrong:
-            raise UsageError(f"a frame that varies: expected {expected}, found {', '.join(wrong)}")
+            raise UsageError(f"[for_all] varying: expected {expected}, found {', '.join(wrong)}")
 
 
 def _reads(tree, names) -> bool:
@@ -175,7 +177,10 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
     kinds of a symbol's ticks after its sample.
     """
     if number and not scalar_place(drawing, name_of(number)):
-        raise UsageError(f"{number}: expected a number that one wire, or one gain, reads linearly, found another one")
+        raise UsageError(
+            f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads linearly, "
+            "found another; look along another one, or leave `varying` out"
+        )
     slow, varied = set().union(*(each or () for each in kinds.values())), {path_of(name_of(number)): ANY} if number else {}
     steps = sorted({*frames.lengths}) if frames.elapsed else [nominal]
     order = list(kinds)
@@ -197,7 +202,10 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
     both_loops = twins(_with_period(drawing, slow, nominal, frames.elapsed), values | varied)
     drift = drift_of_drawn(*(_scheduled(loop, kinds, shown, slow) for loop in both_loops))
     if drift.folded:
-        raise UsageError(f"{number}: expected a loop whose drift does not depend on it, found one whose drift does")
+        raise UsageError(
+            f"intervals along {number}: while frames vary ([for_all]), expected no drift, or the same at all its values, found "
+            f"{', '.join(drift.states[at] for at in drift.folded)}; feed the position back, as waves do with Kp > 0"
+        )
     ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
     if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
         symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))

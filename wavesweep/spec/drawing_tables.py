@@ -26,6 +26,7 @@ OPTIONAL = ("reaction", "turns")
 NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
 PORT_PARTS = ("signal", "unit")
 LISTED = 8  # ports that a message lists
+WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
 
 Path = tuple[str, ...]
 
@@ -156,9 +157,10 @@ class _TableReader(KeyReader):
         for name, parts in table.items():
             path, first = path_of(name), next(iter(parts.values()))
             place = Leaf(None, first.place if "" in parts else first.place.parent())
-            if not is_name(name) or name in RESERVED or name in COLUMNS or name in ("along", "frequency_hz"):
-                expected = f"{NAME}, and neither pi nor a function nor the name of a column"
-                self.refuse(place, path, expected, show(name))
+            if name in COLUMNS:
+                self.refuse(place, path, *_column("numbers", name))
+            elif not is_name(name) or name in RESERVED:
+                self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
             for part, leaf in parts.items():
                 if part and part not in NUMBER_PARTS:
                     self.refuse(
@@ -277,7 +279,7 @@ class _TableReader(KeyReader):
                 self.refuse(
                     Leaf(None, first.place.parent()),
                     path,
-                    "both " + " and ".join(PORTS[name][:2]),
+                    "both " + " and ".join(PORTS[name][:2]) + WITHOUT * (missing == ["damping"]),
                     f"no {' and no '.join(missing)}",
                 )
         return self.read_hand(table.get("hand", {})), self.read_wall(table.get("wall", {}))
@@ -298,10 +300,10 @@ class _TableReader(KeyReader):
             self.leaves[f"{path}.unit" if part == "unit" else path] = leaf
         for name, parts in found.items():
             path, first = f"ports.{side}.{name}", next(iter(parts.values()))
-            taken = name in (*RESERVED, *COLUMNS, *RUN_COLUMNS, *self.numbers)
-            if not is_name(name) or taken:
-                expected = f"{NAME}, and neither pi nor a function nor a number nor the name of a column"
-                self.refuse(first, path, expected, show(name))
+            if name in (*COLUMNS, *RUN_COLUMNS):
+                self.refuse(first, path, *_column("ports", name))
+            elif not is_name(name) or name in (*RESERVED, *self.numbers):
+                self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
             if "signal" not in parts:
                 self.refuse(Leaf(None, first.place.parent()), path, f"a signal, {NAMED[side]}", "none")
         return {name: parts for name, parts in found.items() if "signal" in parts}
@@ -384,3 +386,8 @@ class _TableReader(KeyReader):
             if name not in self.read:
                 kind = "number" if name in self.numbers else "signal"
                 self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")
+
+
+def _column(table: str, name: str) -> tuple[str, str]:
+    """Return expected and found text of the name of a column."""
+    return f"a name that no column of a table has; `wavesweep keys {table}` lists those", f"{show(name)}, which one has"
