@@ -191,7 +191,8 @@ def study(kind, logs, seed=0):
         except UsageError as refused:
             yield None, np.nan, str(refused)[:30], time.perf_counter() - started
             continue
-        known = dict(zip(fit.model.names, np.c_[fit.low, fit.high], strict=True))
+        reach = fit.half + fit.extra
+        known = dict(zip(fit.model.names, np.c_[fit.theta - reach, fit.theta + reach], strict=True))
         truth["log_mass"] = np.log(truth["mass"])
         inside = [
             low <= truth[name] <= high

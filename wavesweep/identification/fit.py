@@ -22,6 +22,7 @@ TONES = np.geomspace(0.2, 100, 16)  # natural frequencies that it tries (Hz)
 NEAR = np.geomspace(0.5, 2, 7)  # of the best of these
 LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
 NO_MASS = "no mass, however large or small, moves as the log says; is the sign of the force that of the position?"
+SECANT = 0.01  # of a number's scale, the widest step of its derivative in a march with friction
 ROUNDS = 3  # of least squares without wild readings, and of the likelihood around new numbers
 WILD = 6.0  # standard deviations, from the median, of a wild reading; and two steps of the encoder
 FEW = 0.02  # of the rows; more of them are no wild readings
@@ -60,8 +61,7 @@ class Fit:
     """A fit.
 
     theta: the numbers of `model.names`. rows: the log as it was fitted. positions: fitted, and residual: what is left, both of
-    all rows (m). told: what the readings tell of the numbers near theta. extra: by how much more the intervals reach to
-    both sides if the model does not explain the log, see `widened`.
+    all rows (m). told: what the readings tell of the numbers near theta. extra: see `widened`.
     """
 
     model: Model
@@ -78,40 +78,15 @@ class Fit:
         return self.model.numbers(self.theta)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The numbers that are fitted."""
-        return self.model.names
-
-    @property
-    def used(self) -> np.ndarray:
-        """Which rows are fitted, `(ticks,)`."""
-        return np.append(np.zeros(self.rows.skip, bool), self.rows.used)
-
-    @property
-    def wild(self) -> np.ndarray:
-        """Rows of wild readings."""
-        return self.rows.skip + np.flatnonzero(~self.rows.used)
-
-    @property
     def half(self) -> np.ndarray:
-        """Half the widths of the intervals."""
-        return (self.high - self.low) / 2
-
-    @property
-    def low(self) -> np.ndarray:
-        """Lower ends of the intervals."""
-        return self.theta + self.told.low - self.extra
-
-    @property
-    def high(self) -> np.ndarray:
-        """Upper ends of the intervals."""
-        return self.theta + self.told.high + self.extra
+        """Half the widths of the intervals of a model that explains the log; `extra` comes to both sides of others."""
+        return self.told.half
 
 
 def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float) -> Fit:
     """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
     rows = Rows(force, position, period, resolution, min(LATE[-1] + 2, len(force) // 8))
-    begun = replace(model, without=_hidden(model, position[rows.skip :]))
+    begun = replace(model, without=_hidden(model, position[rows.skip :], np.diff(position)))
     model, theta, rows = _later(begun, _begun(begun, rows), rows)
     for _ in range(ROUNDS):
         used = _usual(model, theta, rows)
@@ -119,16 +94,19 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
             break
         rows = replace(rows, used=used)
         theta = refined(model, theta, rows)
-    steps = STEP * scales(model, theta, rows)
+    # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they come from wider ones.
+    widest = SECANT * scales(model, theta, rows)
+    steps = widest if model.friction else STEP * scales(model, theta, rows)
     for _ in range(ROUNDS):
         J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if not np.isfinite(J).all() or not np.isfinite(left).all():
             raise UsageError(NO_MASS)
         found = told(J, left, resolution)
-        theta, half = theta + found.step, (found.high - found.low) / 2
-        steps = np.clip(half, 1e-3 * steps, steps) if model.friction else steps
-        if (np.abs(found.step) < SETTLED * half).all():
+        theta = theta + found.step
+        steps = np.minimum(found.half, widest) if model.friction else steps
+        if (np.abs(found.step) < SETTLED * found.half).all():
             break
+    theta = np.where([name == "friction" for name in model.names], np.abs(theta), theta)  # the model takes its size
     places = np.append(np.full(rows.skip, np.nan), positions(model, theta, force, period, rows.skip))
     return Fit(model, theta, rows, places, position - places, found)
 
@@ -147,9 +125,8 @@ def widened(fit: Fit) -> Fit:
     return replace(fit, extra=moved)
 
 
-def _hidden(model, position):
+def _hidden(model, position, moves):
     """The numbers that friction hides: the speed of a device at rest; a constant force, if the device moves one way."""
-    moves = np.diff(position)
     at_rest = model.friction and np.ptp(position[:RESTING]) == 0
     one_way = model.friction and not model.spring and abs(moves.sum()) > ONE_WAY * np.abs(moves).sum()
     return ("velocity",) * int(at_rest) + ("offset",) * int(one_way)
@@ -162,8 +139,9 @@ def _later(model, theta, rows):
         known = model.numbers(theta) | {"log_mass": theta[0]}
         skip = int(np.clip(np.ceil(known["delay"] + 0.5) + 1, 0, most))
         place = rows.position[skip:]
+        moves = np.diff(positions(model, theta, rows.force, rows.period, rows.skip))
         known |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
-        model, rows = replace(model, without=_hidden(model, place)), replace(rows, skip=skip)
+        model, rows = replace(model, without=_hidden(model, place, moves)), replace(rows, skip=skip)
         theta = refined(model, np.array([known[name] for name in model.names]), rows)
         if model.numbers(theta)["delay"] + 1 <= skip or skip == most:
             return model, theta, replace(rows, used=np.ones(len(place), bool))
@@ -238,13 +216,16 @@ def _begun(model, rows):
 
 
 def _near(model, known, delay, friction, rows):
-    """The squares that the best numbers near others leave, and these numbers; the delay is held first, then fitted."""
+    """The squares that the best numbers near others leave, and these numbers.
+
+    The delay is held first: it moves far as long as the other numbers are rough. With friction, a long march, it stays so.
+    """
     held, known = replace(model, delay=delay), known | {"friction": friction}
-    # A delay moves far as long as the other numbers are rough.
     theta = refined(held, np.array([known[name] for name in held.names]), rows)
-    if held != model:
-        known = dict(zip(held.names, theta, strict=True)) | {"delay": delay}
-        theta = refined(model, np.array([known[name] for name in model.names]), rows)
+    known = dict(zip(held.names, theta, strict=True)) | {"delay": delay}
+    theta = np.array([known[name] for name in model.names])
+    if held != model and not model.friction:
+        theta = refined(model, theta, rows)
     return float(np.sum(rows.residual(model, theta) ** 2)), theta
 
 

@@ -32,14 +32,14 @@ ADDED = 40  # constraints of a linear program that are added at a time
 class Told:
     """What the readings tell of the numbers near those at which the slopes were taken.
 
-    step: to the likeliest numbers. low, high: of the intervals, from these. noise: standard deviation of white noise beside
-    rounding (m). score (1/m) and weight (1/m^2): minus the first and the second derivative of the logarithm of the likelihood
-    by what is left, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding alone explains each reading.
+    step: to the likeliest numbers, or the middle of the possible ones. half: of the widths of the intervals. noise: standard
+    deviation of white noise beside rounding (m). score (1/m) and weight (1/m^2): minus the first and the second derivative of
+    the logarithm of the likelihood by what is left, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding
+    alone explains each reading.
     """
 
     step: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    half: np.ndarray
     noise: float
     score: np.ndarray
     weight: np.ndarray
@@ -54,11 +54,8 @@ def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
     basis, upper = np.linalg.qr(slopes / size)
     inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
     if resolution and (ends := _polytope(basis, residual, resolution, inverse)) is not None:
-        low, high, centre = ends
-        left = residual - basis @ centre
-        weight = np.full(rows, 12 / resolution**2)
-        step = inverse @ centre
-        return Told(step, low - step, high - step, 0.0, weight * left, weight, slopes, rounded=True)
+        weight, step = np.full(rows, 12 / resolution**2), np.mean(ends, axis=0)
+        return Told(step, np.ptp(ends, axis=0) / 2, 0.0, weight * (residual - slopes @ step), weight, slopes, rounded=True)
     change, noise = _likeliest(basis, residual, resolution)
     score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
     curved = np.linalg.inv(basis.T @ (weight[:, None] * basis))
@@ -66,26 +63,25 @@ def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
     half = np.sqrt(np.diag(inverse @ curved @ inverse.T) * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
     wider = _coloured(inverse, curved, basis, weight, score)
     half = half if wider is None else np.maximum(half, wider)
-    return Told(inverse @ change, -half, half, noise, score, weight, slopes)
+    return Told(inverse @ change, half, noise, score, weight, slopes)
 
 
 def _polytope(basis, residual, resolution, aims):
-    """The least and the largest of `aims @ change` with all readings within half a step, and a change between; or None."""
+    """The least and the largest of `aims @ change` with all readings within half a step, `(2, aims)`; None if none is so."""
     unit = np.sqrt(len(residual))
     A, b, numbers = basis * unit, residual / resolution, basis.shape[1]
     active = np.unique(np.linspace(0, len(b) - 1, min(len(b), 10 * ADDED)).astype(int))
     least = np.append(np.zeros(numbers), 1.0)
-    centre, active = _lowest(least, A, b, active, 0.0)  # the change from which the worst reading is least off
-    if centre[-1] > 0.5 + SLACK:
+    change, active = _lowest(least, A, b, active, 0.0)  # from which the worst reading is least off
+    if change[-1] > 0.5 + SLACK:
         return None
-    found = []
-    for aim in aims:
-        cost = np.append(aim / np.linalg.norm(aim), 0.0)
-        for side in (1, -1):
-            change, active = _lowest(side * cost, A, b, active, 0.5 + SLACK)
-            found.append(change[:-1] * unit * resolution)
-    ends = np.einsum("asn,an->as", np.reshape(found, (len(aims), 2, numbers)), aims)
-    return ends[:, 0], ends[:, 1], np.mean(found, axis=0)
+    ends = np.empty((2, len(aims)))
+    for place in np.ndindex(ends.shape):
+        aim = aims[place[1]]
+        cost = np.append((1, -1)[place[0]] * aim / np.linalg.norm(aim), 0.0)
+        change, active = _lowest(cost, A, b, active, 0.5 + SLACK)
+        ends[place] = aim @ change[:-1] * unit * resolution
+    return ends
 
 
 def _lowest(cost, A, b, active, bound):

@@ -46,16 +46,6 @@ class ResponseFit:
         return _names(self.model)
 
     @property
-    def low(self) -> np.ndarray:
-        """Lower ends of the intervals."""
-        return self.theta - self.half - self.extra
-
-    @property
-    def high(self) -> np.ndarray:
-        """Upper ends of the intervals."""
-        return self.theta + self.half + self.extra
-
-    @property
     def numbers(self) -> dict[str, float]:
         """All numbers by their names."""
         return _numbers(self.model, self.theta)
@@ -91,7 +81,7 @@ def fitted_response(measured: FrequencyResponse, period: float, model: Model) ->
     H = admittance(_numbers(model, theta), measured.frequency_hz, period)
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
-    named = max(_tried(measured, period, model, theta, left), key=lambda each: each[2])
+    named = max(_tried(measured, period, model, theta, left, J), key=lambda each: each[2])
     rare = len(H) * named[2] > np.log(TONES) + RARE  # noise takes shares of 1/n, and of many the largest is ln(number)/n
     far = float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300)) > np.log(len(H)) + RARE
     explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
@@ -145,7 +135,7 @@ def _first(measured, period, model):
     return best[1]
 
 
-def _tried(measured, period, model, theta, left) -> Iterator[tuple[str, float, float]]:
+def _tried(measured, period, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
     """Yield effects that the model does not have, and the share of what is left that each takes away."""
     before, known = float(left @ left), _numbers(model, theta)
     more = [] if model.spring else [("spring", replace(model, spring=True))]
@@ -155,20 +145,9 @@ def _tried(measured, period, model, theta, left) -> Iterator[tuple[str, float, f
         after = _fit(measured, period, larger, start)[1]
         yield name, float("nan"), 1 - float(after @ after) / before
     hertz, weights = measured.frequency_hz, _weights(measured)
-    off = (left[: len(hertz)] + 1j * left[len(hertz) :]) / np.where(weights > 0, weights, 1.0)
-    J = np.stack([_slope(measured, period, model, theta, at) for at in range(len(theta))], axis=1)
     for tone in np.geomspace(hertz[0], hertz[-1], TONES):
-        mode = 1 / (tone**2 - hertz**2 + 2j * RINGING * tone * hertz) / measured.admittance
-        A = np.concatenate([J, np.stack([mode, 1j * mode], axis=1)], axis=1) * weights[:, None]
-        A = np.concatenate([A.real, A.imag])
+        mode = weights / (tone**2 - hertz**2 + 2j * RINGING * tone * hertz) / measured.admittance
+        A = np.c_[J, np.append(mode.real, mode.imag), np.append(-mode.imag, mode.real)]
         size = np.linalg.norm(A, axis=0)
-        target = np.concatenate([(weights * off).real, (weights * off).imag])
-        rest = target - A / size @ np.linalg.lstsq(A / size, target, rcond=None)[0]
+        rest = left - A / size @ np.linalg.lstsq(A / size, left, rcond=None)[0]
         yield "resonance", float(tone), 1 - float(rest @ rest) / before
-
-
-def _slope(measured, period, model, theta, at):
-    step = np.zeros(len(theta))
-    step[at] = 1e-5 * max(abs(theta[at]), 1e-3)
-    ahead, behind = (admittance(_numbers(model, theta + sign * step), measured.frequency_hz, period) for sign in (1, -1))
-    return (ahead - behind) / (2 * step[at]) / measured.admittance

@@ -15,7 +15,6 @@ SHOWN = 12  # places of the encoder's steps, from which the usual size of roundi
 BANDS = 24  # of the spectrum, equally wide in octaves
 EXACT = 1e-10  # of the motion, below which what is left is that of double precision
 RARE = 1e-8  # probability of the power of a band, below which white noise does not make it
-NAMED = ("friction", "spring", "delay")
 SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
 TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
@@ -53,7 +52,7 @@ def identified(model: Model, force: np.ndarray, position: np.ndarray, period: fl
     """Fit a model to a log and judge the fit, whose intervals are widened if it does not explain the log; see `fitted`."""
     fit = fitted(model, force, position, period, resolution)
     verdict = judged(fit)
-    return (widened(fit) if verdict.missing in (*NAMED, "resonance", "unknown") else fit), verdict
+    return (widened(fit) if verdict.missing not in ("", "one-way", "unseen") else fit), verdict
 
 
 def judged(fit: Fit) -> Verdict:

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from hashlib import sha256
 from math import exp, isnan
 from pathlib import Path
@@ -101,7 +100,7 @@ def _of_response(path: str, period: float, spring: bool, delay: float | None) ->
     started = time.perf_counter()
     measured, model = read_response(path), Model(spring=spring, delay=delay)
     fit = fitted_response(measured, period, model)
-    parameters, unwidened = (_parameters(each, turns=False) for each in (fit, replace(fit, extra=0.0)))
+    parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
     _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N")
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
@@ -160,7 +159,7 @@ def _of_log(path: str, given: Asked) -> Table:
     model = Model(spring, friction, delay)
     origin = log.position[0]  # with it readings far from 0 would lose digits
     fit, verdict = identified(model, log.force, log.position - origin, log.period, step)
-    parameters, unwidened = (_parameters(each, log.turns) for each in (fit, replace(fit, extra=0.0)))
+    parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns) for half in (fit.half + fit.extra, fit.half))
     named = "time, torque and angle in s, N*m and rad" if log.turns else "time, force and position in s, N and m"
     _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
     asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
@@ -168,14 +167,14 @@ def _of_log(path: str, given: Asked) -> Table:
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
     facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}}
-    facts["notices"] = list(_notices(log, resolution, step, fit.wild))
+    facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(~fit.rows.used)))
     found = {
         "time_s": log.times,
         "force": log.force,
         "position": log.position,
         "fitted": fit.positions + origin,
         "residual": fit.residual,
-        "weight": fit.used.astype(float),
+        "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
     }
     return Table.of("identify", found, facts, fields=fields_of_log(log.turns))
 
@@ -186,9 +185,9 @@ def fields_of_log(turns: bool) -> tuple[Field, ...]:
     return tuple(Field(each.name, each.kind, other.get(each.unit, each.unit), each.description) for each in IDENTIFY)
 
 
-def _parameters(fit, turns: bool) -> dict[str, dict[str, Any]]:
+def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool) -> dict[str, dict[str, Any]]:
     """The numbers with their intervals of 95 % and units."""
-    ends = dict(zip(fit.names, np.stack([fit.low, fit.high], axis=1).tolist(), strict=True))
+    ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
     ends["mass"] = [exp(min(max(end, -700.0), 700.0)) for end in ends["log_mass"]]
     found = fit.numbers
     names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in ends), "delay"]
@@ -247,8 +246,7 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
         yield f"{found}; --resolution gives those of the encoder"
     if len(wild):
-        worst = f"the first is at {log.times[wild[0]]:.6g} s"
-        yield f"{len(wild)} wild reading{'s' * (len(wild) > 1)} left out of the fit; {worst}"
+        yield f"{len(wild)} wild reading{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
