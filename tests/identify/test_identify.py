@@ -11,6 +11,7 @@ from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, positions
 from wavesweep.identification.response import admittance
 from wavesweep.identification.verdict import identified
+from wavesweep.tables import identify as of_identify
 
 
 def written(path, force, position, names="time,force,position", period=1 / RATE):
@@ -96,6 +97,7 @@ def test_the_model_stops_and_starts_within_a_tick():
     assert positions(Model(friction=True), theta, force, 1 / RATE) == pytest.approx(expected, abs=1e-6 * np.ptp(expected))
 
 
+@pytest.mark.slow
 def test_the_force_before_the_log_is_not_needed():
     """A chirp that does not begin at 0 and is 3.4 ticks late."""
     time = np.arange(-0.01, 1.0, 1e-3)
@@ -108,6 +110,7 @@ def test_the_force_before_the_log_is_not_needed():
         assert abs(truth.get(name, value) - value) <= half, name
 
 
+@pytest.mark.slow
 def test_a_wild_reading_is_left_out_and_named(tmp_path):
     """And not called noise."""
     force = force_of("chirp", np.random.default_rng(0), 400)
@@ -134,6 +137,7 @@ def test_friction_and_a_spring_are_found_if_they_are_asked_for():
     assert verdict.explained
 
 
+@pytest.mark.slow
 def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))
     position = read(moved(0.1, 1.0, force, friction=0.05), 1e-5, np.random.default_rng(0))
@@ -201,6 +205,12 @@ GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin
         (lambda lines: [line.rpartition(",")[0] for line in lines], "expected a column position, found time, force"),
         (lambda lines: lines[1:], ":1: expected a header with the names of the columns, found 0.0,"),
         (lambda lines: lines[:1], "expected at least 50 rows of numbers below the header, found 0"),
+        (lambda lines: [*lines[:30], f"0.029,{'1' * 400},0", *lines[31:]], ":31: force: expected a finite number, found 1111"),
+        (lambda lines: [f"{lines[0]},force", *(f"{line},1" for line in lines[1:])], ":1: force: expected one column of this"),
+        (
+            lambda lines: [lines[0], *(f"{k * 1e6},{k},{k * k}" for k in range(60))],
+            "steps of 1e-07 to 10 s, found 1e.06 s; --sc",
+        ),
         (lambda _: [], "expected a header and rows of numbers below it, found an empty file"),
         (lambda _: ["\0\1\2\3" * 100], "found bytes that are no text; export it as CSV"),
         (
@@ -214,6 +224,39 @@ def test_a_bad_log_is_one_message(change, said, tmp_path):
     path.write_text("\n".join(change(GOOD)))
     with pytest.raises(UsageError, match=said):
         wavesweep.identify(path)
+
+
+def test_lines_may_end_in_a_carriage_return_alone(tmp_path):
+    lines = tmp_path / "mac.csv"
+    lines.write_bytes("\r".join(GOOD).encode())
+    assert len(read_log(lines, {}, {}).position) == len(GOOD) - 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("origin", [0.0, 1e9])
+def test_a_log_without_rounding_is_explained(origin, tmp_path):
+    """Far from 0 as well, where double precision rounds it."""
+    force = np.sin(0.003 * np.arange(400) ** 1.5)
+    path = tmp_path / "smooth.csv"
+    rows = np.c_[np.arange(400) / RATE, force, marched(0.1, 1.0, force, 1.4, 0.05) + origin]
+    np.savetxt(path, rows, delimiter=",", header="time,force,position", comments="", fmt="%.17g")
+    found = wavesweep.identify(path).attrs["summary"]
+    assert found["explained"]
+    assert found["parameters"]["mass"]["value"] == pytest.approx(0.1, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_numbers_below_zero_are_said(tmp_path):
+    """A position that is ahead of its force, and a damping of which the log does not know the sign."""
+    source = np.random.default_rng(0)
+    force = force_of("noise", source, 400)
+    position = read(marched(0.1, 0.001, force), 1e-4, source)
+    table = of_identify.identify(str(written(tmp_path / "early.csv", force[:-8], position[8:])), resolution=1e-4)
+    parameters = table.facts["parameters"]
+    damping = parameters["damping"] | {"low": -0.1}
+    text = of_identify.spec_text(table.facts | {"parameters": parameters | {"damping": damping}})
+    assert "ticks ahead of its force" in text
+    assert "allows a damping below 0" in text
 
 
 def test_other_columns_may_hold_anything(tmp_path):

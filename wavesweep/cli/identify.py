@@ -73,7 +73,7 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
     """
     from wavesweep import results
-    from wavesweep.cli.messages import say, show_json, where
+    from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.cli.output import refuse_no_folder, refuse_other_things, write_whole
     from wavesweep.identification.log import pairs
     from wavesweep.tables import kind_named
@@ -89,7 +89,8 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
         refuse_no_folder(target)
     refuse_other_things(target)
     _refuse_foreign(target, given["overwrite"])
-    table = identify(log, **asked)
+    with progress(given["quiet"], "fitting"):
+        table = identify(log, **asked)
     table = replace(table, facts={**table.facts, "spec_place": results.place_of([log], directory)})
     if given["plot"]:
         from wavesweep import plots

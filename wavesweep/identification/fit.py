@@ -149,15 +149,15 @@ def _later(model, theta, rows):
 
 def _usual(model, theta, rows):
     """Which readings are not wild, `(ticks - skip,)`, from a linear fit in which those far off count less (Huber)."""
-    left, step = replace(rows, used=1.0).residual(model, theta), rows.resolution
-    J = replace(rows, used=1.0).slopes(model, theta, STEP * scales(model, theta, rows))
+    rows = replace(rows, used=np.ones(len(rows.used)))
+    left, J = rows.residual(model, theta), rows.slopes(model, theta, STEP * scales(model, theta, rows))
     basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
     off = left - np.median(left)
     for _ in range(4 * ROUNDS):
         deviation = np.median(np.abs(off)) / 0.6745 + 1e-300
         root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), 1e-300)))[:, None]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
-    used = np.abs(off) <= max(WILD * deviation, 2 * step)
+    used = np.abs(off) <= max(WILD * deviation, 2 * rows.resolution)
     return used if np.mean(~used) < FEW else np.ones(len(used), bool)
 
 
@@ -248,16 +248,8 @@ def _first(model, rows):
     if best is None:
         raise UsageError(NO_MASS)
     _, mass, rate, square, late, start, velocity, offset = best
-    known = {
-        "log_mass": np.log(mass),
-        "damping": rate * mass,
-        "stiffness": square * mass,
-        "friction": 0.05 * np.std(rows.force),
-        "delay": late * every,
-        "start": start,
-        "velocity": velocity,
-        "offset": offset,
-    }
+    known = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late * every}
+    known |= {"friction": 0.05 * np.std(rows.force), "start": start, "velocity": velocity, "offset": offset}
     return np.array([known[name] for name in model.names])
 
 

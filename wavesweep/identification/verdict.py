@@ -88,16 +88,10 @@ def judged(fit: Fit) -> Verdict:
         if named[2] < CLEAR:
             worst = int(np.argmin(odds))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])
-    rounding = [(np.mean(e**2), _neighbours(e)) for e in _roundings(fit.positions[rows.skip :], step)] if step else [(0.0, 0.0)]
-    square, usual = np.mean(rounding, axis=0).tolist()
+    places = [fit.positions[rows.skip :] / (step or 1.0) + part / SHOWN for part in range(SHOWN)]
+    rounding = [step * (np.round(each) - each) for each in places]
+    square, usual = np.mean([(np.mean(each**2), _neighbours(each)) for each in rounding], axis=0).tolist()
     return Verdict(explained, *named, rms, square**0.5, _neighbours(residual), usual, band)
-
-
-def _roundings(places, step):
-    """Yield the errors of readings of these places at several places of the encoder's steps."""
-    for part in range(SHOWN):
-        moved = places / step + part / SHOWN
-        yield step * (np.floor(moved + 0.5) - moved)
 
 
 def _band(shown):
