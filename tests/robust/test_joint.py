@@ -1,5 +1,6 @@
 """Matrices in any order: published joint spectral radii, all short words, and what the check of a proof refuses."""
 
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise, product
 
@@ -7,13 +8,44 @@ import numpy as np
 import pytest
 
 from wavesweep.robust.checking import Norms, shrink
-from wavesweep.robust.family import Affine
 from wavesweep.robust.graph import Graph
 from wavesweep.robust.joint import PROVED, REFUTED, bracket, decide
 
 ONE = Graph.least(np.ones((1, 1), bool))
 GOLDEN = (1 + 5**0.5) / 2
 PAIR = np.array([[[1.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [1.0, 1.0]]])
+
+
+ROUNDING = 4 * np.finfo(float).eps  # of the terms of a sum of two products
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Affine:
+    """Matrices `constant + x slope`, as they stand; constant, slope: `(symbols, n, n)`; follows: see `Family`."""
+
+    constant: np.ndarray
+    slope: np.ndarray
+    follows: np.ndarray
+
+    @staticmethod
+    def of(constant, slope=None, follows=None) -> "Affine":
+        """Return the family; by default x changes nothing, and every matrix may come after every other one."""
+        constant = np.asarray(constant, float)
+        slope = np.zeros_like(constant) if slope is None else np.asarray(slope, float)
+        return Affine(constant, slope, np.ones((len(constant),) * 2, bool) if follows is None else np.asarray(follows, bool))
+
+    def at(self, x: float) -> np.ndarray:
+        """See `Family`."""
+        return self.constant + x * self.slope
+
+    def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `Family`."""
+        eye = np.eye(self.constant.shape[-1])
+        return self.at(x) - eye, ROUNDING * (np.abs(self.constant) + np.abs(x * self.slope) + eye)
+
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `Family`."""
+        return tuple(map(np.stack, zip(self.enclosed(low), self.enclosed(high), strict=True)))
 
 
 def scaled(matrices):

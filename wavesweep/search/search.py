@@ -208,14 +208,3 @@ def undominated(designs: Judged) -> np.ndarray:
     both = feasible[:, None] & feasible[None]
     beats = np.where(both, better | earlier, violation[:, None] < violation[None])
     return np.flatnonzero(~beats.any(axis=0))
-
-
-def hypervolume(objectives: np.ndarray, reference: np.ndarray) -> float:
-    """Return the area that two objectives, to be made small, dominate up to a reference point."""
-    kept = objectives[(objectives < reference).all(axis=1)]
-    if not len(kept):
-        return 0.0
-    order = kept[np.argsort(kept[:, 0], kind="stable")]
-    lowest = np.minimum.accumulate(order[:, 1])
-    ends = np.append(order[1:, 0], reference[0])
-    return float(((ends - order[:, 0]) * (reference[1] - lowest)).sum())
