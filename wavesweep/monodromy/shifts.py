@@ -63,11 +63,17 @@ class DelayLines:
 
     def _summed(self, parts, z, step):
         """Sums of what enters lines, or is read of them, up to each of their states, or back from the end; step: 1 or -1."""
-        found = np.empty(np.broadcast_shapes(parts.shape, z.shape), complex)
-        for at in self._places():
-            back, power = (_powers(each, at.stop - at.start)[..., None, :] for each in (1 / z, z))
-            there, back = (power, back) if step > 0 else (back, power)
-            found[..., at] = np.cumsum((parts[..., at] * there)[..., ::step], -1)[..., ::step] * (back / z)
+        found = np.zeros(np.broadcast_shapes(parts.shape, z.shape), complex)
+        some = np.flatnonzero(np.swapaxes(parts, -1, -2).any(tuple(range(parts.ndim - 1))))
+        for at in self._places() if some.size else ():
+            power = np.repeat(z[..., 0], at.stop - at.start, axis=-1)
+            power[..., 0] = 1
+            power = np.cumprod(power, axis=-1, out=power)[..., None, :]
+            there, back = (power, 1 / power) if step > 0 else (1 / power, power)
+            sums = parts[..., some, at] * there
+            np.cumsum(sums[..., ::step], -1, out=sums[..., ::step])
+            sums *= back / z
+            found[..., some, at] = sums
         return found
 
     def _places(self):
@@ -78,32 +84,20 @@ class DelayLines:
     def reached(self, E, B, theta):
         """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B: `(..., n, 1)`, theta: `(...)`."""
         k, d, w = self.kept, self.delayed, on_circle(theta)[..., None, None]
-        enters, whole = E[..., d[:, None], k], w * np.eye(k.size) - E[..., k[:, None], k]
-        some = np.flatnonzero(enters.any(tuple(range(enters.ndim - 1))))
-        into = self.along(np.concatenate([enters[..., some], B[..., d, :]], -1) + 0 * w, 1 + w)
+        into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
         gained = E[..., k[:, None], d] @ into
-        whole[..., some] -= gained[..., :-1]
-        kept = solve(whole, B[..., k, :] + gained[..., -1:])
+        kept = solve(w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1], B[..., k, :] + gained[..., -1:])
         found = np.empty((*theta.shape, E.shape[-1]), complex)
-        found[..., k], found[..., d] = kept[..., 0], (into[..., :-1] @ kept[..., some, :] + into[..., -1:])[..., 0]
+        found[..., k], found[..., d] = kept[..., 0], (into[..., :-1] @ kept + into[..., -1:])[..., 0]
         return found
 
     def row(self, E, C, theta):
         """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, the others as for `reached`."""
         k, d, w = self.kept, self.delayed, on_circle(theta)[..., None, None]
-        leaves, whole = E[..., k[:, None], d], w * np.eye(k.size) - E[..., k[:, None], k]
-        some = np.flatnonzero(np.swapaxes(leaves, -1, -2).any(tuple(range(leaves.ndim - 1))))
-        out = self.read(np.concatenate([leaves[..., some, :], C[..., d]], -2) + 0 * w, 1 + w)
+        out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
-        whole[..., some, :] -= gained[..., :-1, :]
+        whole = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
         kept = np.swapaxes(solve(np.swapaxes(whole, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)), -1, -2)
         found = np.empty((*theta.shape, E.shape[-1]), complex)
-        found[..., k], found[..., d] = kept[..., 0, :], (kept[..., some] @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :]
+        found[..., k], found[..., d] = kept[..., 0, :], (kept @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :]
         return found
-
-
-def _powers(z, count):
-    """The powers of z from 0 on, `(..., count)`; z: `(..., 1, 1)`."""
-    powers = np.repeat(z[..., 0], count, axis=-1)
-    powers[..., 0] = 1
-    return np.cumprod(powers, axis=-1, out=powers)

@@ -69,14 +69,14 @@ def _open_arcs(lines, longest, E, off, theta, half):
     """
     (A, C, B), (dA, dC, dB) = E, off
     one, at_most, used = np.eye(len(A)), np.ones((1, 1, 1)), 0
-    size, of_B = (lines.along(part + 0 * at_most, at_most)[0].real for part in (np.abs(B) + dB, dB))
-    by_angle = one + (np.abs(C) + dC) @ lines.along(size + 0 * at_most, at_most)[0].real
+    size, of_B = (lines.along(part, at_most)[0].real for part in (np.abs(B) + dB, dB))
+    by_angle = one + (np.abs(C) + dC) @ lines.along(size, at_most)[0].real
     rounded = (ROUNDED + longest * np.finfo(float).eps) * (2 * one + np.abs(A) + np.abs(C) @ size)
     by_number, left = dA + dC @ size + np.abs(C) @ of_B + rounded, []
     while theta.size:
         used += theta.size
         w = on_circle(theta)[:, None, None]
-        S = w * one - A - C @ lines.along(B + 0 * w, 1 + w)
+        S = w * one - A - C @ lines.along(B, 1 + w)
         back = np.abs(inverse(S))
         change = back @ (half[:, None, None] * by_angle + by_number)
         weight = np.ones((theta.size, len(A), 1))
