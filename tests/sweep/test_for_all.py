@@ -11,7 +11,10 @@ import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.spec import load
 from wavesweep.sweep.drawn_loops import radii_of
+from wavesweep.sweep.for_all import _text
 from wavesweep.sweep.grid import distinct, drawing_for, read_by, selected
+from wavesweep.sweep.unknown import Part
+from wavesweep.tables import kind_named
 from wavesweep.tables.intervals import intervals
 
 PD = {
@@ -283,3 +286,37 @@ def wavesweep_hands():
     from wavesweep.sweep.hands import hands_of
 
     return hands_of("port")
+
+
+def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one():
+    """An integrator whose input is held 1, 2 or 3 ticks of 10 ms: `0 < k < 2/(3 T)`."""
+    spec = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"k": 10.0, "n": 1},
+        "block": {"x": {"type": "integrator"}, "held": {"type": "hold", "every": "n"}},
+        "wire": {"held.u": "x.y", "x.u": "-k*held.y"},
+        "for_all": {"n": {"values": [1, 2, 3], "varying": True}},
+        "sweep": {"along": "k", "k": {"start": -20, "stop": 200}},
+    }
+    table = intervals(load(spec), jobs=1)
+    tally = kind_named("stability-region").tally(table)
+    row = table.watched(tally.add).columns
+    assert row["counterexample"][1].count("frames") == 2
+    assert row["fails_from"][1] == pytest.approx(200 / 3, rel=1e-6)
+    (said,) = [line for line, _ in tally.lines(table.facts) if "refuted from" in line]
+    assert ", refuted from 66.6667 on by frames 3;" in said
+
+
+def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
+    frames = f"frames {', '.join(['16, 33'] * 40)}"
+    both = _text(Part(1.0, 2.0, {frames: None}, {"frames 3": None}))
+    assert both.endswith(" ...; from: frames 3")
+    assert len(_text(Part(1.0, 2.0, None, {frames: None}))) <= 160
+
+
+def test_what_begins_at_0_is_settled_only_if_it_is_proved_from_nearly_0_on():
+    (_,), (row,) = for_all(PD, kd={"start": 3, "stop": 5})
+    assert row["settled"]
+    assert 0 < row["low"] <= 1.0001e-4 * row["high"]
+    (field,) = [field for field in kind_named("zwidth").fields if field.name == "settled"]
+    assert "ten-thousandth" in field.description

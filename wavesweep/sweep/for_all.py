@@ -2,26 +2,30 @@
 
 from dataclasses import dataclass
 from itertools import product
+from textwrap import shorten
 
 import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.dead_time import timing
+from wavesweep.robust.joint import UNKNOWN
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.for_all import values_of_range
+from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_task import Parts, loop_by_loop
 from wavesweep.sweep.grid import drawing_for, own_loop
 from wavesweep.sweep.tasks import FELT, FIELDS, LINES
 from wavesweep.sweep.unknown import FROM_ZERO, Case, Part, proofs, searched
-from wavesweep.sweep.varying import Rules, bracketed, decided, text_of
+from wavesweep.sweep.varying import Rules, bracketed, decided, decided_along, text_of
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
 NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
-SETTLED = 1e-2  # of an end, how far proof and refutation may be apart
+SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
+SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
 TEXT = 160  # characters of a counterexample
 
 FOR_ALL_RECORD = np.dtype(
@@ -188,8 +192,9 @@ def _text(part):
     ends = [("below", part.low_by), ("from", part.high_by)]
     texts = [(end, _numbers(by)) for end, by in ends if by is not None]
     if len(texts) == 1:
-        return texts[0][1][:TEXT]
-    return "; ".join(f"{end}: {text}" for end, text in texts)[:TEXT]
+        return shorten(texts[0][1], TEXT, placeholder=" ...")
+    most = TEXT // 2 - len("; below: ")
+    return "; ".join(f"{end}: {shorten(text, most, placeholder=' ...')}" for end, text in texts)
 
 
 def _numbers(by):
@@ -212,7 +217,7 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     values = dict(spec.values)
     drawing = drawing_for(spec, values, path)
     rows = ForAllTask(rules, path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
-    found = rows[(rows["intervals"] > 0) & (rows["low"] <= FROM_ZERO * rows["high"] * (1 + SETTLED))]
+    found = rows[(rows["intervals"] > 0) & (rows["low"] <= 10 * FROM_ZERO * rows["high"])]
     return float(found["high"].max(initial=0.0))
 
 
@@ -222,9 +227,9 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     refuse_unsuitable_ranges(spec, "")
     rules, values = rules or Rules.of(spec), dict(spec.values)
     loop, known = _Loop(ForAllTask(rules, "", (0.0, 0.0), ()), own_loop(spec)[0], values), True
-    for case in loop.cases:
+    for number, case in enumerate(loop.cases):
         if rules.vary:
-            said, pattern = decided(rules.family(case.drawing, values | case.fixed, ""))
+            said, pattern = _decided(spec, rules, number, case)
             if said == "refuted":
                 return {"verdict": said, "counterexample": _numbers({**case.fixed, pattern: None})}
             known &= said == "proved"
@@ -237,6 +242,33 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
             return {"verdict": "refuted", "counterexample": _numbers(numbers)}
         known &= found is None or not len(found.open)
     return {"verdict": "proved" if known else "unknown", "counterexample": ""}
+
+
+def _decided(spec, rules, number, case):
+    """Whether a case whose frames vary is stable, and the pattern with which it is not.
+
+    What is not decided soon is asked of the intervals along the wall, or the spec's own number, as the tables have them: the
+    patterns that set their ends are found nearer to them.
+    """
+    values = dict(spec.values)
+    family = rules.family(case.drawing, values | case.fixed, "")
+    said, pattern = decided(family, SOON)
+    path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
+    if said != UNKNOWN or not path:
+        return (said, pattern) if said != UNKNOWN else decided(family)
+    value, axis = float(values[path]), next((axis for axis in spec.sweep if axis.path == path), None)
+    low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
+    span = min(value, low), max(value, high)
+    along = _Loop(ForAllTask(rules, path, span, ()), drawing_for(spec, values, path), values).cases[number]
+    try:
+        family_along = rules.family(along.drawing, values | along.fixed, path)
+    except UsageError:  # its frames cannot be cut there
+        return decided(family)
+    for part in searched([along], span):
+        said, pattern = decided_along(family_along, value, bracketed(family_along, span, (part.low, part.high)))
+        if said != UNKNOWN:
+            break
+    return said, pattern
 
 
 def _recorded(rows, certified):

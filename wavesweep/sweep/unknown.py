@@ -21,7 +21,7 @@ SHRINK = 12  # halvings of the steps of the search for the worst numbers
 FRAMES = 800_000  # that the proofs of a case may take
 MOST_UNSTABLE = 8  # points that a proof has met, at which it is looked again
 ROUNDS = 4  # of a search after a proof has met an unstable loop
-FROM_ZERO = 1e-3  # of the high end, from which on is proved what begins at 0, where a mode may stand still
+FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,9 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, LoopFrames, frames_of_controller, frames_of_drawing
-from wavesweep.robust.joint import PROVED, REFUTED, Bracket, bracket, decide
+from wavesweep.robust.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
+from wavesweep.robust.norms import WORK
+from wavesweep.robust.words import is_refuted
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
@@ -78,11 +80,21 @@ def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float,
     return None
 
 
-def decided(family: LoopFrames) -> tuple[str, str]:
-    """Whether a loop is stable for every order of frames, and the pattern with which it is not; family: along no number."""
-    found = decide(family)
-    words = {PROVED: "proved", REFUTED: "refuted"}
-    return words.get(found.verdict, "unknown"), text_of(family, found.word)
+def decided(family: LoopFrames, work: float = WORK) -> tuple[str, str]:
+    """Whether a loop is stable for every order of frames, and the pattern with which it is not.
+
+    family: along no number. work: operations after which no more norms are looked for.
+    """
+    found = decide(family, work=work)
+    return found.verdict, text_of(family, found.word)
+
+
+def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
+    """The same at a value of a number, by what is found about an interval along it: its proof, and the patterns of its ends."""
+    if found is not None and found.low <= value <= found.high:
+        return PROVED, ""
+    word = next((each for each in (found.words if found else ()) if each and is_refuted(family, each, value)), ())
+    return REFUTED if word else UNKNOWN, text_of(family, word)
 
 
 def text_of(family: LoopFrames, word: tuple[int, ...]) -> str:

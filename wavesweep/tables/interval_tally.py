@@ -315,7 +315,8 @@ def _at_an_edge(value: float, values: Sequence[float]) -> bool:
 def _ended_by(row: Mapping[str, Any]) -> str:
     """Text: the hand that ends the interval, if one is known."""
     if row.get("fails_from", np.nan) == row.get("fails_from", np.nan):
-        return f", refuted from {row['fails_from']:.6g} on by {row['counterexample']}" if row.get("counterexample") else ""
+        by = str(row.get("counterexample", "")).rpartition("from: ")[2]  # where both ends have one, each is named
+        return f", refuted from {row['fails_from']:.6g} on by {by}" if by else ""
     hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
     return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
 

@@ -73,7 +73,14 @@ FOR_ALL = (
     Field(
         "fails_from", "number", OF_ALONG, "nearest value beyond high that numbers of [for_all] refute; missing without", True
     ),
-    Field("settled", "boolean", "", "what is proved and what is refuted are within 1 % of each other at both ends", True),
+    Field(
+        "settled",
+        "boolean",
+        "",
+        "what is proved comes within 1 % of what is refuted, or of the swept range, at both ends; near an end of 0 within a "
+        "ten-thousandth of the other end",
+        True,
+    ),
     Field(
         "counterexample", "string", "", "the numbers with which it is unstable beyond fails_from, and below fails_below", True
     ),
