@@ -123,8 +123,10 @@ class Loop:
         along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
         (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
-        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
-        would not accept a name, SpecError if it would not accept a value or a combination.
+        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Of a spec with [for_all] the rows that
+        hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are of its own numbers, and
+        say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError if it would not accept
+        a value or a combination.
         prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
         require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
             {"damping_ratio": 0.3}.
@@ -142,10 +144,9 @@ class Loop:
         require: Require | None = None,
     ) -> DataFrame:
         from wavesweep.sweep.interval_job import job_over
-        from wavesweep.sweep.running import in_memory
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", in_memory(job_over(grid, axis, prove=prove, require=require)))
+        return self._frame("zwidth", intervals.of_calls(job_over(grid, axis, prove=prove, require=require)))
 
     def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
@@ -183,7 +184,7 @@ class Loop:
         """
         from wavesweep.sweep.poles import UNITS, poles
 
-        return frame(poles(self.spec), UNITS)
+        return frame(poles(self.spec), UNITS, self.spec.for_all)
 
     def response(
         self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
@@ -346,7 +347,7 @@ class Loop:
     def _frame(self, kind: str, columns: Columns) -> DataFrame:
         columns = kind_named(kind).completed(columns)
         along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
-        return frame(columns, _units(self.spec, kind, tuple(columns), along))
+        return frame(columns, _units(self.spec, kind, tuple(columns), along), self.spec.for_all)
 
     def _read(self, spec: Spec) -> frozenset[str]:
         return self.read if spec is self.spec else keys_of(spec)

@@ -4,6 +4,7 @@ from functools import reduce
 from itertools import product
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.linalg import expm
 
@@ -320,3 +321,34 @@ def test_what_begins_at_0_is_settled_only_if_it_is_proved_from_nearly_0_on():
     assert 0 < row["low"] <= 1.0001e-4 * row["high"]
     (field,) = [field for field in kind_named("zwidth").fields if field.name == "settled"]
     assert "ten-thousandth" in field.description
+
+
+def test_the_library_gives_the_rows_of_the_command():
+    spec = load(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})
+    loop, table = wavesweep.compile(spec), wavesweep.stability_region(spec)
+    found = loop.stable_intervals()
+    pd.testing.assert_frame_equal(found, table, check_exact=True)
+    assert found.guarantee.tolist() == ["spec", "for_all"]
+    several = loop.stable_intervals(**{"block.arm.mass": [0.2, 0.4]})
+    assert several.guarantee.tolist() == ["spec", "spec", "for_all", "for_all"]
+    assert loop.plot_zwidth().axes
+    with pytest.raises(UsageError, match="kd: expected a number that \\[for_all\\] does not have as well"):
+        loop.stable_intervals(kd=[3.0, 4.0])
+    with pytest.raises(UsageError, match="require: expected a spec without \\[for_all\\]"):
+        loop.stable_intervals(require={"radius": 0.99})
+
+
+def test_results_of_the_spec_alone_say_so_in_the_library():
+    loop = wavesweep.compile(FIG4 | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.125}}})
+    for found in (loop.poles(), loop.response([1.0]), wavesweep.bode(loop.spec), wavesweep.why(loop.spec)):
+        assert "not all of [for_all]" in found.attrs["guarantee"]
+    assert "guarantee" not in loop.stable_intervals().attrs
+    assert "guarantee" not in wavesweep.compile(FIG4).poles().attrs
+
+
+@pytest.mark.slow
+def test_why_says_what_check_says_for_all():
+    spec = FIG4 | {"for_all": {"device.mass": {"values": [0.1, 0.5]}}}
+    said = [line for line in wavesweep.why(spec).attrs["facts"]["notices"] if "for all of [for_all]" in line]
+    assert said == ["the spec's own design, for all of [for_all]: not stable with device.mass = 0.5"]
+    assert wavesweep.verdict(spec)["for_all"] == {"verdict": "refuted", "counterexample": "device.mass = 0.5"}

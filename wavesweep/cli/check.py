@@ -231,9 +231,10 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
 
 
 def _for_all(found: Facts | None) -> Iterator[str]:
-    words = {"proved": "proved stable", "unknown": "not known: no unstable numbers found, and no proof"}
+    from wavesweep.sweep.for_all import in_words
+
     if found:
-        yield f"  for all of [for_all]: {words.get(found['verdict'], 'not stable with ' + found['counterexample'])}"
+        yield f"  for all of [for_all]: {in_words(found)}"
 
 
 def _bounded(limit: Facts) -> bool:

@@ -1,5 +1,6 @@
 """Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from textwrap import shorten
@@ -219,6 +220,12 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     rows = ForAllTask(rules, path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
     found = rows[(rows["intervals"] > 0) & (rows["low"] <= 10 * FROM_ZERO * rows["high"])]
     return float(found["high"].max(initial=0.0))
+
+
+def in_words(found: Mapping[str, str]) -> str:
+    """What a verdict says, after "for all of [for_all]: "."""
+    words = {"proved": "proved stable", "unknown": "not known: no unstable numbers found, and no proof"}
+    return words.get(found["verdict"], f"not stable with {found['counterexample']}")
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:

@@ -25,12 +25,20 @@ class Shared(dict):
         return dict, (dict(self),)  # who reads a pickled DataFrame needs no part of this package
 
 
-def frame(columns: Columns, units: Mapping[str, str]) -> DataFrame:
-    """Columns as a DataFrame, whose `.attrs` has their `units`."""
+OWN = "the spec's own numbers alone, and not all of [for_all]"  # what a table without a column `guarantee` is of
+
+
+def frame(columns: Columns, units: Mapping[str, str], for_all: object = None) -> DataFrame:
+    """Columns as a DataFrame, whose `.attrs` has their `units`.
+
+    for_all: what the spec says of [for_all]; if it does and the rows are of its own numbers, `guarantee` in `.attrs` says so.
+    """
     import pandas
 
     found = pandas.DataFrame(dict(columns))
     found.attrs["units"] = Shared(units)
+    if for_all and "guarantee" not in columns:
+        found.attrs["guarantee"] = OWN
     return found
 
 
@@ -42,6 +50,8 @@ def framed(table: Table) -> DataFrame:
     tally = kind_named(table.kind).tally(table)
     columns = table.watched(tally.add).columns
     fields = table.fields or fields_of(table.kind, columns, table.facts)
-    found = frame(columns, {field.name: field.unit for field in fields})
+    specs = (table.facts.get("specs") or {"": table.facts.get("spec") or {}}).values()
+    of_own = table.kind != "design" and any("for_all" in each for each in specs)
+    found = frame(columns, {field.name: field.unit for field in fields}, of_own)
     found.attrs |= {"facts": Shared(table.facts), "summary": Shared(tally.numbers(table.facts))}
     return found

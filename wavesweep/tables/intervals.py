@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns
+from wavesweep.rows import Columns, joined
 from wavesweep.stability.certificate import OF_INTERVALS
 from wavesweep.tables.interval_tally import HandTally
 from wavesweep.tables.kind import OF_ALONG, OF_WALL, Again, Field, Kind
@@ -156,9 +156,26 @@ def _for_all(spec: Spec, own: IntervalJob, hands: Hands | None) -> Stage:
     if hands:
         raise UsageError("for hands: expected a spec without [for_all], which may have the operator's numbers, found both")
     spec.refuse_require("[for_all]")
+    if own.require:
+        raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
     refuse_unsuitable_ranges(spec, own.axis.path)
     guarantee = ForAllGuarantee(Rules.of(spec))
     return Stage(guarantee.kind, _guaranteed(own, guarantee), guarantee.method)
+
+
+def of_calls(own: IntervalJob) -> Columns:
+    """The rows of a job of the library, computed in this process: those of a command, for all of [for_all] too if there is one.
+
+    Errors: UsageError for numbers, or a requirement, that [for_all] cannot be held for beside.
+    """
+    from wavesweep.sweep.running import in_memory
+
+    spec = own.grid.spec
+    stages = [Stage("", own, ""), *([_for_all(spec, own, None)] if spec.for_all else [])]
+    swept = {axis.path for axis in own.grid.axes}
+    if wrong := [axis.name for axis in (spec.for_all.axes if spec.for_all else ()) if axis.path in swept]:
+        raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
+    return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1) for each in stages)
 
 
 def _guaranteed(own: IntervalJob, guarantee: Guarantee | ForAllGuarantee) -> IntervalJob:

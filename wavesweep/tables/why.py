@@ -61,6 +61,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
     held at the spec's values. Errors: as for `intervals`.
     """
+    from wavesweep.sweep import for_all
     from wavesweep.sweep.assumptions import over_preset
     from wavesweep.sweep.elasticities import elasticities, without_derivatives
     from wavesweep.sweep.grid import make_grid
@@ -84,6 +85,8 @@ def why(spec: Spec, along: str | None = None) -> Table:
         notices.append(
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
         )
+    if spec.for_all:
+        notices.append(f"the spec's own design, for all of [for_all]: {for_all.in_words(for_all.verdict(spec))}")
     notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}
