@@ -68,9 +68,10 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
     against = _against(design, records)
     bounded = any(wish.bound is not None for wish in design.wishes)
     missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
-    value = "value for every wish, as a loop that is unstable has none" if missing else "certified value for every wish"
-    wanted = "meets all bounds" if bounded else f"has a {value}"
-    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(parts)}{against}"
+    wanted = "meets all bounds" if bounded else f"has a {'' if missing else 'certified '}value for every wish"
+    loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
+    why = f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so" if missing else ""
+    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(parts)}{against}{why}"
 
 
 def _against(design, records):
