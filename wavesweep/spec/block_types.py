@@ -142,7 +142,7 @@ TYPES = MappingProxyType(
             "change of u since the last run, over the block's own period", _U_Y, steps="y[j] = (u[j] - u[j-1])/h[j]"
         ),
         "integrator": _type(
-            "integral of u",
+            "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
             _U_Y,
             _word("method", "rectangles from the left, from the right, or trapezia", INTEGRATIONS, "explicit"),
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
