@@ -123,10 +123,10 @@ class Loop:
         along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
         (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
-        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Of a spec with [for_all] the rows that
-        hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are of its own numbers, and
-        say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError if it would not accept
-        a value or a combination.
+        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high, low_hz, high_hz. Of a spec with
+        [for_all] the rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are
+        of its own numbers, and say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError
+        if it would not accept a value or a combination.
         prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
         require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
             {"damping_ratio": 0.3}.

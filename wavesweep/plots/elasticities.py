@@ -116,8 +116,9 @@ def _title(rows: Columns) -> list[str]:
     first = {name: column[0] for name, column in rows.items()}
     corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
     damping = first["damping_ratio"]
-    damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} beside it"
     hz, also = first.get("hz", first["omega"] / (2 * np.pi)), first.get("second_hz", np.nan)  # a table may be an old one
+    beside = "beside it" if np.isnan(hz) or np.isclose(2 * np.pi * hz, first["omega"]) else "from frame to frame"
+    damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} {beside}"
     second = "" if np.isnan(also) else f" and {also:.4g} Hz"
     mode = f"{hz:.4g} Hz{second}{damped}" if hz else f"no oscillation from frame to frame{damped}"
     mode = "the mode is not known" if np.isnan(first["omega"]) else mode
