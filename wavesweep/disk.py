@@ -5,6 +5,7 @@ by file, and only files whose names this program gives; so a folder that holds a
 """
 
 import errno
+import filecmp
 import os
 import re
 import stat
@@ -68,6 +69,14 @@ def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
         for scratch in temporary.values():
             with suppress(OSError):
                 scratch.unlink()
+
+
+def put(new: Path, place: Path) -> None:
+    """Rename a file to its place; if a file with equal bytes is there, that one stays, with its time."""
+    if place.is_file() and not place.is_symlink() and filecmp.cmp(new, place, shallow=False):
+        new.unlink()
+    else:
+        new.replace(place)
 
 
 def free_bytes(folder: Path) -> int:

@@ -295,7 +295,7 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
     code, out, err = wavesweep("simulate", "own.toml", "--out", "-")
     assert code == 0
     assert out.startswith("tick,")
-    assert "the table simulate-response is left out, since stdout takes one" in err
+    assert "the table simulate-response is left out, since --out - takes one" in err
     assert "left out" not in wavesweep("simulate", "own.toml", "--out", "-", "--quiet")[2]
 
 

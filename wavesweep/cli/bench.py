@@ -26,6 +26,8 @@ def command(quick: bool, options: Options) -> None:
     critical stiffness and responses, the cost of compiling, of slices, of workers and of starting, a profile, and hard
     cases in which digits are lost.
     """
+    if options.file:
+        raise click.UsageError(f"--out {options.out}: expected a folder, since this command writes several files")
     if options.overrides:
         raise click.UsageError(
             "--set: not possible here; the problems of the benchmark are fixed, so that runs can be compared"

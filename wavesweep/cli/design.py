@@ -43,6 +43,6 @@ def command(spec: str, checked: str, options: Options) -> None:
         from wavesweep.search.study import design
 
         table = design(*specs, for_hands=checked, **work)
-        return [table if options.to_stdout else with_best(table, specs[0])]
+        return [with_best(table, specs[0]) if options.to_folder else table]
 
     produce(["design"], [spec], options, compute, asked=Spec.as_designed)

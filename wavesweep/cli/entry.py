@@ -163,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if COMPLETING in os.environ:
             _completion().register()
         with _signals_unwind(as_program), _warnings_unsaid(debug):
-            code = group.main(arguments, prog_name="wavesweep", standalone_mode=False)
+            code = group.main(arguments, prog_name="wavesweep", standalone_mode=False, obj=arguments)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code
         if debug and not isinstance(error, SystemExit | click.ClickException):
             import traceback

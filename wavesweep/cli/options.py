@@ -1,9 +1,10 @@
 """The options that several commands have: each is defined once and has one meaning."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import wraps
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import click
@@ -11,6 +12,7 @@ from click.core import ParameterSource
 
 STDOUT = "-"
 FORMATS = ("png", "svg", "pdf", "eps")
+FILES = (".csv", ".parquet", *(f".{form}" for form in FORMATS))  # what a single file can be
 
 
 @dataclass(frozen=True)
@@ -37,22 +39,43 @@ class Options:
         """Whether the table goes to stdout and nothing to files."""
         return self.out == STDOUT
 
+    @property
+    def file(self) -> Path | None:
+        """The only file that is wanted; None if all of them are, in a folder, or the table on stdout."""
+        return Path(self.out) if self.out and _is_file(self.out) else None
 
-def folder(text: str) -> Callable[..., Any]:
-    """The option --out of a command whose files cannot go to stdout; text: its help."""
-    return click.option("-o", "--out", metavar="DIR", callback=_refuse_stdout, help=text)
+    @property
+    def to_folder(self) -> bool:
+        """Whether all files of the tables are wanted, in a folder."""
+        return not self.to_stdout and self.file is None
 
 
-def _refuse_stdout(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
-    if out == STDOUT:
-        raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
-    return _refuse_nothing(context, option, out)
+def _is_file(out: str) -> bool:
+    return PurePath(out).suffix.lower() in FILES and not Path(out).is_dir()
+
+
+def folder(text: str, or_file: bool = False) -> Callable[..., Any]:
+    """The option --out of a command that writes no table to stdout; text: its help. or_file: it may name a single file too."""
+
+    def checked(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
+        if out == STDOUT:
+            raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
+        if out and _is_file(out) and not or_file:
+            raise click.UsageError(f"--out {out}: expected a folder, since this command writes several files")
+        return _refuse_nothing(context, option, out)
+
+    return click.option("-o", "--out", metavar="DIR", callback=checked, help=text)
 
 
 def _refuse_nothing(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
     del context, option
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")
+    if out and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix) and not _is_file(out) and not Path(out).exists():
+        known = ", ".join(FILES)
+        raise click.UsageError(
+            f"--out {out}: expected a folder, or a file whose name ends in one of {known}; make the folder first"
+        )
     return out
 
 
@@ -142,7 +165,8 @@ _common = _together(
         "--out",
         metavar="DIR",
         callback=_refuse_nothing,
-        help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout, and no file.",
+        help="Folder for the results [default: results/<spec's name>], or the only file that is wanted, e.g. limits.csv, "
+        "limits.parquet, limits.png or limits.pdf. With - the CSV is written to stdout, and no file.",
     ),
     override,
     click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."),
@@ -167,10 +191,11 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     def gathered(force: bool, **given: Any) -> None:
         given |= dict.fromkeys({"overwrite", "restart"} & given.keys(), True) if force else {}
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
+        options = _of_file(options)
         drawn = options.plot and not options.to_stdout
         for name in () if drawn else ("formats", "width", "style"):
             if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
-                why = "--out -" if options.plot else "--no-plot"
+                why = f"--out {options.out}" if options.plot or options.file else "--no-plot"
                 raise click.UsageError(
                     f"--{name.removesuffix('s')} is of the figure, and {why} writes none; leave one of them out"
                 )
@@ -182,11 +207,25 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
             raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
         if options.as_json and options.to_stdout:
             raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
-        if options.partition is not None and options.to_stdout:
-            raise click.UsageError("--partition writes a folder of Parquet files, and --out - the CSV; leave one of them out")
+        if options.partition is not None and not options.to_folder:
+            raise click.UsageError(
+                f"--partition writes a folder of Parquet files, and --out {options.out} none; leave one of them out"
+            )
         body(options=options, **given)
 
     return _common(gathered)
+
+
+def _of_file(options: Options) -> Options:
+    """The options of a run that writes a single file, whose suffix says whether the figure is wanted, and in which format."""
+    if options.file is None:
+        return options
+    form, source = options.file.suffix.lower()[1:], click.get_current_context().get_parameter_source
+    if form not in FORMATS:
+        return replace(options, plot=False)
+    if not options.plot or (source("formats") is ParameterSource.COMMANDLINE and options.formats != (form,)):
+        raise click.UsageError(f"--out {options.out} is a figure in the format {form}; leave --no-plot and other formats out")
+    return replace(options, formats=(form,))
 
 
 # For the commands that work in chunks; beside `common`, which collects them.

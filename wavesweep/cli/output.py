@@ -5,17 +5,21 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import stat
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import partial
 from hashlib import sha256
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
 
 from wavesweep.cli.messages import Progress, progress, say, show_json, where
 from wavesweep.cli.options import Options
@@ -67,15 +71,16 @@ def produce(
     measured = facts_of_points(specs, kinds[0])
     with alone(kinds, directory, options):
         # Before the work as well as after it: a refusal should not cost a long run.
-        for kind in kinds if not (options.overwrite or options.to_stdout) else ():
+        for kind in kinds if options.to_folder and not options.overwrite else ():
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
         work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler")} | {"force": options.restart}
         kept = None if options.to_stdout else checkpoint_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
             tables = compute(specs, **work, progress=report, checkpoint=kept)
-        before = None if options.to_stdout else results.existing_facts(tables[0].kind, directory)
-        tables = [replace(table, facts={**table.facts, "spec_place": place, **measured}) for table in tables]
+        before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
+        run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": _command_line()}
+        tables = [replace(table, facts={**table.facts, "spec_place": place, **measured, **run}) for table in tables]
         rows = max(table.rows for table in tables)
         if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
             say(f"writing {rows:,} rows{' and the figure' if options.plot and not options.to_stdout else ''}")
@@ -86,15 +91,20 @@ def produce(
             if kept is not None and kept.is_file():
                 error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
             raise
-        for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
+        for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
-    if options.to_stdout and not options.quiet:
+    if not options.to_folder and not options.quiet:
         for table in tables[1:]:
-            say(f"the table {table.kind} is left out, since stdout takes one; --out DIR writes it")
+            say(f"the table {table.kind} is left out, since --out {options.out} takes one; --out DIR writes it")
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
     if notices := [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]:
         finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
     _report(command, specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+
+
+def _command_line() -> str:
+    """The words of this run, as a shell takes them."""
+    return shlex.join(["wavesweep", *(click.get_current_context().find_root().obj or ())])
 
 
 def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractContextManager[None]:
@@ -232,7 +242,9 @@ def prepare_work(options: Options) -> None:
 
 
 def folder_of(specs: Sequence[Spec], options: Options) -> Path:
-    """Return the folder for the results."""
+    """Return the folder for the results, or that of the only file."""
+    if options.file:
+        return options.file.parent
     return Path(options.out or own_folder((each.name for each in specs), options.overrides))
 
 
@@ -266,14 +278,16 @@ def _finish(table: Table, directory: Path, options: Options, main: bool, report:
     tally, paths, notices = kind_named(table.kind).tally(table), [], [str(notice) for notice in table.facts.get("notices", ())]
     if report and table.rows >= LONG:
         table = table.watched(_moving(report, table.rows))
-    if not options.to_stdout:
-        if options.plot:
-            from wavesweep.plots import drawn
+    if options.plot and not options.to_stdout and (main or options.to_folder):
+        from wavesweep.plots import drawn
 
-            table = drawn(table, notices.append)
+        table = drawn(table, notices.append)
+    if options.file and main:
+        paths = [results.save(table.watched(tally.add), options.file)]
+    elif options.to_folder:
         rows = options.partition if main else None
         paths = results.publish(table.watched(tally.add), directory, options.overwrite, options.formats, True, rows)
-    elif main:
+    elif options.to_stdout and main:
         try:
             results.stream(table.watched(tally.add), sys.stdout.buffer)
         except OSError as error:

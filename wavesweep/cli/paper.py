@@ -29,6 +29,8 @@ def command(options: Options) -> None:
 
     paper = program("sweeps/paper/reproduce")
 
+    if options.file:
+        raise click.UsageError(f"--out {options.out}: expected a folder, since this command writes several files")
     if options.overrides:
         raise click.UsageError("--set: the paper's values are its own; copy one of its specs and change the copy")
     directory, said, files, began = Path(options.out or Path("results", "paper")), [], [], time.perf_counter()

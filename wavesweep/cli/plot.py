@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 @click.command("plot")
 @click.argument("table")
 @formats
-@folder("Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].")
+@folder(
+    "Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].", or_file=True
+)
 @quiet
 @debug
 def command(table: str, formats: tuple[str, ...], out: str | None, **switches: bool) -> None:

@@ -13,7 +13,7 @@ from wavesweep.results.folder import (
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import add_figures
 from wavesweep.results.verify import Verification, verify
-from wavesweep.results.writing import publish, stream
+from wavesweep.results.writing import publish, save, stream
 from wavesweep.tables.columns import fields, fields_of
 from wavesweep.tables.kind import Field
 
@@ -34,6 +34,7 @@ __all__ = [
     "refuse_other_hands",
     "refuse_other_spec",
     "refuse_unusable",
+    "save",
     "stream",
     "verify",
 ]

@@ -13,6 +13,7 @@ from wavesweep.tables.kind import Field, FieldKind
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
 _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}
 _HASH_BLOCK = 1 << 20
+OF_RUN = ("timings", "warnings", "date", "command")  # facts that say nothing about the rows
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 
@@ -117,6 +118,17 @@ def packaged_fault(csv: Path, package: Path) -> str:
     expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
     found = f"found {here['bytes']} other ones: the file is torn or was changed"
     return f"{expected}, {found}; use the Parquet file, or compute the table again"
+
+
+def same_but_for_the_run(one: Path, other: Path) -> bool:
+    """Whether two packages are equal but for facts of the run that made them; false if one cannot be read."""
+    try:
+        packages = [loaded(each) for each in (one, other)]
+        for each in packages:
+            each["wavesweep"] = {name: fact for name, fact in each["wavesweep"].items() if name not in OF_RUN}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return False
+    return packages[0] == packages[1] and not other.is_symlink()
 
 
 def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:

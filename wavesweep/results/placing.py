@@ -2,8 +2,9 @@
 
 The files are written in a new folder `.<kind>.new-<random>` beside the results. When they are complete and on the disk, the
 folder is renamed to `.<kind>.put-<random>`: this decides. Then each file is moved to its place, files that the new data package
-does not list are removed, the package itself is moved, and the folder is removed. So a kill at any system call leaves one of
-two states:
+does not list are removed, the package itself is moved, and the folder is removed. If the place has the same bytes already, or a
+package that differs in facts of the run alone, as its date, the new file is removed instead: the old one keeps its time.
+So a kill at any system call leaves one of two states:
 
 - a `new` folder: nothing was decided, the old results are untouched, and the next run removes it;
 - a `put` folder: as long as it holds the package, the next run does these steps again, before that looks at the results.
@@ -18,10 +19,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from wavesweep.disk import folders_named, is_folder, random_part, remove_folder, remove_old, sync
+from wavesweep.disk import folders_named, is_folder, put, random_part, remove_folder, remove_old, sync
 from wavesweep.errors import UsageError
 from wavesweep.results.folder import BEST, DESIGNS, FIGURES, PARTS, SUFFIXES, are_designs, are_parts
-from wavesweep.results.package import packaged_files
+from wavesweep.results.package import packaged_files, same_but_for_the_run
 
 REPLACED = "replaced"  # the name, in the folder of new files, of a folder of parts whose place is needed
 ORDER = (*SUFFIXES[:-1], ".md", SUFFIXES[-1])  # the package last: its hashes then vouch for files that are in place
@@ -92,12 +93,18 @@ def _finish(kind, decided, directory):
         for name in others:
             if os.path.lexists(decided / name):
                 _make_way(decided, directory / name)
-                (decided / name).replace(directory / name)
+                if is_folder(decided / name):
+                    (decided / name).replace(directory / name)
+                else:
+                    put(decided / name, directory / name)
         listed = packaged_files(decided / package)
         for name in (f"{kind}{suffix}" for suffix in (".csv", *FIGURES)):
             if listed and name not in listed:
                 (directory / name).unlink(missing_ok=True)
-        (decided / package).replace(directory / package)
+        if same_but_for_the_run(decided / package, directory / package):
+            (decided / package).unlink()
+        else:
+            (decided / package).replace(directory / package)
         sync(directory)
     with suppress(OSError):  # it holds files of somebody else, or may not be removed: tried again by the next run
         if is_folder(decided / REPLACED):

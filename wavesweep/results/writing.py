@@ -1,28 +1,33 @@
 """Tables into files or to a stream, block by block; all of a table's files appear whole, or none does."""
 
+import os
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator
-from contextlib import closing, nullcontext
+from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
 from numbers import Integral
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import SpooledTemporaryFile
 from typing import Any, BinaryIO
 
+from wavesweep.disk import put, sync
 from wavesweep.errors import UsageError
 from wavesweep.given import boolean
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work
-from wavesweep.results.package import package_text
+from wavesweep.results.package import OF_RUN, package_text
 from wavesweep.results.placing import abandon, new_folder, put_in_place
 from wavesweep.rows import Columns, joined
 from wavesweep.tables.columns import checked, fields_of
 from wavesweep.tables.kind import Field
 from wavesweep.tables.table import Table
 
+IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
 AHEAD = 2  # groups that threads turn into text and Parquet while the rows of the next one are gathered
-OWN_FACTS = ("timings", "warnings", "spec_place")  # facts of one run, which differ between runs that give the same rows
+OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
 
 
 def publish(
@@ -80,17 +85,21 @@ def _of_folder(error: OSError, directory: Path) -> OSError:
     return OSError(number, text, str(directory))
 
 
-def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None) -> None:
-    """Write the files of a table but its package; `stem` is their path without a suffix."""
+def _write_all(
+    stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None, only: str = ""
+) -> None:
+    """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
     lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
-    groups, place = _groups(fields, blocks, partition), stem.with_suffix(".parquet")
-    if partition is None:
-        with closing(ParquetFile(place, fields, lasting)) as parquet, stem.with_suffix(".csv").open("wb") as csv:
+    place, parquet, csv = stem.with_suffix(".parquet"), None, None
+    with ExitStack() as opened:
+        if partition is not None:
+            parquet = opened.enter_context(closing(ParquetParts(place, fields, lasting, partition)))
+        elif only in ("", ".parquet"):
+            parquet = opened.enter_context(closing(ParquetFile(place, fields, lasting)))
+        if partition is None and only in ("", ".csv"):
+            csv = opened.enter_context(stem.with_suffix(".csv").open("wb"))
             csv.write(csv_header(fields))
-            _write_rows(groups, parquet, csv)
-    else:
-        with closing(ParquetParts(place, fields, lasting, partition)) as parquet:
-            _write_rows(groups, parquet)
+        _write_rows(_groups(fields, blocks, partition), parquet, csv)
     draw: Any = table.figure
     for form in formats if draw else ():
         try:
@@ -99,18 +108,44 @@ def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, form
             if not isinstance(error, OSError):
                 error.add_note("This happened in the figure; --no-plot writes the table without it.")
             raise
-    if table.text is not None:
+    if table.text is not None and not only:
         stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
 
 
-def stream(table: Table, out: BinaryIO) -> None:
-    """Write a table as CSV to the binary stream `out`.
+def save(table: Table, path: Path) -> Path:
+    """Write a table as the only file `path`, the CSV, the Parquet file or the figure, by its suffix; give the path.
 
-    Raises WavesweepError before the first byte if its first rows are unfit.
+    The file is there whole or not at all, and is left alone if it has these bytes already.
+    Raises UsageError if something else than a file is in its place, WavesweepError and OSError as `publish`.
     """
     fields, blocks = _opened(table)
-    out.write(csv_header(fields))
-    out.writelines(csv_rows(group) for group in _groups(fields, blocks))
+    if os.path.lexists(path) and not (path.is_file() and not path.is_symlink()):
+        raise UsageError(f"{path}: expected a file or none, found a link, a folder or a device; move it away")
+    folder, suffix = new_folder(table.kind, path.parent), path.suffix.lower()
+    try:
+        _write_all(folder / table.kind, table, fields, blocks, [suffix[1:]] if suffix in FIGURES else (), None, suffix)
+        whole = folder / f"{table.kind}{suffix}"
+        sync(whole)
+        put(whole, path)
+        sync(path.parent)
+    except OSError as error:
+        raise _of_folder(error, path) from error
+    finally:
+        abandon(table.kind, folder)
+    return path
+
+
+def stream(table: Table, out: BinaryIO) -> None:
+    """Write a table as CSV to the binary stream `out`, once all of it is there, so that nothing is left half-written.
+
+    Raises WavesweepError before the first byte if rows are unfit.
+    """
+    fields, blocks = _opened(table)
+    with SpooledTemporaryFile(IN_MEMORY) as whole:
+        whole.write(csv_header(fields))
+        whole.writelines(csv_rows(group) for group in _groups(fields, blocks))
+        whole.seek(0)
+        copyfileobj(whole, out)
     out.flush()
 
 
@@ -122,14 +157,15 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
     return fields, chain([checked(fields, first)], blocks)
 
 
-def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts, csv: BinaryIO | None = None) -> None:
+def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts | None, csv: BinaryIO | None) -> None:
     """Write the groups to the open files, in threads if there are several: Arrow leaves Python to the next group then."""
     first, second = next(groups, None), next(groups, None)
     if second is None:
         for group in () if first is None else (first,):
             if csv:
                 csv.write(csv_rows(group))
-            parquet.append(group)
+            if parquet:
+                parquet.append(group)
         return
     from concurrent.futures import ThreadPoolExecutor
 
@@ -137,12 +173,13 @@ def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts, 
         begun: deque = deque()
         every: Iterable[Columns | None] = chain([first, second], groups, (None,) * AHEAD)
         for each in every:
-            begun.append(each and (csv and of_csv.submit(csv_rows, each), of_parquet.submit(parquet.append, each)))
+            begun.append(each and (csv and of_csv.submit(csv_rows, each), parquet and of_parquet.submit(parquet.append, each)))
             done = begun.popleft() if len(begun) > AHEAD else None
             if done:
                 if csv:
                     csv.write(done[0].result())
-                done[1].result()
+                if parquet:
+                    done[1].result()
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:

@@ -14,7 +14,7 @@ import stat
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.keys import SYMBOLS
@@ -26,6 +26,7 @@ DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped ove
 MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
+PASSED = r"-|/dev/stdin|/dev/fd/(\d+)"  # files that are open already
 VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # in any case of letters
 FORMULA = ("=", "+", "-", "@")
 _BLANK = r"(?:[ \t\n]|#[^\n]*)*"
@@ -140,6 +141,8 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
     Errors: UsageError naming the path.
     """
     try:
+        if passed := re.fullmatch(PASSED, os.fspath(path)):
+            return _within(_passed(int(passed[1] or 0), most), path, most)
         # Without blocking: to open a named pipe waits for somebody who writes to it.
         descriptor = os.open(path, READ)
         try:
@@ -155,9 +158,20 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
         raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:  # a path that no file can have
         raise UsageError(f"{path!r}: cannot be read: {error}") from error
+    return _within(content, path, most)
+
+
+def _within(content: bytes, path: str | os.PathLike, most: int) -> bytes:
     if len(content) > most:
         raise UsageError(f"{path}: expected at most {most / 1e6:g} MB, found more")
     return content
+
+
+@cache
+def _passed(number: int, most: int) -> bytes:
+    """Return the content of a file that is open already, stdin or what a shell passes for `<(...)`; it can be read once."""
+    with os.fdopen(number, "rb", closefd=False) as stream:
+        return stream.read(most + 1)
 
 
 def _parse(text: str, name: str) -> dict:
@@ -247,6 +261,8 @@ def file_stem(path: str) -> str:
     Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables take for a missing number or
     another value, or that is no text.
     """
+    if passed := re.fullmatch(PASSED, path):
+        return f"fd{passed[1]}" if passed[1] else "stdin"
     stem = os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - pathlib takes half of the time of loading
     if stem.startswith(FORMULA) or not stem.isprintable():
         found = ascii(stem)
