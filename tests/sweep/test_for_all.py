@@ -11,6 +11,7 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.spec import load
+from wavesweep.sweep import for_all as for_all_module
 from wavesweep.sweep.drawn_loops import radii_of
 from wavesweep.sweep.for_all import _text
 from wavesweep.sweep.grid import distinct, drawing_for, read_by, selected
@@ -352,3 +353,33 @@ def test_why_says_what_check_says_for_all():
     said = [line for line in wavesweep.why(spec).attrs["facts"]["notices"] if "for all of [for_all]" in line]
     assert said == ["the spec's own design, for all of [for_all]: not stable with device.mass = 0.5"]
     assert wavesweep.verdict(spec)["for_all"] == {"verdict": "refuted", "counterexample": "device.mass = 0.5"}
+
+
+def held_arm(ticks, kp):
+    """A frame of `PD`: a free mass of 0.2 kg under the force of its first tick."""
+    T = ticks * 1e-3
+    return np.array([[1.0, T], [0.0, 1.0]]) - np.outer([T**2 / 2, T], [kp, 4.0]) / 0.2
+
+
+@pytest.mark.parametrize("place", ["proved", "between", "refuted", "beyond"])
+def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, monkeypatch):
+    """The pattern that refutes grows, by the frames' own matrices; what is proved does not for any order of eight."""
+    tables = PD | {"for_all": {"n": {"values": [5, 10], "varying": True}}}
+    (row,) = wavesweep.stability_region(tables).query("guarantee == 'for_all'").itertuples()
+    value = {
+        "proved": row.high,
+        "between": (row.high + row.fails_from) / 2,
+        "refuted": row.fails_from,
+        "beyond": 1.01 * row.fails_from,
+    }
+    monkeypatch.setattr(for_all_module, "decided", lambda *_: ("unknown", ""))
+    spec = load(tables).with_values({"kp": value[place]})
+    found = for_all_module.verdict(spec)
+    expected = {"proved": "proved", "between": "unknown"}.get(place, "refuted")
+    assert found == {"verdict": expected, "counterexample": row.counterexample if expected == "refuted" else ""}
+    frames = {ticks: held_arm(ticks, value[place]) for ticks in (5, 10)}
+    if expected == "refuted":
+        word = [int(ticks) for ticks in row.counterexample.removeprefix("frames ").split(", ")]
+        assert np.abs(np.linalg.eigvals(reduce(np.matmul, [frames[ticks] for ticks in reversed(word)]))).max() > 1
+    elif expected == "proved":
+        assert all(np.abs(np.linalg.eigvals(reduce(np.matmul, each))).max() < 1 for each in product(frames.values(), repeat=8))

@@ -289,3 +289,9 @@ def test_a_loop_that_may_conserve_is_told_how_to_ask():
     found = {"assumes": "", "period_s": 0.8, "spectral_radius": 1.0, "stable": False, "limits": [], **none}
     assert any("require = { bounded = true }" in line for line in own_lines(load(steps()), found))
     assert not any("bounded" in line for line in own_lines(load(steps()), found | {"spectral_radius": 1.1}))
+
+
+def test_intervals_of_a_loop_that_conserves_name_what_finds_them():
+    tables = steps() | {"sweep": {"along": "k2", "k2": {"start": 1.0, "stop": 100.0}}}
+    notices = wavesweep.stability_region(tables).attrs["facts"]["notices"]
+    assert any("require = { bounded = true }" in line for line in notices)

@@ -218,6 +218,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
 
 def _stability(spec: Spec, found: Facts) -> Iterator[str]:
     """Whether the design is stable."""
+    from wavesweep.sweep.verdict import BOUNDED
+
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
     known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
@@ -227,7 +229,7 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
         why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     if spec.drawing and radius == 1:
-        yield "  of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
+        yield f"  {BOUNDED}"
 
 
 def _for_all(found: Facts | None) -> Iterator[str]:
