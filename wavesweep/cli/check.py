@@ -218,7 +218,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
 
 def _stability(spec: Spec, found: Facts) -> Iterator[str]:
     """Whether the design is stable."""
-    from wavesweep.sweep.verdict import BOUNDED
+    from wavesweep.spec.require import BOUNDED
 
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]

@@ -13,6 +13,7 @@ from wavesweep.spec.resolving import check_each
 
 SETTLED = 0.02  # of its size, what is left of a mode after the time that it settles in
 TABLE = "sweep.require"
+BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 KNOWN = ", ".join(path.rpartition(".")[2] for path in REQUIRE_KEYS)
 
 

@@ -35,7 +35,6 @@ HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it h
 SECONDS = 3.0  # of work on the range of one number, after which it ends where it is
 LONG = 1.0  # s of a range in one piece by `expected_cost`, of which long frames take three times as much
 LATE = "it takes longer than check does"
-BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 LARGEST_CHANNEL = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
@@ -111,12 +110,6 @@ def _modes(spec, E):
 def _prepared(spec):
     """The loop prepared for responses at the hand; None if a drawn loop names no hand."""
     return None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-
-
-def conserving(spec: Spec) -> str:
-    """What to do about a drawn loop whose radius is 1 but for rounding, as that of one that conserves energy; else empty."""
-    radius = radius_of(*_frame_of(spec)[:2]) if spec.drawing else 0.0
-    return BOUNDED if radius == 1 else ""
 
 
 def _frame_of(spec):

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.rows import Columns
 from wavesweep.spec import find_key
-from wavesweep.spec.require import words_of
+from wavesweep.spec.require import BOUNDED, words_of
 from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE
 from wavesweep.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.tables.kind import Line, count
@@ -224,6 +224,7 @@ class IntervalTally:
             return ""
         if found is None:
             known = f"no {self._such()} found, but part of the swept range could not be decided"
+            known += f"; {BOUNDED}" if numbers_of(self._facts) and not self._required else ""
             return known if self._doubts and self._hand not in SEARCHED else HANDS[self._hand][2].format(such=self._such())
         value = f"largest {self._such()}: {found['value']:.6g}{self._unit(self._along)}"
         ended = f"{ENDS[found['ended_by']].format('it' if self._required else 'stability')}{_ended_by(self._largest.row)}"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.errors import UsageError
 from wavesweep.rows import Columns, joined
 from wavesweep.stability.certificate import OF_INTERVALS
 from wavesweep.tables.interval_tally import HandTally
@@ -242,15 +241,6 @@ def _required(job) -> Iterator[str]:
         yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(job.require.written())}"
 
 
-def _conserving(job, certified) -> Iterator[str]:
-    """Yield the notice of loops that conserve energy, of which no row is certified."""
-    from wavesweep.sweep.verdict import conserving
-
-    if not (certified or job.require):
-        with suppress(WavesweepError):  # the spec's own values may make no loop
-            yield from filter(None, [conserving(job.grid.spec)])
-
-
 def _linear(axis) -> Iterator[str]:
     """Yield the notice of a range that is searched and has a spacing or values."""
     if axis.scale == "log" and not axis.values:
@@ -266,7 +256,6 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     own = stages[0].job
     notices = [
         *_required(own),
-        *_conserving(own, certified),
         *_linear(own.axis),
         *own.grid.notices,
         *spans_held(spec, own.axis.path),
