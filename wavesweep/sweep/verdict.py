@@ -192,7 +192,7 @@ def _rows(job, value, span):
         records, span = task.about(value, lambda: monotonic() > until)
         return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
     cost, exact = cost_of(job.grid.spec, job.axis)
-    if cost > LONG and not exact:
+    if cost > (SECONDS if exact else LONG):
         return None, (value, value)
     return in_memory(job), span
 
