@@ -379,17 +379,12 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
 
     Errors: Fault if there is no signal within the parentheses.
     """
-    found: dict[str, str] = {}
-    parts = [tree[0]]
-    for part in tree[1:-1]:
-        inner, own = remembered(part, signals) if isinstance(part, tuple) else (part, {})
-        parts.append(inner)
-        found |= own
-    tree = (*parts, tree[-1])
+    parts = [remembered(part, signals) if isinstance(part, tuple) else (part, {}) for part in tree[1:-1]]
+    found = {register: signal for _, own in parts for register, signal in own.items()}
+    tree = (tree[0], *(part for part, _ in parts), tree[-1])
     if tree[0] != PREVIOUS:
         return tree, found
-    known = {*signals, *found}
-    own = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in known}
+    own = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in found}
     if not own:
         raise Fault(tree[-1], f"a signal of a wire within {PREVIOUS}( )", "none")
     return with_trees(tree[1], {name: ("name", register, 0) for register, name in own.items()}), found | own
