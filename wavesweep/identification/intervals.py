@@ -58,7 +58,8 @@ def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
         return Told(step, np.ptp(ends, axis=0) / 2, 0.0, weight * (residual - slopes @ step), weight, slopes, rounded=True)
     change, noise = _likeliest(basis, residual, resolution)
     score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
-    curved = np.linalg.inv(basis.T @ (weight[:, None] * basis))
+    curved = basis.T @ (weight[:, None] * basis)
+    curved = np.linalg.inv(curved + np.eye(len(change)) * 1e-12 * np.trace(curved))
     many = max(np.sum(weight) ** 2 / np.sum(weight**2) - len(change) - 1, 1.0)
     half = np.sqrt(np.diag(inverse @ curved @ inverse.T) * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
     wider = _coloured(inverse, curved, basis, weight, score)
@@ -81,7 +82,7 @@ def _polytope(basis, residual, resolution, aims):
         cost = np.append((1, -1)[place[0]] * aim / np.linalg.norm(aim), 0.0)
         change, active = _lowest(cost, A, b, active, 0.5 + SLACK)
         ends[place] = aim @ change[:-1] * unit * resolution
-    return ends
+    return ends if np.isfinite(ends).all() else None
 
 
 def _lowest(cost, A, b, active, bound):
@@ -94,6 +95,8 @@ def _lowest(cost, A, b, active, bound):
         rows, wide = A[active], np.ones(len(active))
         upper = np.concatenate([np.c_[rows, -wide], np.c_[-rows, -wide]])
         done = linprog(cost, upper, np.concatenate([bound + b[active], bound - b[active]]), bounds=bounds).x
+        if done is None:  # HiGHS failed
+            return np.full(len(cost), np.inf), active
         off = np.abs(b - A @ done[:-1]) - bound - done[-1]
         new = np.argpartition(off, -min(ADDED, len(off)))[-ADDED:]
         new = np.setdiff1d(new[off[new] > 1e-6], active)
