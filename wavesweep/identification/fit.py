@@ -98,11 +98,14 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
     widest = SECANT * scales(model, theta, rows)
     steps = widest if model.friction else STEP * scales(model, theta, rows)
     for _ in range(ROUNDS):
-        J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
-        if not np.isfinite(J).all() or not np.isfinite(left).all():
+        with np.errstate(all="ignore"):
+            J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
+        if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
             raise UsageError(NO_MASS)
         found = told(J, left, resolution)
         theta = theta + found.step
+        if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
+            raise UsageError(NO_MASS)
         steps = np.minimum(found.half, widest) if model.friction else steps
         if (np.abs(found.step) < SETTLED * found.half).all():
             break
@@ -142,6 +145,8 @@ def _later(model, theta, rows):
         moves = np.diff(positions(model, theta, rows.force, rows.period, rows.skip))
         known |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
         model, rows = replace(model, without=_hidden(model, place, moves)), replace(rows, skip=skip)
+        if "offset" in model.without:  # friction has taken it
+            known["friction"] = abs(known["friction"] - np.sign(moves.sum()) * known["offset"])
         theta = refined(model, np.array([known[name] for name in model.names]), rows)
         if model.numbers(theta)["delay"] + 1 <= skip or skip == most:
             return model, theta, replace(rows, used=np.ones(len(place), bool))

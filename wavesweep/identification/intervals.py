@@ -50,7 +50,6 @@ class Told:
 def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
     """What is told by the residual (m) of numbers with such slopes. resolution: step of the encoder (m), 0 for none."""
     size = np.linalg.norm(slopes, axis=0)
-    size[size == 0] = 1.0
     basis, upper = np.linalg.qr(slopes / size)
     inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
     if resolution and (ends := _polytope(basis, residual, resolution, inverse)) is not None:
@@ -59,9 +58,12 @@ def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
     change, noise = _likeliest(basis, residual, resolution)
     score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
     curved = basis.T @ (weight[:, None] * basis)
-    curved = np.linalg.inv(curved + np.eye(len(change)) * 1e-12 * np.trace(curved))
+    curved = np.linalg.inv(curved + np.eye(len(change)) * (1e-12 * np.trace(curved) + 1e-300))
     many = max(np.sum(weight) ** 2 / np.sum(weight**2) - len(change) - 1, 1.0)
-    half = np.sqrt(np.diag(inverse @ curved @ inverse.T) * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
+    # The curvature and the scores themselves are two estimates of the same variance, of which the larger is taken.
+    squares = inverse @ curved @ (basis.T @ (score[:, None] ** 2 * basis)) @ curved @ inverse.T
+    square = np.maximum(np.diag(inverse @ curved @ inverse.T), np.diag(squares))
+    half = np.sqrt(square * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
     wider = _coloured(inverse, curved, basis, weight, score)
     half = half if wider is None else np.maximum(half, wider)
     return Told(inverse @ change, half, noise, score, weight, slopes)
@@ -129,7 +131,7 @@ def _climbed(basis, residual, resolution, noise, change):
     value, score, weight = _readings(residual - basis @ change, resolution, noise)
     for _ in range(NEWTON):
         curved = basis.T @ (weight[:, None] * basis)
-        curved += np.eye(len(change)) * 1e-9 * np.trace(curved)
+        curved += np.eye(len(change)) * (1e-9 * np.trace(curved) + 1e-300)
         step = np.linalg.solve(curved, basis.T @ score)
         for _ in range(NEWTON):
             after = _readings(residual - basis @ (change + step), resolution, noise)

@@ -53,6 +53,8 @@ def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float,
     not needed, otherwise it is taken to be the first one.
     """
     found = model.numbers(theta)
+    if not abs(found["delay"]) < len(force):
+        return np.full(len(force) - skip, np.nan)
     push, parts, full = _pushes(found, force, period, skip)
     return _sliding(found, push, parts, full, period) if found["friction"] else _linear(found, push, period)
 
