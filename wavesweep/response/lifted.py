@@ -10,6 +10,7 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.circle import solve
 from wavesweep.monodromy.periodic import in_a_row, then, ticks_of
 from wavesweep.monodromy.rounding import ENTRIES, ROUNDING, both
+from wavesweep.response.bordered import Bordered
 from wavesweep.response.circle import Circle, circle_of
 from wavesweep.response.modal import Modal
 from wavesweep.response.port import Port, reached
@@ -228,6 +229,11 @@ class Lifted:
     def modal(self) -> Modal:
         """The modes of the frame."""
         return Modal(*self.frame.E)
+
+    @cached_property
+    def bordered(self) -> Bordered:
+        """The larger system, for what modes do not give."""
+        return Bordered(self.port.seen(), Stretch.of, Sums.of)
 
     @cached_property
     def of_positions(self) -> "tuple[Stretch, np.ndarray]":

@@ -1,6 +1,6 @@
 """Loops seen from the hand's port: a map per kind of tick, without the drift."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,12 @@ class Port:
     def rough(self) -> float:
         """Relative error of sums over a frame."""
         return long_sum(self.kind.size)
+
+    def seen(self) -> "Port":
+        """Return the port without the states that no output depends on."""
+        alive = _alive(self.maps)
+        maps, sizes = (tuple(_some(each, alive) for each in parts) for parts in (self.maps, self.sizes))
+        return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., alive])
 
 
 def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
@@ -236,8 +242,23 @@ def _fixed(ticks, kept, leads):
     return np.where(np.abs(V) <= dV, 0.0, V), dV
 
 
+def _alive(maps):
+    """Return the indices of the states that the outputs depend on in some tick of some loop."""
+    n = maps[0][0].shape[-1]
+    reads, seen = np.zeros((n, n), bool), np.zeros(n, bool)
+    for E, _, C, _ in maps:
+        reads |= (E != 0).any(tuple(range(E.ndim - 2)))
+        seen |= (C != 0).any(tuple(range(C.ndim - 1)))
+    return reached(seen, reads)
+
+
 def reached(seen, reads) -> np.ndarray:
     """Return the indices of the states that are seen, `(n,)`, or that these depend on; reads: on which, `(n, n)`."""
     while not np.array_equal(seen | reads[seen].any(0), seen):
         seen = seen | reads[seen].any(0)
     return np.flatnonzero(seen)
+
+
+def _some(parts, alive):
+    E, B, C, D = parts
+    return E[..., alive[:, None], alive], B[..., alive, :], C[..., alive], D

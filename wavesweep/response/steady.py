@@ -8,7 +8,7 @@ from wavesweep.monodromy.rounding import ROUNDING
 from wavesweep.response.lifted import Lifted, Sums
 from wavesweep.response.static import LOST, NOTHING, at_port, at_signal, limit_between, limit_of, relative_response
 
-GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, a bound that takes longer is computed
+GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
 LOW = 2e-4  # of the slowest pole and of the frame's rate, the frequency that the static limit is held against
 TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
@@ -36,7 +36,7 @@ def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
 
     The force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`, and both results are its components at w itself. The state at
     the start of a frame solves `(w - E) X = g`, with the loop closed and without what drifts, so that no pole of an open loop
-    enters. It is found through the modes of E; if their bound is too coarse, the inverse itself bounds the error.
+    enters. It is found through the modes of E; if these cancel too far, from a larger system (see `Bordered`).
     Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
@@ -142,15 +142,16 @@ def _responses(loop, points, good):
 def _quantities(loop, points, good):
     """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
     found, error, again = _by_modes(loop, points)
-    doubtful = ~(error <= good * np.abs(found)).all(-2) & ~loop.lost[..., None]
-    some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-    width = max(1, BLOCK // (loop.order + 1) ** 2 // max(1, loop.lost.size))
-    for start in range(0, some.size, width):
-        index = some[start : start + width]
-        number, less = (_reading(loop)(*pair) for pair in zip(again(index), _both_steps(points, index), strict=True))
-        better = doubtful[..., None, index] & ~(less >= error[..., index])
-        found[..., index] = np.where(better, number, found[..., index])
-        error[..., index] = np.where(better, less, error[..., index])
+    for improve in (again, lambda index: loop.bordered.outputs(points.at(index))):
+        doubtful = ~(error <= good * np.abs(found)).all(-2) & ~loop.lost[..., None]
+        some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+        width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
+        for start in range(0, some.size, width):
+            index = some[start : start + width]
+            number, less = (_reading(loop)(*pair) for pair in zip(improve(index), _both_steps(points, index), strict=True))
+            better = doubtful[..., None, index] & ~(less >= error[..., index])
+            found[..., index] = np.where(better, number, found[..., index])
+            error[..., index] = np.where(better, less, error[..., index])
     return found, np.where(loop.lost[..., None, None], np.nan, error)
 
 
