@@ -174,7 +174,7 @@ def test_the_figure_names_the_number_with_its_unit(run):
 
 def test_what_is_not_known_is_not_called_unstable():
     limit = {"name": "c", "value": 5.0, "stable": False, "certified": False, "doubt": "counts"}
-    limit |= {"intervals": [], "from": 0, "to": 50}
+    limit |= {"intervals": [], "from": 0, "to": 50, "low": None, "high": None, "stopped": False}
     spec = load(tomllib.loads(ARM))
     assert check._limit(spec, limit).endswith(": no stable value known in 0 to 50 N*s/m (counts)")
     assert check._limit(spec, limit | {"certified": True, "doubt": ""}).endswith(": nowhere stable in 0 to 50 N*s/m")

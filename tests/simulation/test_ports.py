@@ -92,7 +92,7 @@ def test_a_settled_sine_has_the_components_of_the_response(source):
     own = wavesweep.compile(load(path, [f"simulate.from={source}"]))
     k, f = np.arange(24_000), 170.0
     parts = [own.simulate(wave(2 * np.pi * f * k / 10_000)).iloc[-1000:] for wave in (np.cos, np.sin)]
-    found = own.response(f, from_=source).set_index("to")
+    found = own.response(f, from_=source).set_index("to_output")
     for name in ("speed", "current"):
         tick = (parts[0][name] + 1j * parts[1][name]).to_numpy() * np.exp(-2j * np.pi * f * k[-1000:] / 10_000)
         wanted = tick.mean()  # of a hundred frames

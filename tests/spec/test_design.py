@@ -147,7 +147,7 @@ def test_numbers_that_ratios_set_stay_in_their_ranges(varied, ratios, fault):
     [
         (
             {"wish": {"transparency": {}}},
-            ["wish.transparency: expected one of z_width, felt, port, damping_ratio, settling, chatter, depth for"],
+            ["wish.transparency: expected one of z_width, felt, free_motion, port, damping_ratio, settling"],
         ),
         ({"wish": {"z_width": {}}}, ["wish.z_width: expected a loop with a wall in [ports], found none"]),
         ({"wish": {"port": {"walls": [1]}}}, ["wish.port: expected a loop with a wall in [ports], found none"]),

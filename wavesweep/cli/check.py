@@ -69,16 +69,24 @@ def command(
     _refuse_at_odds(plot or locus is not None, out)
     from wavesweep import spec as specs
     from wavesweep.cli.messages import printable, progress
-    from wavesweep.cli.output import own_folder
+    from wavesweep.cli.output import own_folder, refuse_other_things
     from wavesweep.sweep.assumptions import over_preset, unusual
+    from wavesweep.sweep.measured import read_points
     from wavesweep.sweep.planning import plan, within_ticks
     from wavesweep.sweep.verdict import beside, own_design
 
     loaded, silent = specs.load(spec, overrides), switches["as_json"] or switches["quiet"]
     poles = _axis_of_poles(loaded, locus) if locus is not None else None
-    if plot or poles:
-        from wavesweep import plots
+    read_points(loaded)  # an error comes before anything is printed
+    directory, figures = (
+        Path(out or own_folder([loaded.name], overrides)),
+        ["diagram"] * plot + ["root-locus"] * (poles is not None),
+    )
+    if figures:
+        from wavesweep import plots, results
 
+        results.refuse_unusable(directory)
+        refuse_other_things(*(directory / f"{name}.{form}" for name in figures for form in formats))
         plots.refuse_settings()
 
     def show(lines: Iterable[str]) -> None:
@@ -96,8 +104,7 @@ def command(
 
         lines += study.plan(loaded)
     notices = [*unusual(loaded), *over_preset(loaded), *(within_ticks(loaded) if loaded.drawing else ())]
-    directory = Path(out or own_folder([loaded.name], overrides))
-    pictures = _pictures(loaded, plot, poles, directory, formats) if plot or poles else []
+    pictures = _pictures(loaded, figures, poles, directory, formats) if figures else []
     if switches["as_json"]:
         from wavesweep.cli.messages import show_json
 
@@ -139,17 +146,13 @@ def _axis_of_poles(spec: Spec, name: str) -> Axis:
     return axis
 
 
-def _pictures(spec: Spec, plot: bool, poles: Axis | None, directory: Path, formats: tuple[str, ...]) -> list[Path]:
+def _pictures(spec: Spec, figures: list[str], poles: Axis | None, directory: Path, formats: tuple[str, ...]) -> list[Path]:
     """Draw the loop, its poles over an axis, or both, and write the pictures; gives the paths of the files."""
-    from wavesweep import __version__, plots, results
-    from wavesweep.cli.output import refuse_other_things
+    from wavesweep import __version__, plots
     from wavesweep.plots.files import save_all
     from wavesweep.plots.locus import locus_of
     from wavesweep.plots.style import about_figure
 
-    figures = ["diagram"] * plot + ["root-locus"] * (poles is not None)
-    results.refuse_unusable(directory)
-    refuse_other_things(*(directory / f"{name}.{form}" for name in figures for form in formats))
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     drawn = (plots.diagram(spec) if name == "diagram" else locus_of(spec, poles) for name in figures)
     written = (
