@@ -120,6 +120,18 @@ def test_what_is_no_signal_is_refused_where_it_stands(wire, found):
         wavesweep.load(tables(wire))
 
 
+def test_an_input_of_a_class_that_is_at_rest_was_so_before():
+    joint = {
+        "block": {"v": {"type": "integrator", "every": 2}},
+        "wire": {"v.u": "prev(target) - prev(v.y)"},
+        "ports": {"inputs": ["target"], "outputs": {"angle": "v.y"}},
+    }
+    given = {"rates": {"tick_hz": 10}, "type": {"joint": joint}, "wire": {"one.target": "0", "two.target": "one.angle"}}
+    drawing = wavesweep.load(given | {"block": {name: {"type": "joint"} for name in ("one", "two")}}).drawing
+    assert dict(drawing.wires)["one.v.u"][0][0] == "prev(one.v.y).y"
+    assert [signal for signal, _ in dict(drawing.wires)["two.v.u"]] == ["prev(one.v.y).y", "prev(two.v.y).y"]
+
+
 def test_a_number_may_still_have_the_name():
     given = tables("prev*m.x")
     given["numbers"]["prev"] = 2.0

@@ -377,7 +377,7 @@ def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
 def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
     """Return the tree with the outputs of registers in place of the signals within `prev(...)`, and the signal of each output.
 
-    Errors: Fault if there is no signal within the parentheses.
+    Errors: Fault if there is neither a signal nor 0 within the parentheses.
     """
     parts = [remembered(part, signals) if isinstance(part, tuple) else (part, {}) for part in tree[1:-1]]
     found = {register: signal for _, own in parts for register, signal in own.items()}
@@ -385,7 +385,7 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
     if tree[0] != PREVIOUS:
         return tree, found
     own = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in found}
-    if not own:
+    if not (own or _is_nothing(tree[1])):  # as an input of a class that is at rest
         raise Fault(tree[-1], f"a signal of a wire within {PREVIOUS}( )", "none")
     return with_trees(tree[1], {name: ("name", register, 0) for register, name in own.items()}), found | own
 
