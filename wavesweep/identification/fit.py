@@ -215,8 +215,9 @@ def _begun(model, rows):
     shares = [share * float(np.std(rows.force)) for share in (0.05, 0.3)] if model.friction else [0.0]
     lates = dict.fromkeys([late, 0.0] if model.friction and model.delay is None else [late])
     best = min((_near(model, known, each, share, rows) for each in lates for share in shares), key=lambda each: each[0])
-    if best[1][1] < 0 and model.delay is None:  # with another delay it may be a damping above 0
-        best = min(best, *(_near(model, known, each, shares[-1], rows) for each in LATE), key=lambda each: each[0])
+    if best[1][1] < 0 and model.delay is None:  # with another delay it may be a damping above 0, and so it rather is
+        others = [_near(model, known, each, shares[-1], rows) for each in LATE]
+        best = min(best, *others, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
     return best[1]
 
 
