@@ -2,17 +2,16 @@
 
 import click
 
-from wavesweep.cli.options import Options, common, for_hands, partition, prove, workers
+from wavesweep.cli.options import Options, common, for_hands, partition, workers
 
 
 @click.command("stability-region")
 @click.argument("spec")
 @for_hands
-@prove
 @partition
 @common
 @workers
-def command(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool) -> None:
+def command(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
@@ -26,4 +25,4 @@ def command(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("stability-region", spec, options, for_hands=for_hands, prove=prove)
+    produce_intervals("stability-region", spec, options, for_hands=for_hands)
