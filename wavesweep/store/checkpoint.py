@@ -27,9 +27,9 @@ DAMAGED = ".damaged"  # behind the name of a file that was moved away
 PATIENCE = 2.0  # s for a lock
 # What SQLite says of the disk or of other programs, and not of the file, each with what helps.
 IN_USE = "; another program has it open: close it there, or give --restart to begin anew"
-OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM"), "") | dict.fromkeys(
-    ("BUSY", "LOCKED", "PROTOCOL"), IN_USE
-)
+OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM", "READONLY"), "")
+OF_DISK |= dict.fromkeys(("BUSY", "LOCKED", "PROTOCOL"), IN_USE)
+NEWEST = 2  # format that SQLite has
 OURS = 0x77617665  # application_id of the file
 TABLES = f"""
 BEGIN;
@@ -38,6 +38,12 @@ CREATE TABLE IF NOT EXISTS runs (name TEXT PRIMARY KEY, digest BLOB, identity TE
 CREATE TABLE IF NOT EXISTS chunks (run BLOB, number INTEGER, checksum INTEGER, records BLOB, PRIMARY KEY (run, number));
 COMMIT;
 """
+
+
+def _formats(place: Path) -> bytes:
+    """The versions of the format that a file of SQLite names, for those who write and read it: 1 or, with a log, 2."""
+    with place.open("rb") as file:
+        return file.read(20)[18:]
 
 
 class DamagedError(Exception):
@@ -152,9 +158,10 @@ class FileCheckpoint:
                 self._open(sqlite3)
             return self._db.execute(statement, values).fetchall()
         except (sqlite3.Error, UnicodeDecodeError) as error:
-            name = getattr(error, "sqlite_errorname", "").removeprefix("SQLITE_").partition("_")[0]
-            if self.place is None or again or (name in OF_DISK and not self._force):
-                hint = OF_DISK.get(name, "")
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            hint = next((hint for name, hint in OF_DISK.items() if code == getattr(sqlite3, f"SQLITE_{name}")), None)
+            if self.place is None or again or (hint is not None and not self._force):
+                hint = hint or ""
                 raise OSError(errno.EIO, f"{error}{hint}", str(self.place or "a file of finished chunks")) from error
             self._move_away(error)
         return self._do(statement, *values, again=True)
@@ -187,6 +194,8 @@ class FileCheckpoint:
     def _prepare(self, sqlite3, options):
         address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
         self._db = sqlite3.connect(address, PATIENCE, isolation_level=None, check_same_thread=False, uri=True)
+        if self.place and self.place.exists() and max(_formats(self.place), default=0) > NEWEST:
+            raise sqlite3.DatabaseError("a file of an unknown format")  # SQLite would call it read-only
         self._db.execute("PRAGMA synchronous = OFF")  # there are no chunks yet
         if self._db.execute("PRAGMA page_count").fetchall() == [(0,)]:
             self._db.execute("PRAGMA page_size = 65536")  # chunks have hundreds of kB
