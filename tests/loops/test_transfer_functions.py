@@ -167,9 +167,8 @@ def test_a_frame_whose_ticks_grow_and_cancel_is_not_vouched_for(order, every, do
     known = loop({"type": "tf", "num": num, "den": den}, every)
     lost = loop({"type": "ss", **dict(zip("ABCD", companion(num, den), strict=True))}, every)
     table = lost.stable_intervals("K")
-    if table.certified.all():  # in balls
-        np.testing.assert_allclose(table.high, known.stable_intervals("K").high, rtol=1e-9)
-    assert set(table.doubt) <= {"", doubt, "crowded", "counts"}
+    assert not table.certified.any()
+    assert set(table.doubt) <= {doubt, "crowded", "counts"}
     if doubt == "overflow":
         assert np.isnan(lost.spectral_radius())
         assert set(lost.response([0.0, 1.0]).doubt) == {"overflow"}
@@ -186,7 +185,7 @@ def test_poles_that_nearly_meet_are_not_counted_on_either_side_of_the_circle(p, 
     keeps them from being written about -1."""
     den = ["a", *(float(comb(order, i) * p**i) / q**i for i in range(1, order + 1))]
     table = loop({"type": "tf", "num": [1.0], "den": den}, 10, a=1.0).stable_intervals("K", (-1e-9, 1e-9))
-    assert not table.certified.any() or ((table.low < 0) & (table.high > 0)).any()
+    assert not table.certified.any()
 
 
 @pytest.mark.parametrize("name", ["leak", "a", "c", "f", "b"])

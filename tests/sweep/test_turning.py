@@ -142,30 +142,28 @@ def test_a_built_in_device_on_a_spring_without_damping(kind, along, detuned):
                 assert inside == 0 < outside
 
 
-STIFF = [  # damping, the hand's stiffness, range of K_VE
-    (0.2, 394784174.88693726, 78956834977387.45),
-    (10.000000000000002, 39478417866.923805, 3.947841786692381e17),
-    (1.0, 394784178.66923803, 3947841786692380.0),
-    (0.11000000000000001, 3947841.91634945, 434262610798.4395),
+STIFF = [  # damping, the hand's stiffness, range of K_VE, and the end in it by 120 digits
+    (0.2, 394784174.88693726, 78956834977387.45, 62772161.131261867),
+    (10.000000000000002, 39478417866.923805, 3.947841786692381e17, 59885981559937.453),
+    (1.0, 394784178.66923803, 3947841786692380.0, 6283205149743.1921),
+    (0.11000000000000001, 3947841.91634945, 434262610798.4395, 6911504333.7101312),
 ]
 
 
-@pytest.mark.parametrize(("damping", "spring", "high"), STIFF)
-def test_a_built_in_wave_line_on_a_stiff_hand(damping, spring, high):
+@pytest.mark.parametrize(("damping", "spring", "high", "right"), STIFF)
+def test_a_built_in_wave_line_on_a_stiff_hand(damping, spring, high, right):
     """One rate, no filter, no Kp: the impedance cancels, and a device, its springs and a sum of velocities remain."""
-    tables = {
-        "rates": {"fast_hz": 1000.0, "ratio": 1},
-        "device": {"mass": 0.1, "damping": damping},
-        "operator": {"stiffness": spring},
-        "environment": {"K_VE": 1.0, "B_VE": 0.0, "integration": "explicit"},
-        "controller": {"kind": "pmw", "b": damping, "Kp": 0.0},
-        "filters": {"lp1": {"order": 0, "cutoff_hz": 10.0}},
-    }
-    table = wavesweep.compile(tables).stable_intervals("K_VE", (0.0, high))
-    if table["certified"].all():
-        witness = certified.Witness(dict(load(tables).values), (512, 1024))
-        inside, outside = (witness.unstable(table["high"][0] * (1 + side * 1e-9), 0.0) for side in (-1, 1))
-        assert inside == 0 < outside
+    table = wavesweep.compile(
+        {
+            "rates": {"fast_hz": 1000.0, "ratio": 1},
+            "device": {"mass": 0.1, "damping": damping},
+            "operator": {"stiffness": spring},
+            "environment": {"K_VE": 1.0, "B_VE": 0.0, "integration": "explicit"},
+            "controller": {"kind": "pmw", "b": damping, "Kp": 0.0},
+            "filters": {"lp1": {"order": 0, "cutoff_hz": 10.0}},
+        }
+    ).stable_intervals("K_VE", (0.0, high))
+    assert not table["certified"].any() or table["high"].tolist() == [pytest.approx(right, rel=1e-9)]
 
 
 def next_to_the_limit(kind, ratio, mass, damping, wall, **more):
@@ -202,7 +200,7 @@ def test_a_built_in_damper_that_nearly_turns_the_velocity_over(spec, along, span
 
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
 def test_a_mode_that_ends_a_frame_in_its_other_state_has_turned_too(kind):
-    """326 circles and a quarter, at a quality of 6e7: in doubles the end is off by 1.5e-8."""
+    """326 circles and a quarter, at a quality of 6e7: the end was off by 1.5e-8, and certified."""
     omega = 2049.844051282051
     tables = {
         "controller": {"kind": kind},
@@ -212,7 +210,17 @@ def test_a_mode_that_ends_a_frame_in_its_other_state_has_turned_too(kind):
         "environment": {"B_VE": 0.0, "delay": 785},
         "local_model": {"K_LM": 0.0, "B_LM": 0.0},
     }
-    (found,) = wavesweep.compile(tables).stable_intervals("K_VE", (0, 0.01 * omega**2)).itertuples()
-    witness = certified.Witness(dict(load(tables).values), (512, 1024))
-    assert found.certified
-    assert witness.unstable(found.high * (1 - 1e-9), 0.0) == 0 < witness.unstable(found.high * (1 + 1e-9), 0.0)
+    found = wavesweep.compile(tables).stable_intervals("K_VE", (0, 0.01 * omega**2))
+    assert found.doubt.tolist() == ["rounding"]
+
+
+def test_a_drawn_mode_that_ends_a_frame_in_its_other_state_has_turned_too():
+    omega, damping = 1800.980442280074, 4.152692319953543e-09
+    blocks = {
+        "p": {"type": "mass", "mass": 1.0, "damping": 2 * damping * omega, "stiffness": omega**2},
+        "s": {"type": "hold", "every": 5000},
+        "h": {"type": "hold", "every": 5000, "phase": 956},
+    }
+    wires = {"s.u": "c*p.x", "h.u": "s.y", "p.f": f"-{omega**2!r}*h.y"}
+    tables = {"rates": {"tick_hz": 1000.0}, "numbers": {"c": 1.0}, "block": blocks, "wire": wires}
+    assert wavesweep.compile(tables).stable_intervals("c", (0, 1)).doubt.tolist() == ["rounding"]

@@ -263,6 +263,15 @@ partition = click.option(
 )
 
 
+# For the commands of stable intervals.
+prove = click.option(
+    "--prove",
+    is_flag=True,
+    help="Compute columns in doubt again in ball arithmetic, with as many digits as it takes, if the spec draws its loop. This "
+    "takes from hundredths of a second to some ten seconds per column.",
+)
+
+
 def refuse_equal_names(sources: Sequence[str]) -> None:
     """Raise UsageError if two files of specs have the same stem, which labels rows and curves."""
     stems = [PurePath(source).stem for source in sources]

@@ -2,16 +2,17 @@
 
 import click
 
-from wavesweep.cli.options import Options, common, for_hands, partition, workers
+from wavesweep.cli.options import Options, common, for_hands, partition, prove, workers
 
 
 @click.command("stability-region")
 @click.argument("spec")
 @for_hands
+@prove
 @partition
 @common
 @workers
-def command(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
+def command(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
@@ -25,4 +26,4 @@ def command(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("stability-region", spec, options, for_hands=for_hands)
+    produce_intervals("stability-region", spec, options, for_hands=for_hands, prove=prove)

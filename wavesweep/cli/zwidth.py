@@ -2,16 +2,17 @@
 
 import click
 
-from wavesweep.cli.options import Options, common, for_hands, partition, workers
+from wavesweep.cli.options import Options, common, for_hands, partition, prove, workers
 
 
 @click.command("zwidth")
 @click.argument("spec")
 @for_hands
+@prove
 @partition
 @common
 @workers
-def command(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
+def command(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
@@ -34,4 +35,4 @@ def command(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("zwidth", spec, options, along="K_VE", for_hands=for_hands)
+    produce_intervals("zwidth", spec, options, along="K_VE", for_hands=for_hands, prove=prove)

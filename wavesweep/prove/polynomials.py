@@ -24,7 +24,6 @@ from wavesweep.spec.expressions import Tree, degree, evaluate, is_constant
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
 MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such
-NODES = 30  # operations that the nodes of an interpolant take, for each pair
 MOST_PARTS = 400  # of the range
 KEPT = 0.6  # share of the bits that are kept: a term that is smaller counts as part of the error
 STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
@@ -130,7 +129,6 @@ class Family:
 
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
-        self.budget.use(NODES * nodes**2)
         points, weights = _nodes(nodes, ctx.prec)
         values = [self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact) for point in points]
         for number, (times, error) in enumerate(zip(self.ones, errors, strict=True)):

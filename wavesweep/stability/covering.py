@@ -15,20 +15,17 @@ NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place i
 CROSSING = 6  # steps towards a crossing on the panel's polynomials; from then on the frame at the place itself is taken
 FIRM = 2.5  # times what the errors of entries move a crossing by: half of a window about it, at least
 WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider with every try, up to this part of half a panel
-RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
-GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
-MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
-SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
+MOST_TESTS, FOR_EACH, ROUNDS = 1000, 8, 150  # of a column, and for each of its panels; of all together
+SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02)  # of the way that is wanted, tried in turn
 SHORT = 1e-12  # relative: a stretch so short is given up
-UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
+WINDOW, UNKNOWN = -1, -2  # in place of the number of eigenvalues outside
 
 
 @dataclass(frozen=True, slots=True)
 class Tiles(Rows):
     """Parts of the spans of columns.
 
-    outside: number of eigenvalues outside the unit circle, or at least so many; UNKNOWN; WINDOW if some cross there, or
-    OVERLAID if another one is outside meanwhile. value,
+    outside: number of eigenvalues outside the unit circle, or at least so many; WINDOW if they cross there; UNKNOWN. value,
     theta, miss, doubt: of a window: the crossing; the eigenvalue's angle there; to what its distance from the circle is known,
     relative to what that changes by with the parameter if this is more; ROUNDING if the window is wider than ends may be off.
     """
@@ -111,8 +108,7 @@ class _Test:
         self.roots = np.where(closed, np.inf, roots)
         ends = np.where(closed, roots, np.inf).min(1) - eps, np.where(closed, roots, -np.inf).max(1) + eps
         self.begin = [np.where(self.closing, end, 0.0) for end in ends]
-        self.rough = (unsure / np.abs(slope) > off) | (eps > FIRM * off)
-        self.overlaid = ((self.bent.excess > 0) & ~closed).any(1)
+        self.rough = eps > off
 
     def results(self):
         """Return the new tiles, and the stretches that are open."""
@@ -130,32 +126,23 @@ class _Test:
         end = np.where(self.beside < 0, *self.span)
         value = np.where(self.beside != 0, end, np.clip(self.there, *inner))
         doubt = np.where(self.rough, ROUNDING, NONE)
-        window = Tiles(self.column, *inner, np.where(self.overlaid, OVERLAID, WINDOW), value, self.theta, self.miss, doubt)
+        window = Tiles(self.column, *inner, np.full(some.size, WINDOW), value, self.theta, self.miss, doubt)
         tiles.append(window.take(some))
         moving = self.toward | again
         steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
         new = [_Open(open_.panel, a, b, np.clip(self.there, a, b), steps).take(moving)]
-        halved = failed & (b - a > RETRIED * (inner[1] - inner[0]))  # from elsewhere it may succeed
-        beyond = np.where(failed & ~halved, GIVEN_UP * (inner[1] - inner[0]), 0.0)
-        low, high = np.where(proved[0], left, left - beyond), np.where(proved[1], right, right + beyond)
-        sides = (
-            (a, low, -1),
-            (high, b, 1),
-            (inner[0], np.where(halved, place, inner[0]), 0),
-            (place, np.where(halved, inner[1], place), 0),
-        )
-        for low, high, way in sides:
-            some = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
-            new.append(self._rest(some, low[some], high[some], way, np.abs((high if way < 0 else low) - place)[some]))
+        for low, high, way in ((a, left, -1), (right, b, 1), (inner[0], place, 0), (place, inner[1], 0)):
+            some = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving & (failed | (way != 0)))
+            new.append(self._rest(some, low[some], high[some], way, np.abs((left if way < 0 else right) - place)[some], failed))
         return tiles, _Open.join(new)
 
-    def _rest(self, some, low, high, way, gone):
+    def _rest(self, some, low, high, way, gone, failed):
         """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
         roots, length = self.roots[some], high - low
         ahead = np.where(way * roots > 0, np.abs(roots), np.inf).min(1) * self.half[some]
         place = self.open.place[some] + way * ahead
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length) & (ahead < np.maximum(3 * gone, 0.5 * length))
-        trusted &= (self.radius[some] == 1) & (self.open.steps[some] < CROSSING)
+        trusted &= (self.radius[some] == 1) & ~failed[some] & (self.open.steps[some] < CROSSING)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
         return _Open(self.open.panel[some], low, high, place, trusted.astype(int))
 
@@ -186,8 +173,8 @@ class _Test:
         return np.split(ends, 2), np.split(outside, 2)
 
 
-def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
-    """Return the parts of the spans in which the loops are stable, unstable or not known; all of a column have its doubt.
+def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> tuple[Regions, np.ndarray]:
+    """Return the parts of the spans in which the loops are stable, unstable or not known, and the doubt of each column.
 
     lost: parts without panels, see `panels_of`. attached: from each end of the span, how far what is not known may reach
     without a doubt, since a crossing there is given as at the end itself.
@@ -199,12 +186,12 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
     np.maximum.at(doubt, owner[searched].astype(int), np.where(overflown[searched] > 0, OVERFLOW, SEARCH))
     np.maximum.at(doubt, tiles.column, np.where(tiles.outside == UNKNOWN, CROWDED, NONE))
-    at = np.flatnonzero(tiles.outside > WINDOW)
+    at = np.flatnonzero(tiles.outside != WINDOW)
     parts, column, label = tiles.take(at), tiles.column[at], np.sign(tiles.outside[at])
     beside = np.concatenate([at - 1, at[-1:] + 1])  # before each part, and after the last one
     window = tiles.take(np.clip(beside, 0, tiles.column.size - 1))
     first = np.append(True, np.diff(column) != 0)
-    last, known = np.append(first[1:], True), (window.outside <= WINDOW)
+    last, known = np.append(first[1:], True), (window.outside == WINDOW)
     crossed, ending = known[:-1] & (window.column[:-1] == column), known[1:] & (window.column[1:] == column)
     low = np.where(first, span[0], np.where(crossed, window.value[:-1], parts.low))
     high = np.where(last, span[1], np.append(low[1:], span[1]))
@@ -215,13 +202,12 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))
     same = ~first & (before == label)
     np.maximum.at(doubt, column, np.where(label == 0, np.maximum(*rough), NONE))
-    # Between parts alike eigenvalues may touch the circle, or cross and return; without a crossing the counts agree.
-    unsure = crossed & same & ((label == 0) | (window.outside[:-1] == WINDOW))
-    wrong = ~first & (unsure | ~crossed & ~same & (np.minimum(label, before) >= 0))
+    # Between stable parts an eigenvalue may only touch the circle, or leave and return; without a crossing the counts agree.
+    wrong = ~first & (crossed & same & (label == 0) | ~crossed & ~same & (np.minimum(label, before) >= 0))
     np.maximum.at(doubt, column[wrong], COUNTS)
     begin, end = np.flatnonzero(~same), np.flatnonzero(np.append(~same[1:], True))
     ends = (low[begin], high[end], theta[0][begin], theta[1][end])
-    return Regions(column[begin], *ends, label[begin], doubt[column[begin]], np.maximum(miss[0][begin], miss[1][end]))
+    return Regions(column[begin], *ends, label[begin], 0 * begin, np.maximum(miss[0][begin], miss[1][end])), doubt
 
 
 def _facts(window):
