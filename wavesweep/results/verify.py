@@ -108,10 +108,11 @@ def _files(package: Path) -> Iterator[str]:
 
 def _between(csv: Path, parquet: Path) -> Iterator[str]:
     """Yield the first difference of the two tables, whatever their package says of them."""
+    of_schema = (LookupError, TypeError, AttributeError)
+    faults: tuple[type[Exception], ...] = (WavesweepError, *unreadable(), *of_schema)
     try:
         difference = _compared(parquet, csv_blocks(csv), exact=True)
-    # the last three errors are of the package's schema
-    except (WavesweepError, *unreadable(), LookupError, TypeError, AttributeError) as error:
+    except faults as error:
         yield f"{csv.with_suffix('')}.*: a table cannot be read: {in_short(error)}"
         return
     if difference:
@@ -126,9 +127,10 @@ def _again(package: Path, facts: Mapping[str, Any]) -> Again | None:
 
 def _stem(package: Path) -> str:
     """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
+    faults: tuple[type[Exception], ...] = (WavesweepError, *unreadable())
     try:
         column = read_rows(package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), 0, 1).get("spec", ["spec"])
-    except (WavesweepError, *unreadable()) as error:
+    except faults as error:
         raise OSError(in_short(error)) from error
     return str(column[0]) if len(column) else "spec"
 
@@ -178,13 +180,13 @@ def _sampled(
     parquet: Path, some: Callable[[Sequence[int]], Iterator[Columns]], combinations: int, sample: int, seed: int, exact: bool
 ) -> str:
     """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
-    rows, starts = rows_in(parquet), []
+    rows, found = rows_in(parquet), []
     for first in range(0, rows, GROUP_ROWS):
         numbers = read_rows(parquet, first, first + GROUP_ROWS, ["interval"]).get("interval")
         if numbers is None:
             return "no column interval"
-        starts.append(first + np.flatnonzero(numbers == 0))
-    starts = np.concatenate(starts)
+        found.append(first + np.flatnonzero(numbers == 0))
+    starts = np.concatenate(found)
     if len(starts) != combinations:
         return f"{len(starts)} combinations and not {combinations}"
     picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False))

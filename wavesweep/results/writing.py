@@ -90,7 +90,8 @@ def _write_all(
 ) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
     lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
-    place, parquet, csv = stem.with_suffix(".parquet"), None, None
+    place, csv = stem.with_suffix(".parquet"), None
+    parquet: Any = None
     with ExitStack() as opened:
         if partition is not None:
             parquet = opened.enter_context(closing(ParquetParts(place, fields, lasting, partition)))

@@ -167,7 +167,7 @@ def _of_log(path: str, given: Asked) -> Table:
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
     facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}}
-    facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(~fit.rows.used)))
+    facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))))
     found = {
         "time_s": log.times,
         "force": log.force,
