@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
+from wavesweep.columns import Columns, joined
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops.from_drawing import OUTPUT, assembled, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
-from wavesweep.rows import Columns, joined
 from wavesweep.spec import Axis, Require, Spec, load
 from wavesweep.spec.loading import naming
 from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named

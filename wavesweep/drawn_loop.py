@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
-from wavesweep.given import real_numbers
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.response.lifted import Lifted

@@ -17,7 +17,7 @@ from bench.problems import FILE, PROBLEMS
 from bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from bench.this_tool import LAPACK, profile_rows
 from wavesweep import __version__
-from wavesweep.rows import Columns
+from wavesweep.columns import Columns
 from wavesweep.tables.table import Table
 
 METHODS = {

@@ -88,6 +88,6 @@ def test_a_terminal_that_goes_away(tmp_path, ignored):
 
 def test_a_command_keeps_freed_memory_for_its_work(wavesweep, spec, monkeypatch):
     kept = []
-    monkeypatch.setattr("wavesweep.system.keep_memory", lambda: kept.append(True))
+    monkeypatch.setattr("wavesweep.platform_compat.keep_memory", lambda: kept.append(True))
     assert wavesweep("zwidth", spec)[0] == 0
     assert kept == [True]

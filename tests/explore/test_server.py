@@ -17,7 +17,7 @@ from support.program import PROGRAM
 
 from wavesweep.explore import server as module
 from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
-from wavesweep.system import peer_user
+from wavesweep.platform_compat import peer_user
 
 QUESTION = json.dumps({"values": {}})
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from reproduce.specs import FOLDER, load_paper
-from wavesweep import beside
+from wavesweep import bundled
 from wavesweep.errors import UsageError
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.responses import responses
@@ -58,13 +58,13 @@ def test_the_wheel_has_every_spec_and_example_and_both_programs():
     files = [*ROOT.glob("sweeps/paper/*.toml"), *ROOT.glob("sweeps/examples/*.toml")]
     files += ROOT.glob("sweeps/examples/bench-*.csv")  # which one of them names
     names = {"benchmarks/bench", "sweeps/paper/reproduce", *(path.relative_to(ROOT).as_posix() for path in files)}
-    assert included == {name: f"wavesweep/_beside/{name}" for name in names}
+    assert included == {name: f"wavesweep/_bundled/{name}" for name in names}
 
 
 def test_what_is_inside_an_installed_package_goes_first_and_nothing_anywhere_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(beside, "__file__", str(tmp_path / "wavesweep" / "beside.py"))
+    monkeypatch.setattr(bundled, "__file__", str(tmp_path / "wavesweep" / "bundled.py"))
     with pytest.raises(UsageError, match="benchmarks/bench: expected it in"):
-        beside.program("benchmarks/bench")
-    for place in ("sweeps/paper", "wavesweep/_beside/sweeps/paper"):
+        bundled.program("benchmarks/bench")
+    for place in ("sweeps/paper", "wavesweep/_bundled/sweeps/paper"):
         (tmp_path / place).mkdir(parents=True)
-        assert beside.beside("sweeps/paper") == tmp_path / place
+        assert bundled.bundled("sweeps/paper") == tmp_path / place

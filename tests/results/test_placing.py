@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from wavesweep import disk, system
+from wavesweep import atomic_files, platform_compat
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import at_work, lock, placing, publish
 from wavesweep.results.folder import HEADER
@@ -156,7 +156,7 @@ def test_without_locks_the_run_says_so_once_and_goes_on(tmp_path, monkeypatch):
     def unsupported(*_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(system.fcntl, "flock", unsupported)
+    monkeypatch.setattr(platform_compat.fcntl, "flock", unsupported)
     said = []
     with at_work(["simulate", "simulate-response"], tmp_path, say=said.append):
         pass
@@ -232,7 +232,7 @@ def test_a_link_in_a_folder_that_is_removed_stays_with_it(tmp_path):
     (tmp_path / "precious").write_text("precious")
     (folder / "part-1").write_text("ours")
     (folder / "part-2").symlink_to(tmp_path / "precious")
-    assert not disk.remove_folder(folder, re.compile(r"part-\d"))
+    assert not atomic_files.remove_folder(folder, re.compile(r"part-\d"))
     assert names(folder) == ["part-2"]
     assert (tmp_path / "precious").read_text() == "precious"
 

@@ -11,12 +11,12 @@ from support.drawn import ARM, NETWORK, NEXT_TO_ONE, PD, WALL, as_blocks, random
 from support.specs import KINDS, nested
 
 import wavesweep
+from wavesweep.columns import joined
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops import blocks
 from wavesweep.loops.from_drawing import refuse_unsuitable
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.monodromy.cut import with_batch
-from wavesweep.rows import joined
 from wavesweep.spec import load, sweep_axes
 from wavesweep.stability import regions, stable_intervals
 from wavesweep.stability.certificate import COUNTS

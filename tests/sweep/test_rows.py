@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wavesweep.rows import joined
+from wavesweep.columns import joined
 from wavesweep.spec import load
 from wavesweep.store.checkpoint import MemoryCheckpoint
 from wavesweep.sweep import gathering

@@ -13,8 +13,8 @@ from concurrent.futures import Future
 import pytest
 from support.chunks import DieOnce, finished_in
 
-from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.reproducibility import versions
 from wavesweep.sweep import clusters, workers
 from wavesweep.sweep.pools import in_parallel
 from wavesweep.sweep.workers import Workers, results
@@ -254,7 +254,7 @@ def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
 FAULTS = """
 import resource
 import numpy as np
-from wavesweep.system import keep_memory
+from wavesweep.platform_compat import keep_memory
 from wavesweep.tables.intervals import intervals
 
 if {keep}:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.cli.options import Options, common
+from wavesweep.reproducibility import ONE_THREAD
 
 FOLDER = Path("results", "bench")
 
@@ -35,7 +35,7 @@ def command(quick: bool, options: Options) -> None:
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
     # starts inherit it.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    from wavesweep.beside import program
+    from wavesweep.bundled import program
     from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.cli.output import alone
     from wavesweep.results import stream

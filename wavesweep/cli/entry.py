@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.system import HANGUP, STOPPING
+from wavesweep.platform_compat import HANGUP, STOPPING
+from wavesweep.reproducibility import ONE_THREAD
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem

@@ -6,7 +6,7 @@ from textwrap import wrap
 
 import click
 
-from wavesweep.beside import beside
+from wavesweep.bundled import bundled
 from wavesweep.cli.options import overwriting
 from wavesweep.cli.output import refuse_no_folder, write_whole
 from wavesweep.controllers import CONTROLLERS
@@ -82,7 +82,7 @@ def command(kind: str, device: str | None, example: str | None, out: str | None,
 
 def _example(name: str) -> str:
     """The text of an example."""
-    found = {path.stem: path for path in sorted(beside("sweeps/examples").glob("*.toml"))}
+    found = {path.stem: path for path in sorted(bundled("sweeps/examples").glob("*.toml"))}
     _known(name, found, "example")
     return found[name].read_text(encoding="utf-8")
 

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from wavesweep.atomic_files import write_files
 from wavesweep.cli.messages import Progress, progress, say, show_json, where
 from wavesweep.cli.options import Options
-from wavesweep.disk import write_files
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -225,8 +225,8 @@ def prepare_work(options: Options) -> None:
 
     Raises UsageError if the backend or stdout cannot be used.
     """
+    from wavesweep.platform_compat import keep_memory
     from wavesweep.sweep.workers import excess, refuse_backend
-    from wavesweep.system import keep_memory
 
     refuse_backend(options.backend)
     keep_memory()

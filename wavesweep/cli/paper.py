@@ -22,7 +22,7 @@ def command(options: Options) -> None:
     and its numbers for each statement. The last three are also written as Markdown. With --out - the statements go to
     stdout.
     """
-    from wavesweep.beside import program
+    from wavesweep.bundled import program
     from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.cli.output import alone
     from wavesweep.results import publish, stream

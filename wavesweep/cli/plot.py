@@ -15,7 +15,7 @@ from wavesweep.cli.options import FORMATS, debug, folder, formats, quiet
 from wavesweep.errors import UsageError, WavesweepError
 
 if TYPE_CHECKING:
-    from wavesweep.rows import Columns
+    from wavesweep.columns import Columns
 
 
 @click.command("plot")

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from wavesweep.columns import complex_columns
 from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
 from wavesweep.explore.sliders import taken
@@ -17,7 +18,6 @@ from wavesweep.plots.planes import region_of
 from wavesweep.plots.refine import NARROW, Curve, Interval, View, curves_of, known_gaps
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
-from wavesweep.rows import complex_columns
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.plane import quick_columns, refined_curve
 from wavesweep.sweep.drawn_loops import loop_at_hand

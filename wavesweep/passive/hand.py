@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.given import real_numbers
+from wavesweep.arguments import real_numbers
 from wavesweep.passive.held_loop import HAND
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.beside import program
+from wavesweep.bundled import program
 from wavesweep.errors import UsageError
 from wavesweep.tables import HOMES, kind_named
 

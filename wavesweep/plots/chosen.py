@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly
-from wavesweep.rows import Columns
 
 KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer one is read a second time
 MOST_DRAWN = 200  # curves of all specs together: more of them are an area

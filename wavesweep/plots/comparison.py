@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.layout import is_logarithmic
 from wavesweep.plots.measured import (
     coloured,
@@ -40,7 +41,6 @@ from wavesweep.plots.style import (
     wide,
     with_unit,
 )
-from wavesweep.rows import Columns
 from wavesweep.spec.keys import KEYS
 from wavesweep.tables.columns import felt_unit, unlike_units
 

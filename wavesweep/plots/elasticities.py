@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, assumed, distinct_colour, figure, lines_of, printed, symbol, wide
-from wavesweep.rows import Columns
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8

@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from wavesweep.disk import random_part
+from wavesweep.atomic_files import random_part
 from wavesweep.plots.style import DOTS_PER_INCH, style
 
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.simulation import extremes
 from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, as_it_stands, distinct_colour, figure, lines_of
-from wavesweep.rows import Columns
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.chosen import Kept
 from wavesweep.plots.layout import MOST_BARS, Layout, axes_of, best_of, best_row, is_logarithmic, lay_out
 from wavesweep.plots.measured import draw_walls, highest, undrawn, wall_handles, walls_in_plane
@@ -40,7 +41,6 @@ from wavesweep.plots.style import (
     valued,
     wide,
 )
-from wavesweep.rows import Columns
 from wavesweep.spec.require import words_of
 from wavesweep.tables.columns import swept_range
 from wavesweep.tables.interval_tally import whose_column

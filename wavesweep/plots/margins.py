@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.chosen import Loops
 from wavesweep.plots.layout import is_logarithmic
 from wavesweep.plots.style import (
@@ -24,7 +25,6 @@ from wavesweep.plots.style import (
     valued,
     wide,
 )
-from wavesweep.rows import Columns
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors

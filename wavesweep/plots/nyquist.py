@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, assumed, figure, fitting, lines_of, wide
-from wavesweep.rows import Columns
 
 POINTS = 4000
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.style import UNKNOWN
-from wavesweep.rows import Columns
 
 _CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 4}
 _LEFT, _RIGHT, _UP, _DOWN = 8, 9, 10, 11  # carets whose base is at the point

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.style import incomplete
-from wavesweep.rows import Columns
 from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns of a figure may take; by an estimate, so that equal tables give equal figures

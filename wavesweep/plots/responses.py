@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns, complex_columns
 from wavesweep.plots.chosen import Curves
 from wavesweep.plots.measured import coloured, draw_responses
 from wavesweep.plots.refine import spec_of
@@ -30,7 +31,6 @@ from wavesweep.plots.style import (
     wide,
     with_unit,
 )
-from wavesweep.rows import Columns, complex_columns
 from wavesweep.stability.certificate import SPARED
 
 _PANELS = (

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.plots.style import (
     DOUBTFUL,
     IDEAL,
@@ -20,7 +21,6 @@ from wavesweep.plots.style import (
     printed,
     with_unit,
 )
-from wavesweep.rows import Columns
 from wavesweep.tables.columns import signals_of
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.disk import open_file
+from wavesweep.atomic_files import open_file
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.platform_compat import memory
 from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
-from wavesweep.system import memory
 from wavesweep.tables.columns import in_order, kind_of, kinds_by_name
 from wavesweep.tables.kind import Field
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavesweep.disk import is_folder, put_away, read_file, remove_folder
+from wavesweep.atomic_files import is_folder, put_away, read_file, remove_folder
 from wavesweep.errors import UsageError
 from wavesweep.results.package import PART, packaged_facts
 from wavesweep.spec import SYMBOLS

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from wavesweep.disk import make_folders, sync
+from wavesweep.arguments import boolean
+from wavesweep.atomic_files import make_folders, sync
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.given import boolean
+from wavesweep.platform_compat import OPEN, lock
 from wavesweep.results.folder import refuse_unusable
 from wavesweep.results.placing import refuse_folders, settle
-from wavesweep.system import OPEN, lock
 
 WORD = "wavesweep: "  # which a lock file of this program begins with
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EINVAL)

@@ -19,7 +19,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from wavesweep.disk import folders_named, is_folder, put, random_part, remove_folder, remove_old, sync
+from wavesweep.atomic_files import folders_named, is_folder, put, random_part, remove_folder, remove_old, sync
 from wavesweep.errors import UsageError
 from wavesweep.results.folder import BEST, DESIGNS, FIGURES, PARTS, SUFFIXES, are_designs, are_parts
 from wavesweep.results.package import packaged_files, same_but_for_the_run

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.arithmetic import versions
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.reproducibility import versions
 from wavesweep.results.files import GROUP_ROWS, csv_blocks, in_short, read_rows, rows_in, unreadable
 from wavesweep.results.folder import SUFFIXES
 from wavesweep.results.package import file_facts, loaded, packaged_facts
-from wavesweep.rows import Columns
 from wavesweep.tables import HOMES, kind_named
 from wavesweep.tables.kind import Again
 

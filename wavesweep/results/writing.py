@@ -12,15 +12,15 @@ from shutil import copyfileobj
 from tempfile import SpooledTemporaryFile
 from typing import Any, BinaryIO
 
-from wavesweep.disk import put, sync
+from wavesweep.arguments import boolean
+from wavesweep.atomic_files import put, sync
+from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.given import boolean
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import OF_RUN, package_text
 from wavesweep.results.placing import abandon, new_folder, put_in_place
-from wavesweep.rows import Columns, joined
 from wavesweep.tables.columns import checked, fields_of
 from wavesweep.tables.kind import Field
 from wavesweep.tables.table import Table

@@ -15,7 +15,7 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.rows import Rows
+from wavesweep.columns import Rows
 
 NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
 LEAST = 6  # places of a kind; with fewer a population is not divided by kinds

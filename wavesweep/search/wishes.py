@@ -6,11 +6,11 @@ from functools import cache, partial
 
 import numpy as np
 
+from wavesweep.columns import Rows
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.loops.from_drawing import assembled, refuse_unsuitable
 from wavesweep.response.steady import GOOD
-from wavesweep.rows import Rows
 from wavesweep.search.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish

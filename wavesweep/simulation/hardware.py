@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
-from wavesweep.given import real_numbers
 
 MOST_JITTER = 0.9  # of a tick, as in a spec
 MOST_LATE = 1_000_000  # ticks, as in a spec

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
-from wavesweep.given import real_numbers
 from wavesweep.spec.checking import apart
 from wavesweep.spec.reading import read_bytes
 from wavesweep.spec.studies import MOST_TICKS

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.columns import complex_columns
 from wavesweep.errors import UsageError
-from wavesweep.rows import complex_columns
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.parts import Loop
 

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from wavesweep.errors import Mistake, SpecError, UsageError
+from wavesweep.platform_compat import READ
 from wavesweep.spec.keys import SYMBOLS
 from wavesweep.spec.slips import slip_in
-from wavesweep.system import READ
 
 # Compiled where they are used: most runs report no mistake.
 DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over

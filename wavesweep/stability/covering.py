@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.rows import Rows
+from wavesweep.columns import Rows
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
 from wavesweep.stability.dominance import Bent, Exact
 from wavesweep.stability.entries import EPS, Panels

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from wavesweep.rows import Rows
+from wavesweep.columns import Rows
 from wavesweep.stability.frames import Frames, level, pole_inside
 
 DEGREES = (14, 28)  # of the polynomials; the points of the lower one are points of the higher one, too

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.rows import Rows
+from wavesweep.columns import Rows
 
 STEEPEST = np.pi / 2  # turn between two points of a rim, beyond which it may be another turn
 LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim

@@ -5,8 +5,8 @@ from functools import cache, partial
 
 import numpy as np
 
+from wavesweep.columns import Rows
 from wavesweep.monodromy.rounding import balance
-from wavesweep.rows import Rows
 from wavesweep.stability.frames import level, pole_inside
 from wavesweep.stability.guardian_maps import (
     EPS,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.rows import Rows
+from wavesweep.columns import Rows
 from wavesweep.stability.real_roots import at_ends, by_discs
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.columns import Rows
 from wavesweep.monodromy.circle import inverse
 from wavesweep.monodromy.rounding import balance
-from wavesweep.rows import Rows
 from wavesweep.stability.double_eigenvalues import ROUNDED, function_of_two
 from wavesweep.stability.frames import Frames
 from wavesweep.stability.guardian_maps import CAUTION, MINUS_ONE, ONE, PAIR, from_eigenvalues

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from wavesweep.rows import Rows
+from wavesweep.columns import Rows
 from wavesweep.stability.bernstein import roots_by_sign
 
 EDGE = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.columns import Rows
 from wavesweep.monodromy.circle import on_circle
 from wavesweep.monodromy.cut import Cut, close, errors_of_closed
-from wavesweep.rows import Rows
 from wavesweep.stability.boundary import K_VE, end_errors
 from wavesweep.stability.certificate import COUNTS, NONE, ROUNDING
 from wavesweep.stability.crossings import SLIVER, Crossings

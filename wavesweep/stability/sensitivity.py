@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.columns import Rows
 from wavesweep.monodromy.rounding import balance
-from wavesweep.rows import Rows
 from wavesweep.stability.spectrum import eigenvalues, excess
 
 STEP = 1e-30  # relative, of a complex step: its square is below all rounding, and nothing is subtracted

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.columns import Rows
 from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
 from wavesweep.monodromy.periodic import size_of
 from wavesweep.monodromy.radius import cut_within
 from wavesweep.monodromy.rounding import balance
-from wavesweep.rows import Rows
 from wavesweep.stability.arcs import arc_crossings
 from wavesweep.stability.boundary import K_VE
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING

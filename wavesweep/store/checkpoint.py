@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.disk import make_folders
+from wavesweep.atomic_files import make_folders
 from wavesweep.errors import CheckpointError
 
 SUFFIX = ".sqlite"  # of the name of a checkpoint

@@ -7,8 +7,8 @@ from math import isnan
 
 import numpy as np
 
+from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
-from wavesweep.given import real_numbers
 from wavesweep.spec import SYMBOLS, Axis, Spec
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import assembled
-from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in

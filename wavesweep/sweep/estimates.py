@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.disk import free_bytes
+from wavesweep.atomic_files import free_bytes
 from wavesweep.errors import UsageError
 from wavesweep.loops.dead_time import breaks, timing
 from wavesweep.spec.drawing import name_of

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import complex_columns
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond, transfer
-from wavesweep.rows import complex_columns
 from wavesweep.simulation import Simulation, Tone, estimate, simulated
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, ports_of_batch, radii_of, refuse_singular

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.loops.common_tick import with_common_tick
 from wavesweep.loops.domain import domain
 from wavesweep.loops.from_drawing import unsuitable
-from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Require, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.stability.certificate import words

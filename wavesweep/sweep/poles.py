@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.monodromy.drift import closed_frame
-from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.modes import Modes, modes_of
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues

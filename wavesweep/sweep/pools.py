@@ -8,8 +8,8 @@ from concurrent.futures import BrokenExecutor
 from contextlib import closing, contextmanager
 
 from wavesweep.errors import WavesweepError
+from wavesweep.platform_compat import MASKS, STOPPING, block, block_only, why_no_processes
 from wavesweep.sweep.tasks import attested, settle_in
-from wavesweep.system import MASKS, STOPPING, block, block_only, why_no_processes
 
 SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
 IDLE = 60  # s after which the processes end if nothing follows

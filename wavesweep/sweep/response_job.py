@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from wavesweep.columns import Columns, complex_columns
 from wavesweep.errors import SpecError
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import RATIO, steps_of
 from wavesweep.response.gain import gain_of
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond, transfer
-from wavesweep.rows import Columns, complex_columns
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.studies import beyond_half

@@ -11,10 +11,10 @@ from pathlib import Path
 from types import NoneType
 from typing import TypedDict
 
-from wavesweep.arithmetic import versions
+from wavesweep.arguments import boolean
+from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.given import boolean
-from wavesweep.rows import Columns, joined
+from wavesweep.reproducibility import versions
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.sweep.gathering import blocks

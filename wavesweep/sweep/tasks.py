@@ -10,11 +10,11 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.arithmetic import versions
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.platform_compat import keep_memory
+from wavesweep.reproducibility import versions
 from wavesweep.stability import Intervals
 from wavesweep.sweep.grid import make_grid
-from wavesweep.system import keep_memory
 
 WATCH = 0.5  # s between two looks at the parent
 

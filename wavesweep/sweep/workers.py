@@ -13,12 +13,12 @@ from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
 
-from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.platform_compat import processors, why_no_processes
+from wavesweep.reproducibility import versions
 from wavesweep.sweep.clusters import TOGETHER, dask, imported
 from wavesweep.sweep.pools import AHEAD, in_parallel
 from wavesweep.sweep.tasks import attested, each_of, timed
-from wavesweep.system import processors, why_no_processes
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
 BACKENDS = (*LOCAL, "dask")

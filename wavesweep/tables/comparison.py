@@ -6,8 +6,8 @@ from typing import Unpack
 
 import numpy as np
 
+from wavesweep.columns import Columns, joined
 from wavesweep.errors import SpecError
-from wavesweep.rows import Columns, joined
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.running import Options
 from wavesweep.tables.interval_tally import SpecTally

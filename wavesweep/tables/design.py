@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.rows import Columns
+from wavesweep.columns import Columns
 from wavesweep.spec import Spec
 from wavesweep.spec.design import WISHES, Wish
 from wavesweep.tables.columns import fields

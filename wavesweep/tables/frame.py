@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.rows import Columns
+from wavesweep.columns import Columns
 from wavesweep.tables import kind_named
 from wavesweep.tables.columns import fields_of
 

@@ -9,9 +9,9 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from wavesweep.arithmetic import versions
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns
+from wavesweep.reproducibility import versions
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.assumptions import USUAL
@@ -92,10 +92,10 @@ def identify(path: str, **asked: Unpack[Asked]) -> Table:
 
 
 def _of_response(path: str, period: float, spring: bool, delay: float | None) -> Table:
+    from wavesweep.columns import complex_columns
     from wavesweep.identification.model import Model
     from wavesweep.identification.points import read_response
     from wavesweep.identification.response import fitted_response
-    from wavesweep.rows import complex_columns
 
     started = time.perf_counter()
     measured, model = read_response(path), Model(spring=spring, delay=delay)

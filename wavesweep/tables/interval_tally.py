@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.rows import Columns
+from wavesweep.columns import Columns
 from wavesweep.spec import find_key
 from wavesweep.spec.require import BOUNDED, words_of
 from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE

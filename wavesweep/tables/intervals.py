@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns, joined
 from wavesweep.stability.certificate import OF_INTERVALS
 from wavesweep.tables.interval_tally import HandTally
 from wavesweep.tables.kind import OF_ALONG, OF_WALL, Again, Field, Kind

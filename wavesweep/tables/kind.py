@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns
 
 if TYPE_CHECKING:
     from wavesweep.tables.table import Table

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns
 from wavesweep.spec import Spec
 from wavesweep.stability.certificate import OF_MARGINS, words
 from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, from_spec

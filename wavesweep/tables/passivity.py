@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns, joined
 from wavesweep.tables.columns import at_port
 from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, count, from_spec
 from wavesweep.tables.table import Table, facts_of, spans_held

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.rows import Columns
 from wavesweep.stability.certificate import OF_RESPONSES, SPARED
 from wavesweep.tables import kind_named
 from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count

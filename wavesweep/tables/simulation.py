@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.rows import Columns
+from wavesweep.columns import Columns
 from wavesweep.spec.devices import DEVICES
 from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
 from wavesweep.tables.responses import BODE, DOUBT

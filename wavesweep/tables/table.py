@@ -8,8 +8,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from wavesweep.arithmetic import versions
-from wavesweep.rows import Columns, joined
+from wavesweep.columns import Columns, joined
+from wavesweep.reproducibility import versions
 
 
 @dataclass(frozen=True, slots=True, eq=False)

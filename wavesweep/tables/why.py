@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.rows import Columns
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
 from wavesweep.stability.certificate import OF_DERIVATIVES

@@ -1,4 +1,4 @@
-"""What not every operating system has, each with the way of a system without it."""
+"""Platform differences and their fallbacks."""
 
 import errno
 import os

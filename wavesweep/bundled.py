@@ -1,4 +1,4 @@
-"""What a checkout has beside the package, and an installed package inside it: examples, and the programs of two commands."""
+"""Bundled examples and programs: in a checkout beside the package, in a wheel inside it."""
 
 import sys
 from importlib import import_module
@@ -8,10 +8,10 @@ from types import ModuleType
 from wavesweep.errors import UsageError
 
 
-def beside(folder: str) -> Path:
+def bundled(folder: str) -> Path:
     """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if there is none."""
     package = Path(__file__).resolve().parent
-    places = [root / folder for root in (package / "_beside", package.parent)]
+    places = [root / folder for root in (package / "_bundled", package.parent)]
     for place in places:
         if place.is_dir():
             return place
@@ -20,7 +20,7 @@ def beside(folder: str) -> Path:
 
 def program(folder: str) -> ModuleType:
     """Import the package that is a folder of the checkout, e.g. "benchmarks/bench", by its own name."""
-    place = beside(folder)
+    place = bundled(folder)
     if str(place.parent) not in sys.path:
         sys.path.insert(0, str(place.parent))
     return import_module(place.name)

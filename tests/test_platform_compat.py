@@ -73,4 +73,4 @@ def test_what_only_posix_has_is_used_in_one_file():
     names += ("os.O_NOFOLLOW", "os.statvfs", "os.pread", "os.pwrite", "os.uname", "import resource\n")
     sources = Path(wavesweep.__file__).parent.rglob("*.py")
     found = [source.name for source in sources if any(name in source.read_text(encoding="utf-8") for name in names)]
-    assert found == ["system.py"]
+    assert found == ["platform_compat.py"]

@@ -1,4 +1,4 @@
-"""Numbers and switches as a call of the library gives them."""
+"""Arguments of library calls: numbers and switches."""
 
 from numbers import Real
 

@@ -1,4 +1,4 @@
-"""Values that are several arrays over the same rows, and the columns of complex numbers."""
+"""Equal-length columns, and the columns of complex numbers."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from wavesweep.system import OPEN, READ
+from wavesweep.platform_compat import OPEN, READ
 
 RANDOM = "[0-9a-f]{12}"
 OLD = ".old-"  # between the name of a folder that is being removed and its random part
