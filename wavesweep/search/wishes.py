@@ -1,6 +1,6 @@
 """Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -66,68 +66,119 @@ def evaluate(
                 felt = any(wish.name == "felt" for wish in wishes)
                 points = points_of(spec.values, designs, scenarios, walls)
                 known[key] = points, _stiffest(spec, points, (*designs,), stop, felt, rules)
-            points, (wall, at_rest, certified, of_all) = known[key]
-            value = wall if wish.name == "z_width" else at_rest
+            points, stiffest = known[key]
+            value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
             if "band_hz" in wish.options:
-                value, certified = _felt_over(spec, wish.options["band_hz"], points, wall, certified)
+                value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
             worst, scenario = points.worst(value, more=True)
-            others = ~of_all | (value != np.repeat(worst, points.size // worst.size))
+            others = ~stiffest.of_all | (value != np.repeat(worst, points.size // worst.size))
             found[wish.name] = Worst(worst, np.where(points.all_of(others), scenario, OF_ALL), points.all_of(certified))
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
         points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
-        value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
-        for part, seen in _existing(spec, points, partial(_MEASURES[wish.name], spec, wish)):
-            value[part], certified[part] = seen
+        value, certified = _where_solvable(spec, points, partial(_MEASURES[wish.name], spec, wish), *_unknown(points.size))
         if rules and wish.name != "channel":  # which does not depend on the loop
-            said = _of_all(points, lambda own: for_all.verdict(spec.with_values(own), rules)["verdict"], (*designs, *walls))
+            said = _of_each(points, lambda own: for_all.verdict(spec.with_values(own), rules)["verdict"], (*designs, *walls))
             value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
         found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
     return found
 
 
-def _of_all(points, of, paths):
+def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
+    """Values that are missing, and their certificates, one for each point."""
+    return np.full(shape, np.nan), np.zeros(shape[0], bool)
+
+
+def _where_solvable(spec, points: Points, measure: Callable[[Points], tuple], *blank: np.ndarray) -> tuple:
+    """What `measure` gives for the points, arrays over them, filled into blank ones: numbers that make no loop are left out."""
+    waiting = [np.arange(points.size)]
+    while waiting:
+        part = waiting.pop()
+        try:
+            found = measure(points if part.size == points.size else points.some(part))
+        except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
+            if spec.drawing is None:  # whose numbers were checked with the spec
+                raise
+            waiting += np.array_split(part, 2) if part.size > 1 else []
+        else:
+            for whole, values in zip(blank, found, strict=True):
+                whole[part] = values
+    return blank
+
+
+def _batches(spec, points: Points, most: int = BATCH):
+    """Yield the indices of at most `most` points of one structure at a time, their drawing, and their values."""
+    resolved = {}
+    for members, values in groups(spec, points.changes, points.size, resolved):
+        for start in range(0, members.size, most):
+            part = slice(start, start + most)
+            some = selected(values, part)
+            yield members[part], drawing_for(spec, some), some
+
+
+def _of_each(points, of, paths):
     """Return what `of` says of the values of some paths, which no scenario changes, of each point."""
     first, back = distinct_rows({path: points.changes[path] for path in paths}, points.size)
     return np.array([of({path: points.changes[path][at].item() for path in paths}) for at in first])[back]
 
 
-def _stiffest(spec, points: Points, designs, stop, wished, rules):
-    """Return the stiffest wall up to which every wall is stable, the stiffness that is felt of it, whether they are certified,
-    and whether it is less than that of the scenarios, as what is proved for all of some rules is.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stiffest:
+    """Of each point the stiffest wall up to which every wall is stable, and the stiffness felt of it, if both are certified.
 
-    designs: paths of the numbers of designs. wished: whether the felt stiffness is needed.
+    of_all: whether the wall is less than that of the scenarios, as what is proved for all of some rules is.
     """
+
+    wall: np.ndarray
+    felt: np.ndarray
+    certified: np.ndarray
+    of_all: np.ndarray
+
+
+def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
+    """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
     axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
+
+    def stiffest_of(points):  # no two of which are the same
+        value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
+        for part, *_ in _batches(spec, points):
+            changes = {path: column[part] for path, column in points.changes.items()}
+            rows = at_points(spec, axis, changes, points.ties, felt=wished)
+            at = part[rows["slice"]]
+            certified[at] = rows["certified"]
+            first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
+            value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
+        return value, felt, certified
+
     once, back = distinct_rows(points.changes, points.size)
-    value, felt, certified = *np.full((2, once.size), np.nan), np.zeros(once.size, bool)
-    for part, seen in _existing(spec, points.some(once), partial(_stiffest_of, spec, axis, wished)):
-        value[part], felt[part], certified[part] = seen
-    value, felt, certified = value[back], felt[back], certified[back]
+    blank = np.full(once.size, np.nan), *_unknown(once.size)
+    value, felt, certified = (each[back] for each in _where_solvable(spec, points.some(once), stiffest_of, *blank))
     if not rules:
-        return value, felt, certified, np.zeros(points.size, bool)
+        return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
     paths = [path for path in points.changes if path in designs or path in spec.wall]
-    proved = _of_all(points, lambda own: for_all.proved_from_zero(spec.with_values(own), axis.path, stop, rules), paths)
+    proved = _of_each(points, lambda own: for_all.proved_from_zero(spec.with_values(own), axis.path, stop, rules), paths)
     wall = np.minimum(value, proved)
     there = replace(points, changes={**points.changes, axis.path: wall})
-    for members, values in _batches(spec, there) if wished else ():
-        felt[members] = np.where(wall[members] > 0, felt_of(drawing_for(spec, values), values, members.size), 0.0)
-    return wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value
+    for members, drawing, values in _batches(spec, there) if wished else ():
+        felt[members] = np.where(wall[members] > 0, felt_of(drawing, values, members.size), 0.0)
+    return _Stiffest(wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value)
 
 
-def _felt_over(spec, band, points, wall, certified):
+def _felt_over(spec, band, points, stiffest):
     """Return the least size over a band (Hz) of what the wall of each point adds to free motion, and whether it is certified.
 
     It is 0 without a wall.
     """
-    value, certified, some = np.where(wall > 0, np.nan, wall), certified.copy(), np.flatnonzero(wall > 0)
+    wall, certified = stiffest.wall, stiffest.certified.copy()
+    value, some = np.where(wall > 0, np.nan, wall), np.flatnonzero(wall > 0)
     ties = {path: points.changes[path] * wall for path in points.ties}
     there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(some)
 
     def added(frequency, points):
-        (found, off), (free, of_free) = (_impedances(spec, frequency, each) for each in (points, _without_wall(spec, points)))
-        size = np.abs(found - free)
+        free = replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
+        (found, off), (without, of_free) = (_impedances(spec, frequency, each) for each in (points, free))
+        size = np.abs(found - without)
         return size, (off + of_free <= ERROR * size).all(-1)
 
     value[some], sure = _extreme(spec, band, there, added, np.min)
@@ -142,15 +193,9 @@ def _free_motion(spec, wish, points):
         found, off = _impedances(spec, frequency, points)
         return np.abs(found), (off <= ERROR * np.abs(found)).all(-1)
 
-    stable = np.empty(points.size, bool)
-    for members, values in _batches(spec, points):
-        stable[members] = _radii(spec, values, members.size) < 1
+    stable = _radii(spec, points) < 1
     value, certified = _extreme(spec, wish.options.get("band_hz", BAND_HZ), points, size, np.max)
     return np.where(stable, value, np.nan), certified & stable
-
-
-def _without_wall(spec, points):
-    return replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
 
 
 def _extreme(spec, band, points, sizes, least):
@@ -159,75 +204,16 @@ def _extreme(spec, band, points, sizes, least):
     sizes: takes frequencies and points, gives a size `(points, frequencies)` and whether it is known. Between frequencies it is
     that of a polynomial through the logarithm of the size. least: `np.min` or `np.max`.
     """
-    ends, value, certified = np.log(band), np.full(points.size, np.nan), np.zeros(points.size, bool)
-    open_ = np.arange(points.size)
-    for pieces in PIECES[:-1]:  # a sharp dip stays in doubt
-        if not open_.size:
-            break
-        frequency = _nodes(ends, pieces)
-        size, sure = np.full((open_.size, frequency.size), np.nan), np.zeros(open_.size, bool)
-        for part, seen in _existing(spec, points.some(open_), partial(sizes, frequency)):
-            size[part], sure[part] = seen
+    dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
+
+    def measured(some, frequency):
+        size, sure = _where_solvable(spec, some, partial(sizes, frequency), *_unknown(some.size, frequency.size))
         with np.errstate(divide="ignore", invalid="ignore"):
-            degrees = np.log(size).reshape(open_.size, pieces, NODES) @ _degrees()
-        dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
-        value[open_] = np.exp(least(degrees @ dense, axis=(-1, -2)))
+            degrees = _degrees(np.log(size))
         settled = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
-        certified[open_] = sure & settled
-        open_ = open_[~settled & np.isfinite(value[open_])]
-    return value, certified
+        return np.exp(least(degrees @ dense, axis=(-1, -2))), sure, settled
 
-
-def _impedances(spec, frequency, points):
-    """Return the impedances at the hand and bounds on their errors, `(points, frequencies)`."""
-    found, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
-    for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        response = responses_of(drawing_for(spec, values), values, members.size, frequency, ERROR / 2)
-        found[members], error[members] = response.impedance, np.abs(response.impedance) * response.impedance_error
-    return found, error
-
-
-def _stiffest_of(spec, axis, wished, points):
-    """Return the stiffest wall, the stiffness felt of it, and whether it is certified; no two points are the same."""
-    value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
-    for part, _ in _batches(spec, points):
-        rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties, felt=wished)
-        at = part[rows["slice"]]
-        certified[at] = rows["certified"]
-        first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
-        value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
-    return value, felt, certified
-
-
-def _existing(spec, points: Points, measure):
-    """Yield indices of points and their measures; points whose numbers make no drawn loop are left out.
-
-    measure: takes points.
-    """
-    if spec.drawing is None:  # its numbers were checked with the spec
-        yield np.arange(points.size), measure(points)
-        return
-    waiting = [np.arange(points.size)]
-    while waiting:
-        part = waiting.pop()
-        try:
-            yield part, measure(points if part.size == points.size else points.some(part))
-        except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
-            waiting += np.array_split(part, 2) if part.size > 1 else []
-
-
-def _batches(spec, points: Points, most: int = BATCH):
-    """Yield the indices of at most `most` points of one structure at a time, and their values."""
-    resolved = {}
-    for members, values in groups(spec, points.changes, points.size, resolved):
-        for start in range(0, members.size, most):
-            part = slice(start, start + most)
-            yield members[part], {path: each[part] if np.ndim(each) else each for path, each in values.items()}
-
-
-def _radii(spec, values, size):
-    drawing = drawing_for(spec, values)
-    return radii_of(drawing, read_by(drawing, values), size)
+    return _refined(band, points, np.arange(points.size), measured, PIECES[:-1], *_unknown(points.size))  # a dip stays in doubt
 
 
 def _transparency(spec, wish, points):
@@ -235,61 +221,83 @@ def _transparency(spec, wish, points):
 
     A design with an unstable loop has no value, and its other loops are left out: they count as 0.
     """
-    ends = np.log(wish.options.get("band_hz", BAND_HZ))
-    stable = np.empty(points.size, bool)
-    for members, values in _batches(spec, points):
-        stable[members] = _radii(spec, values, members.size) < 1
-    open_ = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
-    value, certified = np.where(stable, 0.0, np.nan), stable.copy()
-    for pieces in PIECES:
-        if not open_.size:
-            break
-        square, sure = _distances(spec, points.some(open_), _nodes(ends, pieces))
-        degrees = square.reshape(open_.size, pieces, NODES) @ _degrees()
-        value[open_] = np.sqrt(degrees[..., 0].mean(-1))
+
+    def measured(some, frequency):
+        square, sure = _distances(spec, some, frequency)
+        degrees = _degrees(square)
+        value = np.sqrt(degrees[..., 0].mean(-1))
         unseen = np.abs(degrees[..., -HIGH:]).max(-1).mean(-1)
-        settled = unseen <= UNSEEN * np.maximum(value[open_], ERROR) ** 2  # responses are not known better
-        certified[open_] = sure & settled
-        open_ = open_[~settled & np.isfinite(value[open_])]
+        return value, sure, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
+
+    stable = _radii(spec, points) < 1
+    some = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    band = wish.options.get("band_hz", BAND_HZ)
+    return _refined(band, points, some, measured, PIECES, np.where(stable, 0.0, np.nan), stable.copy())
+
+
+def _refined(band, points, some, measured, pieces, value, certified):
+    """Fill in the values of the points `some` over a band (Hz), and their certificates, from more and more pieces of it.
+
+    measured: takes points and frequencies, gives values, whether they are known, and whether more pieces change nothing.
+    """
+    node = np.polynomial.legendre.leggauss(NODES)[0]
+    for count in pieces:
+        if not some.size:
+            break
+        edges = np.log(band[0]) + np.ptp(np.log(band)) * np.arange(count + 1) / count
+        frequency = np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
+        value[some], sure, settled = measured(points.some(some), frequency)
+        certified[some] = sure & settled
+        some = some[~settled & np.isfinite(value[some])]
     return value, certified
 
 
-def _nodes(ends, pieces):
-    """Return the frequencies of all pieces of a band, whose ends are logarithms."""
-    edges, node = ends[0] + np.ptp(ends) * np.arange(pieces + 1) / pieces, np.polynomial.legendre.leggauss(NODES)[0]
-    return np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
-
-
 @cache
-def _degrees():
-    """Return the map from values at the nodes of a piece to Legendre coefficients, `(nodes, degrees)`.
+def _to_degrees():
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    return np.polynomial.legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
+
+
+def _degrees(values):
+    """Return the Legendre coefficients of each piece, `(points, pieces, degrees)`, from values at its nodes.
 
     The first is the mean. The highest are small if a function has no features narrower than the nodes resolve.
     """
-    node, weight = np.polynomial.legendre.leggauss(NODES)
-    return np.polynomial.legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
+    return values.reshape(len(values), -1, NODES) @ _to_degrees()
+
+
+def _radii(spec, points):
+    radius = np.empty(points.size)
+    for members, drawing, values in _batches(spec, points):
+        radius[members] = radii_of(drawing, read_by(drawing, values), members.size)
+    return radius
+
+
+def _impedances(spec, frequency, points):
+    """Return the impedances at the hand and bounds on their errors, `(points, frequencies)`."""
+    found, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
+    for members, drawing, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+        response = responses_of(drawing, values, members.size, frequency, ERROR / 2)
+        found[members], error[members] = response.impedance, np.abs(response.impedance) * response.impedance_error
+    return found, error
 
 
 def _distances(spec, points, frequency):
     """Return |ln(H/H_dc)|^2, `(points, frequencies)`, and whether both responses are known well enough."""
     square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
     ideal, ideal_error = _ideal(spec, points, frequency)
-    for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+    for members, drawing, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
         # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
-        found, error = _admittance(spec, values, members.size, frequency, np.inf)
+        response = responses_of(drawing, values, members.size, frequency, np.inf)
+        found, error = response.admittance, response.admittance_error
         again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
         if again.size:
-            found[again], error[again] = _admittance(spec, selected(values, again), again.size, frequency, ERROR / 2)
+            response = responses_of(drawing, selected(values, again), again.size, frequency, ERROR / 2)
+            found[again], error[again] = response.admittance, response.admittance_error
         with np.errstate(all="ignore"):
             square[members] = np.abs(np.log(found / ideal[members])) ** 2
         sure[members] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
     return square, sure
-
-
-def _admittance(spec, values, size, frequency, good):
-    """Return the admittance of some loops and its relative error, `(size, frequencies)`; good: see `respond`."""
-    found = responses_of(drawing_for(spec, values), values, size, frequency, good)
-    return found.admittance, found.admittance_error
 
 
 def _ideal(spec, points, frequency):
@@ -297,15 +305,14 @@ def _ideal(spec, points, frequency):
 
     Each different loop is computed once.
     """
-    kind = {"controller.kind": "dc"}
-    ideal = spec.with_values(kind)
+    ideal = spec.with_values({"controller.kind": "dc"})
     read = keys_of_page(ideal.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
     first, back = distinct_rows(changes, points.size)
-    some = Points(changes, (), points.shape).some(first)
     value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
-    for members, values in _batches(ideal, some):
-        value[members], error[members] = _admittance(ideal, values, members.size, frequency, GOOD)
+    for members, drawing, values in _batches(ideal, Points(changes, (), points.shape).some(first)):
+        response = responses_of(drawing, values, members.size, frequency, GOOD)
+        value[members], error[members] = response.admittance, response.admittance_error
     return value[back], error[back]
 
 
@@ -319,64 +326,12 @@ def _channel(spec, wish, points):
     del wish
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
     first, back = distinct_rows(read, points.size)
-    some = Points(read, (), points.shape).some(first)
     norms, sure = np.zeros(first.size), np.ones(first.size, bool)
-    for members, values in _batches(spec, some):
+    for members, _, values in _batches(spec, Points(read, (), points.shape).some(first)):
         norm = channel_norm(loop_drawing(values), values)
         if norm is not None:
             norms[members], sure[members] = norm.norm, norm.certified
     return norms[back], sure[back]
-
-
-def _port(spec, wish, points):
-    """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
-
-    The map of an unstable loop may have a positive real part on the whole circle.
-    """
-    from wavesweep.passive import port_margin
-
-    del wish
-    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
-    for members, values in _batches(spec, points):
-        loop = held_loop(drawing_for(spec, values), values)
-        if spec.drawing:
-            refuse_unsuitable(spec.drawing, values)
-        found = port_margin(loop)
-        value[members], certified[members] = np.where(found.stable, found.margin, np.nan), found.certified
-    return value, certified
-
-
-def _damping_ratio(spec, wish, points):
-    """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
-    del wish
-    value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
-    for members, E, known, _ in _frames(spec, points):
-        least, sure = least_damping(E)
-        value[members], certified[members] = np.where(known, least, np.nan), known & sure
-    return value, certified
-
-
-def _settling(spec, wish, points):
-    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
-    del wish
-    value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
-    for members, E, known, period in _frames(spec, points):
-        delta = eigenvalues(E)[0]
-        delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
-        with np.errstate(all="ignore"):
-            time = -period / np.log1p(delta).real
-        value[members], certified[members] = np.where((time >= 0) & np.isfinite(time), time, np.nan), known
-    return value, certified
-
-
-def _frames(spec, points):
-    """Yield indices, the frames less identity, whether their radius is known, and their period in s."""
-    for members, values in _batches(spec, points):
-        drawing = drawing_for(spec, values)
-        drawn = assembled(drawing, read_by(drawing, values))
-        E, hidden = telling_frames(drawing, read_by(drawing, values))
-        E = np.broadcast_to(E, (members.size, *E.shape[-2:]))
-        yield members, E, np.isfinite(radius_of(E, hidden)), np.broadcast_to(np.real(drawn.period * drawn.ticks), members.shape)
 
 
 def _delay_margin(spec, wish, points):
@@ -384,50 +339,92 @@ def _delay_margin(spec, wish, points):
     del wish
     delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
     value, open_, known = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
-    for more in range(longest_delay(spec.values["rates.ratio"]) + 1):
-        open_ = open_[delay[open_] + more <= longest_delay(spec.values["rates.ratio"])]
+    longest = longest_delay(spec.values["rates.ratio"])
+    for more in range(longest + 1):
+        open_ = open_[delay[open_] + more <= longest]
         if not open_.size:
             break
         changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + more}
-        some = Points(changes, (), (open_.size, 1, 1))
-        radius = np.full(open_.size, np.inf)
-        for members, values in _batches(spec, some):
-            radius[members] = _radii(spec, values, members.size)
+        radius = _radii(spec, Points(changes, (), (open_.size, 1, 1)))
         known[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
         open_ = open_[radius < 1]
         value[open_] = more
     return value, known
 
 
-def _chatter(spec, wish, points):
+def _port(spec, wish, drawing, values, size):
+    """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
+
+    The map of an unstable loop may have a positive real part on the whole circle.
+    """
+    from wavesweep.passive import port_margin
+
+    del wish, size
+    loop = held_loop(drawing, values)
+    if spec.drawing:
+        refuse_unsuitable(spec.drawing, values)
+    found = port_margin(loop)
+    return np.where(found.stable, found.margin, np.nan), found.certified
+
+
+def _damping_ratio(spec, wish, drawing, values, size):
+    """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
+    del spec, wish
+    E, known = _frames(drawing, values, size)
+    least, sure = least_damping(E)
+    return np.where(known, least, np.nan), known & sure
+
+
+def _settling(spec, wish, drawing, values, size):
+    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
+    del spec, wish
+    E, known = _frames(drawing, values, size)
+    drawn, delta = assembled(drawing, read_by(drawing, values)), eigenvalues(E)[0]
+    delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
+    with np.errstate(all="ignore"):
+        time = -np.real(drawn.period * drawn.ticks) / np.log1p(delta).real
+    return np.where((time >= 0) & np.isfinite(time), time, np.nan), known
+
+
+def _frames(drawing, values, size):
+    """Return the frames less identity, and whether their radius is known."""
+    E, hidden = telling_frames(drawing, read_by(drawing, values))
+    E = np.broadcast_to(E, (size, *E.shape[-2:]))
+    return E, np.isfinite(radius_of(E, hidden))
+
+
+def _chatter(spec, wish, drawing, values, size):
     """Bound on the force of the encoder's rounding, N; missing if there is none."""
-    value = np.full(points.size, np.nan)
-    for members, values in _batches(spec, points):
-        drawing = drawing_for(spec, values)
-        value[members] = peaks_of(drawing, values, members.size) * wish.options["resolution"][0] / 2
+    del spec
+    value = peaks_of(drawing, values, size) * wish.options["resolution"][0] / 2
     return value, ~np.isnan(value)
 
 
-def _depth(spec, wish, points):
+def _depth(spec, wish, drawing, values, size):
     """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
-    value = np.full(points.size, np.nan)
-    for members, values in _batches(spec, points):
-        felt = felt_of(drawing_for(spec, values), values, members.size)
-        with np.errstate(all="ignore"):
-            value[members] = np.where(
-                (felt > 0) & (_radii(spec, values, members.size) < 1), wish.options["max_force"][0] / felt, np.nan
-            )
+    del spec
+    felt, radius = felt_of(drawing, values, size), radii_of(drawing, read_by(drawing, values), size)
+    with np.errstate(all="ignore"):
+        value = np.where((felt > 0) & (radius < 1), wish.options["max_force"][0] / felt, np.nan)
     return value, ~np.isnan(value)
+
+
+def _batched(measure):
+    """The measure of points that `measure` gives of those of one structure, from their drawing, values and number."""
+
+    def of_points(spec, wish, points):
+        value, certified = _unknown(points.size)
+        for members, drawing, values in _batches(spec, points):
+            value[members], certified[members] = measure(spec, wish, drawing, values, members.size)
+        return value, certified
+
+    return of_points
 
 
 _MEASURES = {
-    "chatter": _chatter,
-    "depth": _depth,
     "transparency": _transparency,
     "free_motion": _free_motion,
     "channel": _channel,
-    "port": _port,
-    "damping_ratio": _damping_ratio,
-    "settling": _settling,
     "delay_margin": _delay_margin,
+    **{each.__name__.lstrip("_"): _batched(each) for each in (_port, _damping_ratio, _settling, _chatter, _depth)},
 }
