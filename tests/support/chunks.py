@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from wavesweep.sweep.tasks import timed
+from wavesweep.sweep.pools import timed
 
 
 @dataclass

@@ -155,7 +155,7 @@ def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeyp
 
 @pytest.mark.parametrize("name", ["tool_version", "numpy_version"])
 def test_workers_of_another_version_are_refused_and_no_row_of_theirs_is_kept(long, monkeypatch, tmp_path, name):
-    monkeypatch.setattr("wavesweep.sweep.tasks.versions", lambda: versions() | {name: "0.0.1"})
+    monkeypatch.setattr("wavesweep.sweep.pools.versions", lambda: versions() | {name: "0.0.1"})
     with pytest.raises(WavesweepError, match=r"expected workers with wavesweep .* and numpy .*, found one with .* 0\.0\.1"):
         intervals(long, jobs=2, backend="threading", checkpoint=tmp_path / "kept.sqlite")
     assert finished_in(tmp_path / "kept.sqlite") == []

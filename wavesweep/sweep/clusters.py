@@ -68,26 +68,21 @@ def dask(workers):
 
 
 def _client(distributed, address, opened):
-    """A dask client of the scheduler at that address, or the one that this process has already."""
+    """A dask client of the scheduler at that address, or the one that this process has already.
+
+    Errors: UsageError unless something listens there; if nothing does, dask says so late, in many lines.
+    """
     if address is None:
         try:
             return distributed.get_client()
         except ValueError as error:
             raise UsageError("backend dask: give the scheduler's address, e.g. tcp://host:8786") from error
-    _reach(address)
-    try:
-        return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"scheduler {address}: no dask scheduler answers there ({error})") from error
-
-
-def _reach(address):
-    """Raise UsageError unless something listens at the address; if nobody is there, dask says so late, in many lines."""
-    found = re.fullmatch(r"(?:(?:tcp|tls|wss?)://)?(\[[^\]]+\]|[^][:/\s]+):(\d{1,5})/?", address)
-    if not found:
+    place = re.fullmatch(r"(?:(?:tcp|tls|wss?)://)?(\[[^\]]+\]|[^][:/\s]+):(\d{1,5})/?", address)
+    if not place:
         raise UsageError(f"scheduler {address}: expected an address such as tcp://host:8786")
     try:
-        socket.create_connection((found[1].strip("[]"), int(found[2])), PATIENCE).close()
+        socket.create_connection((place[1].strip("[]"), int(place[2])), PATIENCE).close()
+        return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
     except (OSError, ValueError, OverflowError) as error:
         raise UsageError(f"scheduler {address}: no dask scheduler answers there ({error})") from error
 

@@ -12,7 +12,7 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.dead_time import breaks, timing
 from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.job import Job, cut_otherwise, naming_values
-from wavesweep.sweep.tasks import timed
+from wavesweep.sweep.pools import timed
 
 AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
 

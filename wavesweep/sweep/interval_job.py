@@ -21,8 +21,9 @@ from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
 from wavesweep.sweep.grid import FAST, Grid, drawing_for, drawn_groups, groups, items_of, make_grid, own_loop, read_by, selected
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
+from wavesweep.sweep.pools import Task
 from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
-from wavesweep.sweep.tasks import RECORD, Task
+from wavesweep.sweep.tasks import RECORD
 
 if TYPE_CHECKING:
     from wavesweep.sweep.for_all import ForAllGuarantee

@@ -1,20 +1,73 @@
-"""Workers of this machine, by joblib: processes of loky, or threads."""
+"""What a worker computes, and the workers of this machine, by joblib: processes of loky, or threads. It loads numpy alone."""
 
 import os
+import signal
 import sys
+import threading
+import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import closing, contextmanager
+from typing import Protocol
 
-from wavesweep.errors import WavesweepError
-from wavesweep.platform_compat import MASKS, STOPPING, block, block_only, why_no_processes
-from wavesweep.sweep.tasks import attested, settle_in
+import numpy as np
+
+from wavesweep.reproducibility import versions
+from wavesweep.errors import IllPosedLoopError, WavesweepError
+from wavesweep.platform_compat import MASKS, STOPPING, block, block_only, keep_memory, why_no_processes
 
 SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
 IDLE = 60  # s after which the processes end if nothing follows
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
+WATCH = 0.5  # s between two looks at the parent
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
+
+
+class Task(Protocol):
+    """A task for a worker: picklable data that compute their own records."""
+
+    def records(self) -> np.ndarray:
+        """Compute the result, a structured array."""
+
+
+def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
+    """Compute a chunk: its number, its records and the processor seconds used.
+
+    Errors: those of the task; an IllPosedLoopError has the number.
+    """
+    started = time.thread_time()
+    try:
+        records = task.records()
+    except IllPosedLoopError as error:
+        error.chunk = number
+        raise
+    return number, records, time.thread_time() - started
+
+
+def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
+    """Call a function in a worker; its result, and the versions of the worker, on which the last digits depend."""
+    return function(*arguments), versions()
+
+
+def settle_in(parent: int) -> None:
+    """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
+
+    Memory that is freed is kept. The watch begins before the first task: if the parent was killed while this process was
+    starting, a pool's worker would wait for minutes for its next task.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
+    keep_memory()
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    if os.getppid() != parent:
+        os._exit(1)
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
@@ -27,26 +80,25 @@ def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tu
         raise WavesweepError(f"{why}; --jobs 1 needs none")
     from joblib import Parallel, delayed, parallel_config
 
+    tasks, options = (delayed(attested)(*call) for call in calls), {}
+    if backend == "loky":  # one BLAS thread each, since the matrices are small and the workers many
+        options = {
+            "inner_max_num_threads": 1,
+            "initializer": settle_in,
+            "initargs": (os.getpid(),),
+            "idle_worker_timeout": IDLE,
+        }
     try:
-        tasks, ours = (delayed(attested)(*call) for call in calls), {}
-        if backend == "loky":  # one BLAS thread each, since the matrices are small and the workers many
-            ours = {
-                "inner_max_num_threads": 1,
-                "initializer": settle_in,
-                "initargs": (os.getpid(),),
-                "idle_worker_timeout": IDLE,
-            }
-        with parallel_config(backend, **ours), _started_here():
+        with parallel_config(backend, **options), _started_here():
             run = Parallel(count, return_as="generator_unordered", batch_size=1, pre_dispatch=AHEAD * count, max_nbytes=None)
-            found = run(tasks)
+            answers = run(tasks)
     except OSError as error:  # no processes, no /dev/shm
         raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
     try:
-        with warnings.catch_warnings(), closing(found):
-            warnings.filterwarnings(
-                "ignore", ".* tasks which were still being processed", UserWarning
-            )  # as we are told to stop
-            yield from found
+        with warnings.catch_warnings(), closing(answers):
+            # Closing the iterator says so of the tasks that it ends.
+            warnings.filterwarnings("ignore", ".* tasks which were still being processed", UserWarning)
+            yield from answers
     except BrokenExecutor as error:
         raise WavesweepError(DIED) from error
 
@@ -56,8 +108,8 @@ def _started_here() -> Iterator[None]:
     """Let processes that are started meanwhile leave the signals STOPPING to this one, and run nothing of the current folder.
 
     A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write a traceback. A signal that
-    arrives meanwhile is delivered afterwards. Stdout and stderr are the null device meanwhile, so that whoever reads from this
-    process waits for no other, and nobody speaks of it if this process is killed.
+    arrives meanwhile is delivered afterwards. Stdout and stderr of these processes are the null device: a program that reads
+    from this process waits for no other, and no worker complains if this process is killed.
     """
     before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
     null, kept = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}

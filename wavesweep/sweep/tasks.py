@@ -1,22 +1,11 @@
-"""Tasks for a worker: picklable data that compute their own records and load numpy alone."""
+"""Records of intervals, and what the hand feels at their ends."""
 
-import os
-import signal
-import threading
-import time
-import warnings
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
-from wavesweep.errors import IllPosedLoopError
-from wavesweep.platform_compat import keep_memory
-from wavesweep.reproducibility import versions
 from wavesweep.stability import Intervals
 from wavesweep.sweep.grid import make_grid
-
-WATCH = 0.5  # s between two looks at the parent
 
 FIELDS = (
     ("slice", "<i4"),
@@ -52,59 +41,6 @@ def records_of(found: Intervals) -> np.ndarray:
 def certified_slices(records: np.ndarray) -> int:
     """How many slices are certified; all records of a slice agree on it."""
     return int((records["certified"] & (records["interval"] == 0)).sum())
-
-
-class Task(Protocol):
-    """A task for a worker: picklable data with a `records()` method that computes the result."""
-
-    def records(self) -> np.ndarray:
-        """Compute the result, a structured array."""
-
-
-def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
-    """Compute a chunk: its number, its records and the processor seconds used.
-
-    Errors: those of the task; an IllPosedLoopError has the number.
-    """
-    started = time.thread_time()
-    try:
-        records = task.records()
-    except IllPosedLoopError as error:
-        error.chunk = number
-        raise
-    return number, records, time.thread_time() - started
-
-
-def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
-    """Call a function in a worker; its result, and the versions of the worker, on which the last digits depend."""
-    return function(*arguments), versions()
-
-
-def each_of(function: Callable, calls: list[tuple]) -> list:
-    """The results of a function for the arguments of each call."""
-    return [function(*call) for call in calls]
-
-
-def settle_in(parent: int) -> None:
-    """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
-
-    Memory that is freed is kept.
-
-    The watch begins before the first task. A parent that was killed while this process was starting is not its parent any
-    more, and a pool's worker would wait for minutes for its next task.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    warnings.simplefilter("ignore")
-    keep_memory()
-
-    def watch():
-        while os.getppid() == parent:
-            time.sleep(WATCH)
-        os._exit(1)
-
-    if os.getppid() != parent:
-        os._exit(1)
-    threading.Thread(target=watch, daemon=True).start()
 
 
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there

@@ -1,13 +1,13 @@
 """The workers that a sweep runs on: none, processes or threads of this machine, or those of a dask cluster.
 
-What all of them keep: a worker that dies is an error within seconds; processes that are started here leave Ctrl-C to this
-one, end when it ends, and run nothing of the current folder.
+A worker that dies is an error within seconds. Processes that are started here leave Ctrl-C to this one, end when it ends, and
+run nothing of the current folder.
 """
 
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import closing
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.platform_compat import processors, why_no_processes
 from wavesweep.reproducibility import versions
 from wavesweep.sweep.clusters import TOGETHER, dask, imported
-from wavesweep.sweep.pools import AHEAD, in_parallel
-from wavesweep.sweep.tasks import attested, each_of, timed
+from wavesweep.sweep.pools import AHEAD, attested, in_parallel, timed
+from wavesweep.platform_compat import processors, why_no_processes
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
 BACKENDS = (*LOCAL, "dask")
@@ -80,25 +80,42 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     return Workers(min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work")
 
 
-def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
+def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iterator[tuple]:
     """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
 
-    task_of(number): the chunk's `Task`, made when it is handed out. Raises UsageError for a backend that cannot be used,
-    WavesweepError if a worker dies, has other versions, or a cluster is lost. Closing the generator ends the workers.
+    task_of(number): what computes the chunk's records, made when it is handed out. Raises UsageError for a backend that cannot
+    be used, WavesweepError if a worker dies, has other versions, or a cluster is lost. Closing the generator ends the workers.
     """
-    if workers.backend is None:
-        return (timed(number, task_of(number)) for number in numbers)
-    return _elsewhere(workers, numbers, task_of)
-
-
-def _elsewhere(workers, numbers, task_of):
-    refuse_backend(workers.backend)
     calls = ((number, task_of(number)) for number in numbers)
-    if workers.backend in LOCAL:
-        who = {"loky": "processes; one that is stopped goes on after kill -CONT", "threading": "threads of this process"}
-        with closing(in_parallel(workers.backend, workers.count, ((timed, *call) for call in calls))) as answers:
-            yield from _watched(answers, f"the rest is with {workers.count} {who[workers.backend]}")
+    if workers.backend is None:
+        for call in calls:
+            yield timed(*call)
         return
+    refuse_backend(workers.backend)
+    yield from (_on_machine if workers.backend in LOCAL else _on_cluster)(workers, calls)
+
+
+def _on_machine(workers, calls):
+    """The results of workers of this machine; a thread says if none has finished for long."""
+    who = {"loky": "processes; one that is stopped goes on after kill -CONT", "threading": "threads of this process"}
+    silence, over = Silence(), threading.Event()
+
+    def watch():
+        while not over.wait(LOOK):
+            silence.go_on(f"the rest is with {workers.count} {who[workers.backend]}")
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        with closing(in_parallel(workers.backend, workers.count, ((timed, *call) for call in calls))) as answers:
+            for answer in answers:
+                silence.end()
+                yield _of_our_version(*answer)
+    finally:
+        over.set()
+
+
+def _on_cluster(workers, calls):
+    """The results of the workers of a dask scheduler, to which quick chunks go several at a time."""
     with dask(workers) as pool:
         silence, size = Silence(), 1
 
@@ -115,37 +132,23 @@ def _elsewhere(workers, numbers, task_of):
                 silence.go_on(f"{len(waiting)} tasks are with {pool.look()}")
             for future in done:
                 waiting |= handed_out(1)
-                found = _of_our_version(*future.result())
-                size = max(1, min(TOGETHER, int(TASK * len(found) / max(TINY, sum(seconds for *_, seconds in found)))))
-                yield from found
+                results = _of_our_version(*future.result())
+                seconds = sum(each for *_, each in results)
+                size = max(1, min(TOGETHER, int(TASK * len(results) / max(TINY, seconds))))
+                yield from results
 
 
-def _watched(answers, who):
-    """Yield the results among the answers of workers; a thread says if nothing has finished for long. who: has the rest."""
-    silence, over = Silence(), threading.Event()
-
-    def watch():
-        while not over.wait(LOOK):
-            silence.go_on(who)
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        for answer in answers:
-            silence.end()
-            yield _of_our_version(*answer)
-    finally:
-        over.set()
+def each_of(function: Callable, calls: list[tuple]) -> list:
+    """The results of a function for the arguments of each call."""
+    return [function(*call) for call in calls]
 
 
-def _of_our_version(found, there):
-    """What a worker has found. Raises WavesweepError if it has other versions, on which the last digits depend."""
-    if there != versions():
-        raise WavesweepError(f"expected workers with {_named(versions())}, found one with {_named(there)}")
-    return found
-
-
-def _named(found):
-    return f"wavesweep {found['tool_version']} and numpy {found['numpy_version']}"
+def _of_our_version(results, theirs):
+    """What a worker has computed. Raises WavesweepError if it has other versions, on which the last digits depend."""
+    if theirs != versions():
+        here, there = (f"wavesweep {each['tool_version']} and numpy {each['numpy_version']}" for each in (versions(), theirs))
+        raise WavesweepError(f"expected workers with {here}, found one with {there}")
+    return results
 
 
 class Silence:
