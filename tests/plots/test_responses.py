@@ -102,7 +102,6 @@ def test_the_slow_nyquist_frequency_is_marked():
 @pytest.mark.thorough
 def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
     from wavesweep.plots import chosen
-    from wavesweep.sweep import gathering
     from wavesweep.tables.responses import responses
 
     axes = {"b": {"start": 5, "stop": 200, "num": 40}, "B_VE": {"start": 0, "stop": 5, "num": 10}}
@@ -112,7 +111,7 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
     curves = [line for line in whole.axes[0].lines if len(line.get_xdata()) == 3]
     assert len(curves) == 10 * 20
     assert "Shown: 20 of 40 values of b." in whole.get_suptitle()
-    monkeypatch.setattr(gathering, "BLOCK", 100)
+    monkeypatch.setattr("wavesweep.sweep.running.BLOCK", 100)
     for kept in (10**6, 500):
         monkeypatch.setattr(chosen, "KEPT_ROWS", kept)
         drawn = plots.drawn(table, said.append)

@@ -20,12 +20,12 @@ from wavesweep.monodromy.cut import with_batch
 from wavesweep.spec import load, sweep_axes
 from wavesweep.stability import regions, stable_intervals
 from wavesweep.stability.certificate import COUNTS
-from wavesweep.sweep.gathering import blocks as rows_of
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import job_of, job_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.planning import plan
+from wavesweep.sweep.running import blocks as rows_of
 from wavesweep.sweep.running import checkpoint_of, compute, in_memory
 from wavesweep.sweep.workers import Workers
 from wavesweep.tables.intervals import intervals

@@ -8,7 +8,7 @@ import pytest
 from wavesweep.columns import joined
 from wavesweep.spec import load
 from wavesweep.store.checkpoint import MemoryCheckpoint
-from wavesweep.sweep import gathering
+from wavesweep.sweep import running
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
 from wavesweep.sweep.running import compute, in_memory
@@ -22,7 +22,7 @@ SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
 def table_of(job):
     store = MemoryCheckpoint()
     compute(job, store, HERE)
-    return joined(gathering.blocks(job, store))
+    return joined(running.blocks(job, store))
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +79,8 @@ def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
     job, store = job_of(mixed), MemoryCheckpoint()
     compute(job, store, HERE)
     for size in (1, 5, 32):
-        monkeypatch.setattr(gathering, "BLOCK", size)
-        same(joined(gathering.blocks(job, store)), whole)
+        monkeypatch.setattr(running, "BLOCK", size)
+        same(joined(running.blocks(job, store)), whole)
 
 
 def test_what_is_not_read_is_computed_once(mixed):

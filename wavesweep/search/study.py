@@ -24,12 +24,11 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.drawn_loops import held_loop
 from wavesweep.sweep.for_all import refuse_unsuitable_ranges
-from wavesweep.sweep.gathering import records_of
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
-from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, resumable
+from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
 from wavesweep.sweep.varying import Rules
 from wavesweep.sweep.workers import choose
 from wavesweep.tables.design import BOX, SETTLED, fields_of_design, wish_units

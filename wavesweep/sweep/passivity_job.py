@@ -21,10 +21,9 @@ from wavesweep.passive.margin import LONGEST
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.drawn_loops import held_loop, named_loops, ports_of
-from wavesweep.sweep.gathering import gather, stretches
 from wavesweep.sweep.grid import Grid, drawing_for, drawn_groups, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
-from wavesweep.sweep.running import Run
+from wavesweep.sweep.running import Run, gather, stretches
 
 CHUNK = 32  # loops in a chunk: up to a second or two
 CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond

@@ -281,8 +281,8 @@ def _limits_of_walls(spec, along, swept) -> dict:
 
 def _with_proofs(facts, stage, found) -> dict:
     """The facts with those about proofs."""
-    from wavesweep.sweep.gathering import records_of
     from wavesweep.sweep.proving import facts_of_proofs, notice_of
+    from wavesweep.sweep.running import records_of
 
     store = found.stores[stage.hand]
     proved = facts_of_proofs(records_of(stage.job, store, number) for number in store.finished())
