@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.reproducibility import versions
 from wavesweep.errors import IllPosedLoopError, WavesweepError
 from wavesweep.platform_compat import MASKS, STOPPING, block, block_only, keep_memory, why_no_processes
+from wavesweep.reproducibility import versions
 
 SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
 IDLE = 60  # s after which the processes end if nothing follows

@@ -13,7 +13,6 @@ from typing import TypedDict
 
 import numpy as np
 
-from wavesweep.reproducibility import versions
 from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint

@@ -18,7 +18,6 @@ from wavesweep.platform_compat import processors, why_no_processes
 from wavesweep.reproducibility import versions
 from wavesweep.sweep.clusters import TOGETHER, dask, imported
 from wavesweep.sweep.pools import AHEAD, attested, in_parallel, timed
-from wavesweep.platform_compat import processors, why_no_processes
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
 BACKENDS = (*LOCAL, "dask")
