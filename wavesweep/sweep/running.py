@@ -13,6 +13,8 @@ from typing import TypedDict
 
 import numpy as np
 
+from wavesweep.arguments import boolean
+from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
