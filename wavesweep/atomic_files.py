@@ -1,24 +1,19 @@
-"""File-system steps that are done or not done after a kill, and that never follow or remove a file of somebody else.
+"""File-system steps that are done or not done after a kill.
 
-New names have a random part, and files are made with O_EXCL and, if the system has it, O_NOFOLLOW. Folders are removed file
-by file, and only files whose names this program gives; so a folder that holds anything else stays.
+New names have a random part, and files are made with O_EXCL and, if the system has it, O_NOFOLLOW.
 """
 
 import errno
 import filecmp
 import os
-import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from wavesweep.platform_compat import OPEN, READ
 
-RANDOM = "[0-9a-f]{12}"
-OLD = ".old-"  # between the name of a folder that is being removed and its random part
-_NOT_EMPTY = (errno.ENOTEMPTY, errno.EEXIST)
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # folders of some file systems, or of other users
 
 
@@ -118,40 +113,3 @@ def is_folder(path: Path) -> bool:
         return stat.S_ISDIR(path.lstat().st_mode)
     except OSError:
         return False
-
-
-def folders_named(parent: Path, prefix: str) -> Iterator[Path]:
-    """Yield the folders in `parent` whose name is the prefix and a random part; none if it cannot be read."""
-    with suppress(OSError):
-        for path in sorted(parent.iterdir()):
-            if re.fullmatch(re.escape(prefix) + RANDOM, path.name) and is_folder(path):
-                yield path
-
-
-def put_away(folder: Path) -> Path:
-    """Rename a folder that is to be removed, so that it is gone in one step; its new name."""
-    away = folder.with_name(f"{folder.name}{OLD}{random_part()}")
-    return folder.rename(away)
-
-
-def remove_folder(folder: Path, ours: re.Pattern) -> bool:
-    """Remove the regular files whose names match, and the folder; False if it holds anything else, and so stays."""
-    try:
-        for path in folder.iterdir():
-            if ours.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
-                path.unlink()
-        folder.rmdir()
-    except FileNotFoundError:
-        return True
-    except OSError as error:
-        if error.errno not in _NOT_EMPTY:
-            raise
-        return False
-    return True
-
-
-def remove_old(folder: Path, ours: re.Pattern) -> None:
-    """Finish the removals of `folder` that were interrupted; if one is not possible now, the next run tries again."""
-    for old in folders_named(folder.parent, f"{folder.name}{OLD}"):
-        with suppress(OSError):
-            remove_folder(old, ours)

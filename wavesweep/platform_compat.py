@@ -1,16 +1,10 @@
 """Platform differences and their fallbacks."""
 
-import errno
 import os
 import signal
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
 
 # Without the first, a pipe of that name would be waited for.
 _READING = ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
@@ -30,16 +24,6 @@ def memory() -> float:
     """Bytes of memory that this machine has; infinite if it does not say."""
     known = hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if known else float("inf")
-
-
-def lock(descriptor: int, wait: bool) -> None:
-    """Lock an open file; the lock ends with the process. Raises BlockingIOError if another process has it and `wait` is false.
-
-    OSError with ENOTSUP: this system has no such locks.
-    """
-    if fcntl is None:
-        raise OSError(errno.ENOTSUP, os.strerror(errno.ENOTSUP))
-    fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 
 def peer_user(own: tuple[str, int], peer: tuple[str, int]) -> int | None:

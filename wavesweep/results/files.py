@@ -225,7 +225,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         if fault:
             raise UsageError(f"{path}: {fault}")
         columns = read(path)
-        facts = packaged_facts(package) if path.suffix == ".csv" else _schema_facts(path)
+        facts = packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
     except (AttributeError, KeyError, IndexError, TypeError) as error:
         raise UsageError(
             f"{package}: expected the data package of {path.name}, found one of another form ({type(error).__name__}: {error})"
@@ -249,15 +249,15 @@ def in_short(error: Exception) -> str:
     return str(error).strip().partition("\n")[0] or type(error).__name__
 
 
-def _schema_facts(path: Path) -> dict[str, Any]:
-    """The facts in the schema of a Parquet file, empty if it has none."""
+def schema_facts(path: Path) -> dict[str, Any]:
+    """The facts in the schema of a Parquet file, or of the first part of a folder; empty if it has none."""
     import pyarrow.parquet
 
-    with _opened(parts_of(path)[0], "rb") as file:
-        text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
     try:
+        with _opened(parts_of(path)[0], "rb") as file:
+            text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
         return dict(json.loads(text))
-    except (ValueError, TypeError):
+    except (TypeError, WavesweepError, *unreadable()):
         return {}
 
 

@@ -1,21 +1,31 @@
-"""The folder of the results: files of earlier runs, and the specs that made them."""
+"""The folder of the results: the files of a table, those of earlier runs, and the specs that made them."""
 
 import hashlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
-from wavesweep.atomic_files import is_folder, put_away, read_file, remove_folder
+from wavesweep.atomic_files import is_folder, read_file
 from wavesweep.errors import UsageError
 from wavesweep.results.package import PART, packaged_facts
 from wavesweep.spec import SYMBOLS
 
 FIGURES = (".png", ".svg", ".pdf", ".eps")
-SUFFIXES = (".csv", ".parquet", *FIGURES, ".datapackage.json")
-PARTS = re.compile(PART)
+PACKAGE = ".datapackage.json"
+BEST = "best"  # the folder of specs beside the table `design`
+DESIGNS = r"[^/]+-\d\d\.toml"  # their names
+HEADER = "# A design that wavesweep found: "  # which they begin with
 LONGEST = 40  # characters of a list in a message
+LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
+
+
+def names_of(kind: str) -> list[str]:
+    """The names of all files that a table may have, its package last."""
+    best = [BEST] if kind == "design" else []
+    return [*(f"{kind}{suffix}" for suffix in (".csv", ".parquet", *FIGURES, ".md")), *best, f"{kind}{PACKAGE}"]
 
 
 def place_of(sources: Iterable[str | Path], directory: str | Path) -> str:
@@ -58,7 +68,7 @@ def _name(facts: Mapping[str, Any]) -> str:
 
 def refuse_other_hands(kind: str, directory: str | Path, words: Sequence[str]) -> None:
     """Raise UsageError if the directory holds a table of this kind for other hands; words: see `Hands.facts`."""
-    found = packaged_facts(Path(directory) / f"{kind}{SUFFIXES[-1]}")
+    found = packaged_facts(Path(directory) / f"{kind}{PACKAGE}")
     if found and found.get("for_hands") != words:
         other = f"other hands ({' '.join(map(str, found.get('for_hands') or ()))})"
         raise UsageError(
@@ -67,12 +77,17 @@ def refuse_other_hands(kind: str, directory: str | Path, words: Sequence[str]) -
 
 
 def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:
-    """Give the facts of the table `kind` in a directory: empty if they are unknown, None if there is no such table."""
-    files = [Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES]
+    """Give the facts of the table `kind` in a directory: empty if they are unknown, None if there is no such table.
+
+    A run that was killed before it put its package in place has left them in the Parquet file.
+    """
+    from wavesweep.results.files import schema_facts
+
+    files = [Path(directory) / name for name in names_of(kind)]
     if not any(file.exists() for file in files):
         return None
-    # Files without a readable package of ours belong to somebody as well, and are not replaced.
-    return packaged_facts(files[-1])
+    # Files without facts of ours belong to somebody as well, and are not replaced.
+    return packaged_facts(files[-1]) or schema_facts(Path(directory) / f"{kind}.parquet")
 
 
 def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
@@ -134,30 +149,36 @@ def _text(value: object) -> str:
 
 def discard(kind: str, directory: str | Path) -> None:
     """Remove the files of the table `kind` in a directory, if there are any; `refuse_other_spec` has checked their spec."""
-    for path in (Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES):
+    for path in (Path(directory) / name for name in reversed(names_of(kind))):
         if is_folder(path):
-            remove_folder(put_away(path), PARTS)
+            rmtree(path)
         else:
             path.unlink(missing_ok=True)
 
 
-def are_parts(folder: Path) -> bool:
-    """Whether a folder holds the Parquet files of a table in parts, and nothing else."""
-    paths = list(folder.iterdir())
-    return paths != [] and all(PARTS.fullmatch(path.name) and path.is_file() and not path.is_symlink() for path in paths)
+def remove_unfinished(kind: str, directory: Path) -> None:
+    """Remove the folders in which interrupted runs wrote the table, as far as that is possible now."""
+    for folder in directory.glob(f".{kind}.new-*"):
+        if re.fullmatch("[0-9a-f]{12}", folder.name.rpartition("-")[2]) and is_folder(folder):
+            rmtree(folder, ignore_errors=True)
 
 
-BEST = "best"  # the folder of specs beside the table `design`
-DESIGNS = re.compile(r"[^/]+-\d\d\.toml")  # their names
-HEADER = "# A design that wavesweep found: "  # which they begin with
+def refuse_folders(kind: str, directory: Path) -> None:
+    """Raise UsageError for a folder in the place of a file of the table that holds anything but what this program writes."""
+    for place in (directory / name for name in names_of(kind)):
+        if place.name == BEST and os.path.lexists(place):
+            ours = _holds_only(DESIGNS, place) and all(read_file(path).startswith(HEADER.encode()) for path in place.iterdir())
+            if not ours:
+                raise UsageError(f"{place}: expected designs of this program or none, found others; move it away")
+        elif is_folder(place) and not (place.suffix == ".parquet" and _holds_only(PART, place)):
+            raise UsageError(f"{place}: expected a file of results or none, found a folder; move it away")
 
 
-def are_designs(folder: Path) -> bool:
-    """Whether a folder holds specs that `design` wrote, and nothing else."""
-    return all(DESIGNS.fullmatch(path.name) and read_file(path).startswith(HEADER.encode()) for path in folder.iterdir())
-
-
-LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
+def _holds_only(pattern: str, folder: Path) -> bool:
+    """Whether a path is a folder that holds files of such names and nothing else."""
+    return is_folder(folder) and all(
+        re.fullmatch(pattern, path.name) and path.is_file() and not path.is_symlink() for path in folder.iterdir()
+    )
 
 
 def refuse_unusable(directory: str | Path) -> None:

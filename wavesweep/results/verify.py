@@ -12,7 +12,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.reproducibility import versions
 from wavesweep.results.files import GROUP_ROWS, csv_blocks, in_short, read_rows, rows_in, unreadable
-from wavesweep.results.folder import SUFFIXES
+from wavesweep.results.folder import PACKAGE
 from wavesweep.results.package import file_facts, loaded, packaged_facts
 from wavesweep.tables import HOMES, kind_named
 from wavesweep.tables.kind import Again
@@ -39,11 +39,11 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
     Raises UsageError if the folder has no data package of this program.
     """
-    packages = sorted(Path(directory).glob(f"*{SUFFIXES[-1]}"))
+    packages = sorted(Path(directory).glob(f"*{PACKAGE}"))
     if not packages:
         raise UsageError(f"{directory}: expected results with their data package, found none")
-    stems = {package.name.removesuffix(SUFFIXES[-1]) for package in packages}
-    alone = (path for suffix in SUFFIXES[:2] for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
+    stems = {package.name.removesuffix(PACKAGE) for package in packages}
+    alone = (path for suffix in (".csv", ".parquet") for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
     checked: list[str] = []
     differences = [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
     for package in packages:
@@ -86,7 +86,7 @@ def _files(package: Path) -> Iterator[str]:
     except (ValueError, KeyError, TypeError):
         yield f"{package}: its list of files cannot be read"
         return
-    stem = package.name.removesuffix(SUFFIXES[-1])
+    stem = package.name.removesuffix(PACKAGE)
     parts, here = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
     if parts.is_dir():
         here = {f"{parts.name}/{path.name}" for path in parts.iterdir()}
@@ -121,7 +121,7 @@ def _between(csv: Path, parquet: Path) -> Iterator[str]:
 
 def _again(package: Path, facts: Mapping[str, Any]) -> Again | None:
     """The way to compute the rows of this table again; None for a table that does not come from one spec."""
-    kind = package.name.removesuffix(SUFFIXES[-1])
+    kind = package.name.removesuffix(PACKAGE)
     return kind_named(kind).again(facts, partial(_stem, package)) if kind in HOMES else None
 
 
@@ -129,7 +129,7 @@ def _stem(package: Path) -> str:
     """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
     faults: tuple[type[Exception], ...] = (WavesweepError, *unreadable())
     try:
-        column = read_rows(package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), 0, 1).get("spec", ["spec"])
+        column = read_rows(package.with_name(package.name.replace(PACKAGE, ".parquet")), 0, 1).get("spec", ["spec"])
     except faults as error:
         raise OSError(in_short(error)) from error
     return str(column[0]) if len(column) else "spec"
@@ -137,7 +137,7 @@ def _stem(package: Path) -> str:
 
 def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
-    parquet, exact = package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), _same_versions(facts)
+    parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), _same_versions(facts)
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
     if exact and again.some is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"

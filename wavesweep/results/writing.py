@@ -40,7 +40,7 @@ def publish(
 ) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
-    Everything is written in a temporary folder beside the results, and put in place at the end as one step (see
+    Everything is written in a temporary folder beside the results and put in place at the end, the package last (see
     `placing`); a figure that another spec left behind is removed. How the rows are cut into blocks leaves no trace in the
     bytes.
 
@@ -75,7 +75,7 @@ def publish(
         except OSError as error:
             raise _of_folder(error, directory) from error
         finally:
-            abandon(table.kind, folder)
+            abandon(folder)
 
 
 def _of_folder(error: OSError, directory: Path) -> OSError:
@@ -132,7 +132,7 @@ def save(table: Table, path: Path) -> Path:
     except OSError as error:
         raise _of_folder(error, path) from error
     finally:
-        abandon(table.kind, folder)
+        abandon(folder)
     return path
 
 
