@@ -201,8 +201,8 @@ def test_a_word_in_balls_is_the_same(name):
 def test_a_word_at_rest_is_known_without_rounding(name, gain):
     spec = spec_of(WORDS[name][0])
     block = word_of(spec)
-    _, rows, outputs, _ = equations_of(spec.drawing, spec.values, (), "", [block])
-    integrates, through = len(rows) > 1, outputs["w.y"].get("w.u", 0)  # a row besides that of the input
+    rest = equations_of(spec.drawing, spec.values, (), "", [block])
+    integrates, through = len(rest.rows) > 1, rest.outputs["w.y"].get("w.u", 0)  # a row besides that of the input
     assert [integrates, through and float(through)] == [gain is None, pytest.approx(gain or 0)]
 
 

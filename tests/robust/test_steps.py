@@ -17,7 +17,6 @@ from wavesweep.errors import UsageError
 from wavesweep.loops import blocks
 from wavesweep.loops.controllers import PAGES
 from wavesweep.loops.direct import dc_slow
-from wavesweep.loops.integrator_modes import _Equations
 from wavesweep.loops.page import Page
 from wavesweep.robust.frames import Frames, frames_of_controller, frames_of_drawing
 from wavesweep.robust.joint import PROVED, REFUTED, decide
@@ -200,7 +199,6 @@ def second(monkeypatch):
     known = TYPES["lowpass"]
     monkeypatch.setitem(table, "second", BlockType({"cutoff_hz": known.keys["cutoff_hz"]}, known.ports, "a low-pass"))
     monkeypatch.setattr(blocks, "second", lambda *own, cutoff_hz: blocks.butterworth(*own, 2, cutoff_hz), raising=False)
-    monkeypatch.setattr(_Equations, "_second", lambda self, _, own: ([], {"y": {"u": 1}}, self._settled(own)), raising=False)
 
 
 @pytest.mark.slow

@@ -46,8 +46,8 @@ class Block:
     loops' return differences; it is zero where one of them has no solution, and the entries have a pole. terms: for E, B, C and
     D, the sizes of the terms of each entry's sum, in which a closed loop counts for all that rounding of its entries does to
     it; None if they are not known.
-    at_rest: arrays in place of E, B, C and D that say the same of signals that do not change, without rounding and whatever the
-    units of the states; None if these have none but that of their own numbers.
+    at_rest: what the block does while signals do not change, without rounding, as arrays in place of E, B, C and D, or D alone
+    (see `definitions.at_rest`); None if E, B, C and D are all that is known.
     labels: a readable name per state for messages; by default the block's name and the state's.
     ring: whether it is a loop of several blocks in itself, and not only a part of one.
     Errors: ValueError if an array or the labels do not fit the names.

@@ -1,33 +1,40 @@
-"""The blocks that a spec can draw: each from its numbers and its own period, in delta form.
+"""The blocks that a spec can draw, as doubles: each from its numbers and its own period, in delta form.
 
-Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of such numbers.
+What they do is written in `definitions`; here it becomes arrays, exact over a tick for what is continuous, with the sizes of
+terms that cancel. Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of these.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.loops import definitions
 from wavesweep.loops.block import Block, matrix, numbers
+from wavesweep.loops.definitions import Equations, controllable, tf_at_rest, with_delays
 from wavesweep.loops.device import impulse_and_step, motion
 from wavesweep.loops.filters import butterworth as sections
-from wavesweep.loops.wave import avatar as cut_avatar
-from wavesweep.loops.wave import local_model as closed_model
-from wavesweep.spec.block_types import BODIES
-from wavesweep.spec.keys import AHEAD
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.words import DELTA
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
+LABELS = {  # of the states of a block, for messages
+    "difference": "input of the last run",
+    "integrator": "integral",
+    "avatar": "position",
+    "local_model": "model position",
+}
 
 
 def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
-    m, (d, k) = numbers(mass), (numbers(each) / numbers(mass) for each in (damping, stiffness))
+    keys = {"damping": numbers(damping), "stiffness": numbers(stiffness)}
+    m, (d, k) = numbers(mass), (each / numbers(mass) for each in keys.values())
     s, g, of_s, of_g = impulse_and_step(d, k, period)
-    block = _block(name, ("f",), ("x", "v"), ("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
+    parts = *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]]
+    block = _block(name, ("f",), ("x", "v"), Equations(("v", "x"), *parts), definitions.at_rest("mass", keys, np.sqrt))
     sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
-    at_rest = matrix([[-numbers(damping), -numbers(stiffness)], [1.0, 0.0]]), matrix([[1.0], [0.0]]), block.C, block.D
-    return replace(block, terms=sizes, at_rest=at_rest, labels=(f"{name} velocity", f"{name} position"))
+    return replace(block, terms=sizes, labels=(f"{name} velocity", f"{name} position"))
 
 
 def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
@@ -38,12 +45,8 @@ def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
 def spring(name, period, k, d=0.0) -> Block:
     """`f1 = k (x2 - x1) + d (v2 - v1)` on one end, `f2 = -f1` on the other."""
     del period
-    return _static(name, ("x1", "v1", "x2", "v2"), ("f1", "f2"), _of_spring(k, d))
-
-
-def _of_spring(k, d):
-    k, d = numbers(k), numbers(d)
-    return [[-k, -d, k, d], [k, d, -k, -d]]
+    keys = {"k": numbers(k), "d": numbers(d)}
+    return _block(name, *TYPES["spring"].ports, definitions.continuous("spring", keys))
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
@@ -55,7 +58,7 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) ->
     A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
     rest = 0.0 if rests is None else _matrix(rests, (n, n))
     E, G, *sizes = (A - np.eye(n) + rest, B) if discrete else held(A, B, period)
-    block = _block(name, inputs, outputs, tuple(f"x{i}" for i in range(n)), E, G, C, D)
+    block = Block(name, tuple(inputs), tuple(outputs), tuple(f"x{i}" for i in range(n)), E, G, C, D)
     block = block if discrete else replace(block, at_rest=(A, B, C, D))
     return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D))) if sizes else block
 
@@ -68,46 +71,16 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     written as 0 are delays. rests: the parts of the coefficients that rounding has taken.
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
-    if discrete == DELTA:
-        return _tf_in_delta_form(name, num, den)
-    if discrete:
+    if discrete and discrete != DELTA:
         return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
-    n, rows = len(den) - 1, _of_tf(num, den)
-    block = ss(name, period, **rows)
-    return replace(block, at_rest=(*block.at_rest[:2], _matrix([_over(num, den)[1:]], (1, n)), 0 * block.D)) if n else block
-
-
-def _tf_in_delta_form(name, num, den):
-    """Transfer function from coefficients of descending powers of z - 1."""
     num, den = ([numbers(each) for each in some] for some in (num, den))
-    n, own, (A, B, C, D) = len(den) - 1, _over(num, den), _controllable(num, den)
-    block = _block(name, ("u",), ("y",), tuple(f"x{i}" for i in range(n)), A, B, C, D)
-    of_C = [[abs(b) + abs(a / den[0] * own[0]) for a, b in zip(den[1:], own[1:], strict=True)]]
-    terms = np.abs(block.E), np.abs(block.B), matrix(of_C), np.abs(block.D)
-    return replace(block, terms=terms, at_rest=(block.E, block.B, matrix([own[1:]]), 0 * block.D))
-
-
-def _of_tf(num, den):
-    """The keys of a continuous `ss` that is this transfer function."""
-    A, B, C, D = _controllable([numbers(each) for each in num], [numbers(each) for each in den])
-    return {"A": A, "B": B if A else [], "C": C, "D": D, "inputs": ("u",), "outputs": ("y",)}
-
-
-def _over(num, den):
-    """Coefficients of the numerator, as many as those of the denominator, over the first one of that."""
-    return [numbers(0.0)] * (len(den) - len(num)) + [numbers(each) / numbers(den[0]) for each in num]
-
-
-def _controllable(num, den):
-    """Rows of A, B, C and D from coefficients of descending powers; each state but the first integrates the one before it.
-
-    At rest the first state does not change, and y is the sum of the states times the numerator's coefficients but the first.
-    """
-    n, lead = len(den) - 1, den[0]
-    a, b = [each / lead for each in den[1:]], _over(num, den)
-    C = [[each - factor * b[0] for each, factor in zip(b[1:], a, strict=True)]]
-    A = [[-factor for factor in a]] + [[1.0 if column == row else 0.0 for column in range(n)] for row in range(n - 1)]
-    return A[:n], [[1.0 if row == 0 else 0.0] for row in range(n)], C, [[b[0]]]
+    n, own, (_, *parts) = len(den) - 1, definitions.over(num, den), controllable(num, den)
+    if discrete:
+        block = _block(name, ("u",), ("y",), controllable(num, den), tf_at_rest(num, den))
+        of_C = [[abs(b) + abs(a / den[0] * own[0]) for a, b in zip(den[1:], own[1:], strict=True)]]
+        return replace(block, terms=(np.abs(block.E), np.abs(block.B), _matrix(of_C, (1, n)), np.abs(block.D)))
+    block = ss(name, period, *parts, ("u",), ("y",))
+    return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
 
 
 def _discrete_tf(name, num, den, of_num, of_den):
@@ -119,19 +92,14 @@ def _discrete_tf(name, num, den, of_num, of_den):
     shifted, ones = (
         [_about(at, each[: n + 1], rest[: n + 1]) for each, rest in ((num, of_num), (den, of_den))] for at in (about, 1)
     )
-    A, B, C, D = _controllable(*shifted)
-    A = [[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(A)]
-    E = [[*row, *[0.0] * k] for row in A] + [[1.0 * (i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
+    own = controllable(*shifted)
+    own = own._replace(E=[[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(own.E)])
     later = [numbers(each) / den[0] for each in num[n + 1 :]]
-    B, C = [*B, *([1.0 * (j == 0)] for j in range(n, n + k))], [[*C[0], *later]]
-    names = *(f"x{i}" for i in range(n)), *(f"u{j + 1}" for j in range(k))
-    block = _block(
-        name, ("u",), ("y",), names, *(_matrix(*each) for each in ((E, (n + k, n + k)), (B, (n + k, 1)), (C, (1, n + k)))), D
-    )
-    if not n:
-        return block
-    own, through = (_over(*ones)[1:], 0.0) if about == 1 else ([0.0] * n, ones[0][-1] / ones[1][-1])
-    return replace(block, at_rest=(block.E, block.B, _matrix([[*own, *later]], (1, n + k)), matrix([[through]])))
+    # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
+    rest = tf_at_rest(*ones, later) if about == 1 and n else None
+    if about == -1:
+        rest = *with_delays(own, later)[1:3], [[*[0.0] * n, *later]], [[ones[0][-1] / ones[1][-1]]]
+    return _block(name, ("u",), ("y",), with_delays(own, later), rest)
 
 
 def _near_minus_one(den):
@@ -169,43 +137,33 @@ def _about(at, coefficients, rests):
 
 def gain(name, period, k=1.0) -> Block:
     """`y = k u`."""
-    del period
-    return _static(name, ("u",), ("y",), [[k]])
+    return _defined("gain", name, period, k=k)
 
 
 def hold(name, period) -> Block:
     """`u` as it was when the block ran last."""
-    return gain(name, period)
+    return _defined("hold", name, period)
 
 
 def delay(name, period, steps=1) -> Block:
     """`u` of `steps` runs ago."""
-    del period
-    if steps == 0:
-        return _static(name, ("u",), ("y",), [[1.0]])
-    B, C = np.zeros((steps, 1)), np.zeros((1, steps))
-    B[0, 0] = C[0, -1] = 1
-    return _block(
-        name, ("u",), ("y",), tuple(f"u{i + 1}" for i in range(steps)), np.eye(steps, k=-1) - np.eye(steps), B, C, [[0]]
-    )
+    return _defined("delay", name, period, steps=steps)
 
 
 def mean(name, period, n) -> Block:
     """Mean of `u` in the last n runs."""
-    block = delay(name, period, n - 1)
-    return replace(block, C=np.full((1, n - 1), 1 / n), D=[[1 / n]])
+    del period
+    return _defined("mean", name, 1.0, n=n)
 
 
 def difference(name, period) -> Block:
     """Change of `u` since the last run, over the period: the velocity that an encoder gives."""
-    block = _block(name, ("u",), ("y",), ("u1",), [[-1]], [[1]], [[-1 / numbers(period)]], [[1 / numbers(period)]])
-    return replace(block, labels=(f"{name} input of the last run",))
+    return _defined("difference", name, numbers(period))
 
 
 def integrator(name, period, method="explicit") -> Block:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
-    share = AHEAD[method] * numbers(period)
-    return replace(_block(name, ("u",), ("y",), ("s",), [[0]], [[period]], [[1]], [[share]]), labels=(f"{name} integral",))
+    return _defined("integrator", name, numbers(period), method=method)
 
 
 def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
@@ -216,45 +174,33 @@ def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
 def wave(name, period, b, gives="force") -> Block:
     """End of a wave line. "force": `v`, `in` -> `force` = b v - sqrt(2b) in, `out` = sqrt(2b) v - in. "velocity": `f`, `in` ->
     `v` = (sqrt(2b) in - f)/b, `out` = in - sqrt(2/b) f."""
-    del period
-    b = numbers(b)
-    root = np.sqrt(2 * b)
-    if gives == "force":
-        return _static(name, ("v", "in"), ("force", "out"), [[b, -root], [root, -1.0]])
-    return _static(name, ("f", "in"), ("v", "out"), [[-1 / b, root / b], [-root / b, 1.0]])
+    return _defined("wave", name, period, b=numbers(b), gives=gives)
 
 
 def avatar(name, period, b, integration="implicit") -> Block:
-    """Decoder and avatar of a slow environment: `in`, `f` -> `v`, `x`, `x_spring` (read by the spring), `out`."""
-    cut = cut_avatar(b, period, integration)
-    rows = [cut.outputs.index(port) for port in ("x_dot", "x", "x_tilde", "v")]
-    ports = ("in", "f"), ("v", "x", "x_spring", "out")
-    block = _block(name, *ports, ("s",), cut.E, cut.B, cut.C[..., rows, :], cut.D[..., rows, :])
-    E, B, C, D = cut.at_rest
-    return replace(block, at_rest=(E, B, C[..., rows, :], D[..., rows, :]), labels=(f"{name} position",))
+    """Decoder and avatar of a slow environment: `in`, `f` -> `v`, `x`, `x_spring` (read by the spring), `out`.
+
+    `v = (sqrt(2b) in - f)/b`, `out = in - sqrt(2/b) f`, and x is the integral of v.
+    """
+    return _defined("avatar", name, period, b=numbers(b), integration=integration)
 
 
 def local_model(name, period, b, K, B, integration="implicit") -> Block:
-    """Local model of the interaction with its own decoder: `in` -> `out`."""
-    closed = closed_model(b, K, B, period, integration)
-    block = _block(name, ("in",), ("out",), ("s",), closed.E, closed.B, closed.C, closed.D)
-    return replace(block, at_rest=closed.at_rest, labels=(f"{name} model position",))
+    """Local model of the interaction with its own decoder: `in` -> `out`.
+
+    `v = (sqrt(2b) in - f)/b`, `f = K x_spring + B v`, `out = in - sqrt(2/b) f`, solved for the step.
+    """
+    return _defined("local_model", name, period, b=numbers(b), K=numbers(K), B=numbers(B), integration=integration)
 
 
 def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
     """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
-    if kind in BODIES:
-        m = numbers(keys[BODIES[kind]])
-        d, k = (numbers(keys[name]) / m for name in ("damping", "stiffness"))
-        rows = [[-d, -k], [1.0, 0.0]], [[1 / m], [0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0], [0.0]]
-        return ("v", "x"), tuple(map(matrix, rows))
-    if kind == "spring":
-        return (), (np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((2, 0)), matrix(_of_spring(**keys)))
-    keys = _of_tf(keys["num"], keys["den"]) if kind == "tf" else keys
-    n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])
-    shapes = (n, n), (n, m), (p, n), (p, m)
-    rows = (keys[name] for name in "ABCD")
-    return tuple(f"x{i}" for i in range(n)), tuple(_matrix(*each) for each in zip(rows, shapes, strict=True))
+    keys = {name: numbers(value) if TYPES[kind].keys[name].type == "number" else value for name, value in keys.items()}
+    if kind == "tf":
+        keys |= {name: [numbers(each) for each in keys[name]] for name in ("num", "den")}
+    states, *parts = definitions.continuous(kind, keys)
+    inputs, outputs = TYPES[kind].ports_of(keys)
+    return states, _arrays(parts, len(states), len(inputs), len(outputs))
 
 
 def held(A, B, period, sizes=None):
@@ -300,11 +246,23 @@ def _matrix(rows, shape):
     return matrix(rows) if all(shape) else np.zeros(shape)
 
 
-def _static(name, inputs, outputs, D):
-    m, p = len(inputs), len(outputs)
-    return Block(name, inputs, outputs, (), np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)), matrix(D))
+def _arrays(parts, n, m, p):
+    """E, B, C and D as arrays; D alone if that is all that is given."""
+    shapes = ((n, n), (n, m), (p, n), (p, m))[-len(parts) :]
+    return tuple(
+        part if isinstance(part, np.ndarray) else _matrix(part, shape) for part, shape in zip(parts, shapes, strict=True)
+    )
 
 
-def _block(name, inputs, outputs, states, E, B, C, D):
-    parts = (part if isinstance(part, np.ndarray) else matrix(part) for part in (E, B, C, D))
-    return Block(name, tuple(inputs), tuple(outputs), tuple(states), *parts)
+def _defined(kind, name, period, **keys):
+    """A block from its definition."""
+    inputs, outputs = TYPES[kind].ports_of(keys)
+    own, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
+    labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
+    return replace(_block(name, inputs, outputs, own, rest), labels=labels)
+
+
+def _block(name, inputs, outputs, own, rest=None):
+    sizes = len(own.states), len(inputs), len(outputs)
+    at_rest = rest and _arrays(rest, *sizes)
+    return Block(name, tuple(inputs), tuple(outputs), own.states, *_arrays(own[1:], *sizes), at_rest=at_rest)

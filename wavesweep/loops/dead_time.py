@@ -189,10 +189,6 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
                 columns.append((np.zeros((1, 1)),) * 2)
         D.append(_joined(-1, *(each for each, _ in columns)))
         of_D.append(_joined(-1, *(each for _, each in columns)))
-    A, B, rest_C, rest_D = block.at_rest
-    rows = [outputs.index(signal) for signal, _ in plant.sensed]
-    rest_C, rest_D = (np.concatenate([part, part[..., rows, :]], -2) for part in (rest_C, rest_D))
-    at_rest = A, *(_joined(-1, part, np.zeros((part.shape[-2], len(more)))) for part in (B,)), rest_C
     return replace(
         block,
         inputs=(*block.inputs, *(f"{port.replace('.', ':')}{AT}{name}" for port, name in plant.arriving)),
@@ -201,7 +197,6 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
         C=_joined(-2, *C),
         D=_joined(-2, *D),
         terms=(of_E, of_G, _joined(-2, *of_C), _joined(-2, *of_D)),
-        at_rest=(*at_rest, _joined(-1, rest_D, np.zeros((rest_D.shape[-2], len(more))))),
     )
 
 

@@ -34,8 +34,7 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     sections = [_pair(warped, np.pi * (2 * k + order - 1) / (2 * order), highpass) for k in range(1, order // 2 + 1)]
     filter_ = _assemble(name, sections + ([_single(warped, highpass)] if order % 2 else []))
     passed = np.full((1, 1), 0.0 if highpass else 1.0)  # of a constant
-    n = len(filter_.states)  # each of which follows the input, by a factor that nothing else depends on
-    filter_ = replace(filter_, at_rest=(-np.eye(n), np.ones((n, 1)), np.zeros((1, n)), passed))
+    filter_ = replace(filter_, at_rest=(passed,))
     if not np.any(lost > FEW):
         return filter_
     lost = np.where(lost > FEW, lost, 1.0)

@@ -13,7 +13,7 @@ from wavesweep.loops.block import numbers
 from wavesweep.loops.integrator_modes import equations_of
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.loops.plant import plant_of
-from wavesweep.loops.values import rest_of, values_of
+from wavesweep.loops.values import keys_with, rest_of, values_of
 from wavesweep.spec.block_types import BELOW_HALF, TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, decides, name_of, scalars
 from wavesweep.spec.expressions import ONE, degree, evaluate, names_in, with_number
@@ -24,7 +24,6 @@ PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken o
 BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
 OUTPUT = "ports.outputs."  # begins the junctions of the outputs
 HAND = "ports.hand."  # keys of the hand's port
-PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
 
 
 def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = "") -> MultirateLoop:
@@ -148,8 +147,9 @@ def _with_numbers(block, known, tick):
 
 def _keys(block, known):
     """The keys of a block with their values."""
-    kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
-    keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
+    keys = keys_with(block, lambda tree: values_of(tree, known))
+    if block.type == "butterworth":
+        keys["passes"] = keys.pop("pass")
     if block.type == "ss" and not keys["D"]:
         keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
     return keys
@@ -157,16 +157,6 @@ def _keys(block, known):
 
 def _rests(trees, values, known):
     return [rest_of(tree, value, known) for tree, value in zip(trees, values, strict=True)]
-
-
-def _key(kind, value, known):
-    if kind == "number":
-        return values_of(value, known)
-    if kind == "integer":
-        return int(values_of(value, known))
-    if kind == "list":
-        return [values_of(tree, known) for tree in value]
-    return [[values_of(tree, known) for tree in row] for row in value] if kind == "rows" else value
 
 
 def _take_out(drawing, placed, sums, known, out):
@@ -201,11 +191,9 @@ def _opened(constant, slope):
         return E, np.concatenate([B, np.zeros_like(B)], -1), C, D
 
     E, B, C, D = wider(*(getattr(constant, part) for part in "EBCD"), slope.C, slope.D)
-    terms, at_rest = (
-        each and wider(*each, *more[2:]) for each, more in ((constant.terms, slope.terms), (constant.at_rest, slope.at_rest))
-    )
+    terms = constant.terms and wider(*constant.terms, *slope.terms[2:])
     ports = {"inputs": ("u", PRODUCT), "outputs": ("y", "factor")}
-    return replace(constant, **ports, E=E, B=B, C=C, D=D, terms=terms, at_rest=at_rest)
+    return replace(constant, **ports, E=E, B=B, C=C, D=D, terms=terms, at_rest=None)
 
 
 def _factor(terms, known, out):

@@ -1,8 +1,7 @@
-"""Loops whose signals do not change: their equations in exact numbers, and the shifts of states that fulfil them.
+"""Loops whose signals do not change: their equations in fractions, and the shifts of states that fulfil them.
 
-The numbers of a spec count as the decimals that they are written as, and numbers of arrays as doubles. Square roots are exact
-too: numbers then are matrices, those by which they multiply the products of the roots. Values of other functions count as
-doubles; these are fractions to which no sum of others comes by chance.
+The numbers of a spec count as the decimals that they are written as, and numbers of arrays as doubles. Square roots of squares
+are exact; values of other functions count as the doubles that they are, which no sum of others meets by chance.
 """
 
 from __future__ import annotations
@@ -11,92 +10,149 @@ import math
 import operator
 from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
-from math import isqrt, sqrt
-from types import SimpleNamespace
+from math import isqrt
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wavesweep.loops.block import Block
 from wavesweep.loops.dead_time import SENSED
+from wavesweep.loops.definitions import at_rest, tf_at_rest
 from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.loops.values import keys_with
 from wavesweep.spec.drawing import PORT, Drawing, scalars
 from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
 from wavesweep.spec.words import DELTA
 
-MOST_ROOTS = 3  # that are independent
+if TYPE_CHECKING:
+    from flint import fmpq
+
 HIGHEST = 64  # power that is multiplied out
-_OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul}
+NOT_EXACT = 2**100  # 1 part in this makes a number one that no sum of others meets by chance
+_OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+Sum = dict[str, Any]  # unknown -> factor, a fraction
 
 
-class _NewRoot(ArithmeticError):
-    """A root that is none of the numbers yet."""
+def decimal(value: float) -> fmpq:
+    """Return the decimal that a double is written as."""
+    from flint import fmpq
+
+    return fmpq(*Decimal(repr(float(value))).as_integer_ratio())
 
 
-class Numbers:
-    """Fractions, and sums of fractions times products of some square roots; both have `+`, `-` and `*`.
+def fraction(value: float) -> fmpq:
+    """Return the double itself."""
+    from flint import fmpq
 
-    Roots that depend on each other make numbers other than 0 without an inverse. Where none of these is divided by, what is
-    found holds for either sign of each root.
+    return fmpq(*float(value).as_integer_ratio())
+
+
+def to_double(number: fmpq) -> float:
+    """Return the nearest double; python-flint before 0.9 has no `float` of a fraction."""
+    return int(number.p) / int(number.q)
+
+
+def root(number: fmpq) -> fmpq:
+    """Return the square root: that of a square as it is, of other numbers a double."""
+    above, below = (isqrt(int(part)) if part > 0 else 0 for part in (number.p, number.q))
+    if above * above == number.p and below * below == number.q:
+        return type(number)(above, below)
+    return fraction(math.sqrt(to_double(number)))
+
+
+def value_in_fractions(tree: Tree, known: Mapping[str, fmpq], varied: Collection[str] = ()) -> fmpq:
+    """Return the value of an expression. varied: names of numbers that other loops have other values of; a root of these is
+    nowhere exact, since that of a square is either of two numbers.
+
+    Errors: ArithmeticError or ValueError where there is none.
+    """
+    operation, *parts, _ = tree
+    if operation in ("number", "name"):
+        return decimal(parts[0]) if operation == "number" else known[parts[0]]
+    first, *others = (value_in_fractions(part, known, varied) for part in parts)
+    second = others[0] if others else None
+    if operation == "sqrt" or (operation == "**" and second * 2 == 1):
+        found = root(first)
+        return found + found / NOT_EXACT if any(name in varied for name, _ in names_in(parts[0])) else found
+    if operation in FUNCTIONS:
+        return fraction(getattr(math, operation)(to_double(first)))
+    if operation != "**":
+        return -first if operation == "negative" else _OPERATIONS[operation](first, second)
+    if second.q != 1 or abs(second) > HIGHEST:
+        raise ArithmeticError("expected a power that is a fraction")
+    return first ** int(second.p)
+
+
+class RestEquations:
+    """The equations of blocks at rest.
+
+    Unknowns are states and input ports. rows: sums that are 0: the change of each state, and each port less the sum that is
+    connected to it. outputs: each as a sum. states: each as the unknown that it is, or as a sum of input ports that it follows.
+    A block may have more ports than its equations, behind theirs: those by which a number is taken out of it.
     """
 
-    def __init__(self, roots: Sequence = ()) -> None:
-        """roots: fractions whose roots are numbers. ImportError without python-flint."""
-        from flint import fmpq, fmpq_mat
+    def __init__(self) -> None:
+        self.rows: list[Sum] = []
+        self.outputs: dict[str, Sum] = {}
+        self.states: dict[str, Sum] = {}
 
-        self.fraction, self.matrix, self.squares = fmpq, fmpq_mat, [fmpq(1)]
-        for root in roots:
-            self.squares += [root * square for square in self.squares]
-        self.one = self._product(0)
+    def add(self, start: str, states, ports, parts) -> None:
+        """Add a block. start: what the names of its states and ports begin with. parts: E, B, C and D as rows of fractions."""
+        (inputs, outputs), (E, B, C, D), one = ports, parts, decimal(1.0)
+        names = [start + name for name in (*states, *inputs)]
+        self.states |= {name: {name: one} for name in names[: len(states)]}
+        changes, shown = (
+            [_substituted(dict(zip(names, (*x, *u), strict=False)), {}) for x, u in zip(*pair, strict=True)]
+            for pair in ((E, B), (C, D))
+        )
+        self.rows += changes
+        self.outputs |= {start + port: row for port, row in zip(outputs, shown, strict=False)}
 
-    def _product(self, which):
-        """A product of roots: those of the bits of `which`."""
-        size = len(self.squares)
-        if size == 1:
-            return self.fraction(1)
-        found = self.matrix(size, size)
-        for other in range(size):
-            found[other ^ which, other] = self.squares[other & which]
-        return found
+    def follow(self, block: Block, D) -> None:
+        """Add a block whose outputs follow its inputs by D whatever its states are, which settle where its own entries say."""
+        n, inputs = len(block.states), [f"{block.name}.{port}" for port in block.inputs]
+        E, B = (np.array(_first(part)) for part in (block.E, block.B))
+        settled = np.linalg.solve(E, -B.reshape(n, len(inputs))).tolist() if n else []
+        for known, names, rows in (
+            (self.states, block.states, [[fraction(value) for value in row] for row in settled]),
+            (self.outputs, block.outputs, D),
+        ):
+            for name, row in zip(names, rows, strict=False):
+                known[f"{block.name}.{name}"] = _substituted(dict(zip(inputs, row, strict=False)), {})
 
-    def decimal(self, value: float):
-        """The decimal that a double is written as."""
-        return self.fraction(*Decimal(repr(float(value))).as_integer_ratio()) * self.one
+    def connect(self, wires: Mapping[str, Sum]) -> None:
+        """Connect ports with sums of outputs."""
+        one = decimal(1.0)
+        self.rows += [
+            _substituted({port: one} | {s: -gain for s, gain in row.items()}, self.outputs) for port, row in wires.items()
+        ]
 
-    def double(self, value: float):
-        """The double itself."""
-        return self.fraction(*float(value).as_integer_ratio()) * self.one
+    def null_space(self) -> list[Sum]:
+        """Return independent solutions, of which all others are sums, ports being those of states as far as they can be."""
+        from flint import fmpq_mat
 
-    def rational(self, number):
-        """The fraction that a number is. Errors: ArithmeticError."""
-        found = number if len(self.squares) == 1 else number[0, 0]
-        if number != found * self.one:
-            raise ArithmeticError("expected a fraction")
-        return found
-
-    def inverse(self, number):
-        """1 over it. Errors: ZeroDivisionError."""
-        return 1 / number if len(self.squares) == 1 else number.inv()
-
-    def root(self, number, *, simple: bool):
-        """The square root. simple: whether that of a square is a fraction; otherwise it has either sign."""
-        number = self.rational(number)
-        for which, square in enumerate(self.squares):
-            ratio = number / square
-            above, below = (isqrt(int(part)) if part > 0 else 0 for part in (ratio.p, ratio.q))
-            if (which or simple or not number) and self.fraction(above, below) ** 2 == ratio:
-                return self.fraction(above, below) * self._product(which)
-        raise _NewRoot(number)
-
-    def to_double(self, number) -> float:
-        """The nearest double, but for a few roundings."""
-        if len(self.squares) == 1:
-            return _double(number)
-        return sum(_double(number[i, 0]) * sqrt(abs(_double(square))) for i, square in enumerate(self.squares))
+        states = [name for name, row in self.states.items() if row.keys() == {name}]
+        unknowns = [*dict.fromkeys(name for row in self.rows for name in row if name not in states), *states]
+        rows = [row for row in self.rows if row]
+        if not unknowns or not rows:
+            return [{name: decimal(1.0)} for name in unknowns]
+        found, rank = fmpq_mat([[row.get(name, 0) for name in unknowns] for row in rows]).rref()
+        table = found.tolist()[:rank]
+        leading = [next(at for at, value in enumerate(row) if value) for row in table]
+        free = [at for at in range(len(unknowns)) if at not in leading]
+        return [
+            {unknowns[at]: decimal(1.0)} | {unknowns[own]: -row[at] for own, row in zip(leading, table, strict=True) if row[at]}
+            for at in free
+        ]
 
 
-def _double(number) -> float:
-    """The nearest double of a rational or whole number; python-flint before 0.9 has no `float` of them."""
-    return int(number.p) / int(number.q) if hasattr(number, "q") else float(int(number))
+def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
+    """A sum in which each known unknown is the sum that it is of others."""
+    found: Sum = {}
+    for name, factor in row.items():
+        for other, value in known[name].items() if name in known else ((name, 1),):
+            found[other] = found.get(other, 0) + factor * value
+    return {name: value for name, value in found.items() if value}
 
 
 def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()) -> list[dict[str, float]]:
@@ -106,334 +162,81 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
     state has the name "block.state", an output that is held "block.port held". Each shift has a lead, a state of its own which
     is first among its keys, with the value 1; the other shifts do not move that state.
     names: of the blocks. leads: those of the shifts, if they are known. Errors: ArithmeticError or ValueError where numbers are
-    neither fractions nor roots, or are none.
+    not known as fractions.
     """
     blocks = [each.block for each in drawn.placed if each.block.name in names]
-    numbers, rows, outputs, states = drawn.exact(blocks) if drawn.exact else _of_entries(drawn, blocks)
-    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    moving = _null_space(numbers, rows, ports, {name: row for name, row in states.items() if row.keys() == {name}})
-    moving = [[_combined(vector, terms) for terms in (states, outputs)] for vector in moving]
-    found = _with_leads(numbers, moving, leads)
-    return [
-        {lead: 1.0}
-        | {name: numbers.to_double(value) for name, value in own.items() if value and name != lead}
-        | {f"{port} held": numbers.to_double(value) for port, value in held.items() if value}
-        for lead, (own, held) in found.items()
+    rest = drawn.exact(blocks) if drawn.exact else _of_entries(drawn, blocks)
+    shown = rest.states | {f"{port} held": row for port, row in rest.outputs.items()}
+    moving = [
+        {name: value for name, row in shown.items() if (value := sum(f * v[u] for u, f in row.items() if u in v))}
+        for v in rest.null_space()
     ]
-
-
-def _null_space(numbers, rows, ports, states):
-    """Solutions of equations, unknown -> value, of which all others are sums. rows: unknown -> factor, which add up to 0."""
-    solved = {}
-    for given in sorted(rows, key=len):
-        row = _substituted(given, solved)
-        if not row:
-            continue
-        name = next((name for name in row if name not in states), next(iter(row)))
-        scale = -numbers.inverse(row.pop(name))
-        found = {name: {other: value * scale for other, value in row.items()}}
-        for pivot, other in solved.items():
-            if name in other:
-                solved[pivot] = _substituted(other, found)
-        solved |= found
-    free = [name for name in (*ports, *states) if name not in solved]
-    return [{one: numbers.one} | {name: row[one] for name, row in solved.items() if one in row} for one in free]
-
-
-def _substituted(row, known):
-    """A sum in which each known unknown is the sum that it is of others."""
-    found = {}
-    for name, factor in row.items():
-        for other, value in known[name].items() if name in known else ((name, None),):
-            term = factor if value is None else factor * value
-            found[other] = found[other] + term if other in found else term
-    return {name: value for name, value in found.items() if value}
-
-
-def _combined(vector, terms):
-    """The sums of a solution that have these terms, those that are not 0."""
-    found = {}
-    for name, row in terms.items():
-        parts = [factor * vector[each] for each, factor in row.items() if each in vector]
-        if parts and (total := sum(parts[1:], parts[0])):
-            found[name] = total
-    return found
-
-
-def _with_leads(numbers, moving, leads):
-    """Lead -> its shift, as states and outputs; a solution that moves no state is none. leads: if they are known."""
-    found = {}
-    while moving:
-        own = moving[0][0]
-        if leads:
-            lead = leads[len(found)]
-            at = next((at for at, each in enumerate(moving) if lead in each[0]), None)
-            if at is None:
-                raise ArithmeticError("expected shifts of the same states")
-        elif own:
-            lead, at = max(own, key=lambda name: abs(numbers.to_double(own[name]))), 0
-        else:
+    found: dict[str, Sum] = {}
+    while moving and not (leads and len(found) == len(leads)):
+        states = [name for name in moving[0] if name in rest.states]
+        if not (leads or states):
             moving = moving[1:]
             continue
-        scale = numbers.inverse(moving[at][0][lead])
-        shift = [{name: value * scale for name, value in part.items()} for part in moving.pop(at)]
-        found = {name: _without(each, shift, lead) for name, each in found.items()} | {lead: shift}
-        moving = [_without(each, shift, lead) for each in moving]
-        if leads and len(found) == len(leads):
-            break
-    return found
-
-
-def _without(each, shift, lead):
-    """Another shift, less so much of this one that it does not move the lead."""
-    if lead not in each[0]:
-        return each
-    share = each[0][lead]
-    less = [{name: -share * value for name, value in part.items()} for part in shift]
-    sums = [
-        one | {name: one[name] + value if name in one else value for name, value in two.items()}
-        for one, two in zip(each, less, strict=True)
-    ]
-    return [{name: value for name, value in part.items() if value} for part in sums]
-
-
-def _of_entries(drawn, blocks):
-    """The numbers, rows, outputs and states of blocks that are known by their entries alone; see `equations_of`."""
-    numbers, rows, outputs, states = Numbers(), [], {}, {}
-    for block in blocks:
-        E, B, C, D = block.at_rest or (block.E, block.B, block.C, block.D)
-        follow = _settled(numbers, block) if block.at_rest and not C.any() and (-np.eye(E.shape[-1]) == E).all() else {}
-        names = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
-        of_states, of_outputs = (
-            [{name: numbers.double(v) for name, v in zip(names, row, strict=True) if v} for row in _first(*pair)]
-            for pair in ((E, B), (C, D))
-        )
-        rows += of_states if not follow else []
-        outputs |= {f"{block.name}.{port}": row for port, row in zip(block.outputs, of_outputs, strict=True)}
-        states |= {name: {name: numbers.one} for name in names[: len(block.states)]}
-        states |= {f"{block.name}.{state}": {f"{block.name}.u": value} for state, value in follow.items()}
-
-    def traced(signal, factor):
-        if signal in outputs:
-            yield signal, factor
-        for source, gain in drawn.sums.get(signal, {}).items():
-            yield from traced(source, factor * numbers.double(np.ravel(gain)[0].real))
-
-    wires = {
-        port: list(traced(port, numbers.one)) for port in (f"{block.name}.{port}" for block in blocks for port in block.inputs)
-    }
-    return numbers, rows + _connected(numbers, wires, outputs), outputs, states
-
-
-def _first(left, right):
-    """Two matrices of the first of a batch side by side."""
-    return np.hstack([each[(0,) * (each.ndim - 2)].real for each in (left, right)]).tolist()
-
-
-def _settled(numbers, block):
-    """By what multiples of the input states follow it."""
-    E, B = (each[(0,) * (each.ndim - 2)].real for each in (block.E, block.B))
-    found = np.linalg.solve(E, -B)[:, 0].tolist() if block.states else []
-    return {state: numbers.double(value) for state, value in zip(block.states, found, strict=True)}
-
-
-def _connected(numbers, wires, outputs):
-    """A row for each port, which is the sum connected to it."""
+        lead = leads[len(found)] if leads else max(states, key=lambda name: abs(to_double(moving[0][name])))
+        at = next((at for at, each in enumerate(moving) if lead in each), None)
+        if at is None:
+            raise ArithmeticError("expected shifts of the same states")
+        own = moving.pop(at)
+        own = {name: value / own[lead] for name, value in own.items()}
+        found = {name: _without(each, own, lead) for name, each in found.items()} | {lead: own}
+        moving = [_without(each, own, lead) for each in moving]
     return [
-        _substituted({port: numbers.one} | {signal: -gain for signal, gain in _summed(terms)}, outputs)
-        for port, terms in wires.items()
+        {lead: 1.0} | {name: to_double(value) for name, value in own.items() if name != lead} for lead, own in found.items()
     ]
 
 
-def _summed(terms):
-    found = {}
-    for signal, gain in terms:
-        found[signal] = found[signal] + gain if signal in found else gain
-    return found.items()
+def _without(each: Sum, shift: Sum, lead: str) -> Sum:
+    """Another shift, less so much of this one that it does not move the lead."""
+    share = each.get(lead, 0)
+    less = {name: each.get(name, 0) - share * value for name, value in shift.items()} if share else {}
+    return {name: value for name, value in (each | less).items() if value}
 
 
-def equations_of(
-    drawing: Drawing, values: Mapping[str, object], varied: Collection[str], out: str, blocks: Sequence[Block]
-) -> tuple:
-    """Return the numbers, and the equations of blocks of a drawing: rows, outputs and states as unknown -> factor.
-
-    Unknowns are states and input ports. Rows are sums that are 0: of each change of a state, and of each port less the sum
-    connected to it. values: flat numbers; varied: names of those that other loops have other values of. out: one that is 0.
-    """
-    roots = []
-    while True:
-        try:
-            return _Equations(drawing, values, varied, out, Numbers(roots)).of(blocks)
-        except _NewRoot as error:
-            roots.append(error.args[0])
-            if len(roots) > MOST_ROOTS:
-                raise
+def _first(part):
+    return part[(0,) * (part.ndim - 2)].real.tolist()
 
 
-class _Equations:
-    """The equations of the blocks of a drawing at rest.
+def _add_by_entries(rest, block):
+    """Add a block that is known by its entries alone."""
+    parts = block.at_rest or (block.E, block.B, block.C, block.D)
+    rows = [[[fraction(value) for value in row] for row in _first(part)] for part in parts]
+    if len(rows) == 1:
+        rest.follow(block, *rows)
+    else:
+        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), rows)
 
-    Each type of block gives its rows, its outputs, and those states that follow from its inputs, as unknown -> factor.
-    """
 
-    def __init__(self, drawing, values, varied, out, numbers):
-        self.types, self.numbers, self.varied = {block.name: block for block in drawing.cores}, numbers, varied
-        self.plants, inside = {plant.name: plant for plant in drawing.plants}, drawing.inside
-        sensed = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}
-        self.wires = {}  # at rest it is all one whether a wire is held
-        for port, terms in (*drawing.wires, *drawing.couplings):
-            for name, gain in terms:  # what a dead time reads of a plant is what it is at rest
-                own = port if (name, port) not in sensed else f"{port[:-1]}{SENSED}"
-                self.wires.setdefault(inside.get(own, own), []).append((inside.get(name, name), gain))
-        self.known = {name: value for name, value in scalars(values).items() if isinstance(value, (int, float))}
-        self.known |= {out: 0.0} if out else {}
+def _add_drawn(rest, kind, keys, block):
+    """Add a drawn block with the values of its keys; a type that has no equations at rest by the entries of a run."""
+    if kind == "butterworth":
+        parts = ([[int(keys["pass"] == "low" or not block.states)]],)  # noqa: S105 - the side that passes
+    elif kind == "delay":  # a dead time may have two inputs, and a second output, which shows changes
+        parts = ([[int(not at)] * len(block.inputs) for at in range(len(block.outputs))],)
+    elif kind == "tf" and keys["discrete"]:
+        parts = _discrete_tf(keys["num"], keys["den"], keys["discrete"] == DELTA, block.states)
+    else:
+        parts = at_rest(kind, keys, root)
+    if parts is None:
+        _add_by_entries(rest, block)
+    elif len(parts) == 1:
+        rest.follow(block, *parts)
+    else:
+        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), parts)
 
-    def of(self, blocks):
-        rows, outputs, states, one = [], {}, {}, self.numbers.one
-        for start, drawn, own_states in (each for block in blocks for each in self._members(block)):
-            own, shown, follow = getattr(self, f"_{drawn.type}")(drawn, own_states)
 
-            def named(row, start=start):
-                found = ((start + each, value * one if isinstance(value, int) else value) for each, value in row.items())
-                return {each: value for each, value in found if value}
-
-            rows += map(named, own)
-            outputs |= {start + port: named(row) for port, row in shown.items()}
-            states |= {start + state: named(follow.get(state, {state: 1})) for state in own_states.states}
-        ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-        wires = {
-            port: [(signal, self._value(gain)) for signal, gain in self.wires.get(port, ()) if signal in outputs]
-            for port in ports
-        }
-        return self.numbers, rows + _connected(self.numbers, wires, outputs), outputs, states
-
-    def _members(self, block):
-        """Yield what the names of a block's ports and states begin with, the block as drawn, and one with its states."""
-        if block.name not in self.plants:
-            yield f"{block.name}.", self.types[block.name], block
-            return
-        for member in self.plants[block.name].members:
-            start = f"{member.name}{PORT}".replace(".", PORT)
-            own = [state.removeprefix(start) for state in block.states if state.startswith(start)]
-            yield self.plants[block.name].start(member.name), member, SimpleNamespace(states=own)
-
-    def _value(self, tree: Tree):
-        operation, *parts, _ = tree
-        if operation == "number":
-            return self.numbers.decimal(parts[0])
-        if operation == "name":
-            return self.numbers.decimal(self.known[parts[0]])
-        first, *others = map(self._value, parts)
-        if operation == "sqrt":
-            return self.numbers.root(first, simple=not any(name in self.varied for name, _ in names_in(tree)))
-        if operation in FUNCTIONS:
-            return self.numbers.double(getattr(math, operation)(self.numbers.to_double(first)))
-        return -first if operation == "negative" else self._joined(operation, first, others[0], tree)
-
-    def _joined(self, operation, first, second, tree):
-        if operation in _OPERATIONS:
-            return _OPERATIONS[operation](first, second)
-        if operation == "/":
-            return first * self.numbers.inverse(second)
-        exponent = self.numbers.rational(second)
-        if exponent * 2 == 1:
-            return self._value(("sqrt", tree[1], 0))
-        if exponent.q != 1 or abs(exponent) > HIGHEST:
-            raise ArithmeticError("expected a power that is a fraction")
-        found = self.numbers.one
-        for _ in range(abs(int(exponent.p))):
-            found = found * first
-        return found if exponent >= 0 else self.numbers.inverse(found)
-
-    def _key(self, block, name):
-        return self._value(dict(block.keys)[name])
-
-    def _impedance(self, block):
-        """b, and sqrt(2 b)."""
-        b = dict(block.keys)["b"]
-        return self._value(b), self._value(("sqrt", ("*", b, ("number", 2.0, 0), 0), 0))
-
-    def _row(self, names, trees):
-        return {name: self._value(tree) for name, tree in zip(names, trees, strict=True)}
-
-    def _mass(self, block, _):
-        return [{"v": 1}, {"f": 1, "x": -self._key(block, "stiffness")}], {"x": {"x": 1}, "v": {"v": 1}}, {}
-
-    _inertia = _mass
-
-    def _spring(self, block, _):
-        k, d = (self._key(block, name) for name in "kd")
-        rows = {"x1": -k, "v1": -d, "x2": k, "v2": d}, {"x1": k, "v1": d, "x2": -k, "v2": -d}
-        return [], dict(zip(("f1", "f2"), rows, strict=True)), {}
-
-    def _ss(self, block, own):
-        keys = dict(block.keys)
-        names = (*own.states, *keys["inputs"])
-        rows = [self._row(names, (*a, *b)) for a, b in zip(keys["A"], keys["B"], strict=True)]
-        for state, row in zip(own.states, rows, strict=True) if keys["discrete"] else ():
-            row[state] -= self.numbers.one
-        C = keys["C"] or [()] * len(keys["outputs"])
-        D = keys["D"] or [[("number", 0.0, 0)] * len(keys["inputs"])] * len(keys["outputs"])
-        return rows, {port: self._row(names, (*c, *d)) for port, c, d in zip(keys["outputs"], C, D, strict=True)}, {}
-
-    def _tf(self, block, own):
-        keys = dict(block.keys)
-        num, den = ([self._value(tree) for tree in keys[name]] for name in ("num", "den"))
-        num = [0 * self.numbers.one] * (len(den) - len(num)) + num
-        names, later = ([name for name in own.states if name.startswith(kind)] for kind in "xu")
-        last, n = num[len(num) - len(later) :], len(names)
-        if keys["discrete"]:
-            about = (lambda each: each) if keys["discrete"] == DELTA else _about_one
-            above, below = about(num)[-1], about(den)[-1]
-            if below:
-                return [], {"y": {"u": above * self.numbers.inverse(below)}}, self._settled(own)
-            num, den = about(num[: n + 1]), about(den[: n + 1])
-        share = self.numbers.inverse(den[0])
-        if not n:
-            return [], {"y": {"u": num[0] * share}}, {}
-        rows = [{"u": den[0]} | {name: -value for name, value in zip(names, den[1:], strict=True)}]
-        rows += [{name: 1} for name in names[:-1]]
-        shown = {name: value * share for name, value in zip(names, num[1:], strict=True)}
-        through = sum(last[1:], last[0]) * share if last else 0
-        return rows, {"y": shown | {"u": through}}, {name: {"u": 1} for name in later}
-
-    def _settled(self, own):
-        return {state: {"u": value} for state, value in _settled(self.numbers, own).items()}
-
-    def _gain(self, block, _):
-        return [], {"y": {"u": self._key(block, "k")}}, {}
-
-    def _hold(self, *_):
-        return [], {"y": {"u": 1}}, {}
-
-    def _delay(self, _, own):
-        return [], {"y": dict.fromkeys(own.inputs, 1)}, {state: {state.rstrip("0123456789"): 1} for state in own.states}
-
-    _mean = _delay
-
-    def _difference(self, _, own):
-        return [], {"y": {}}, {state: {"u": 1} for state in own.states}
-
-    def _integrator(self, *_):
-        return [{"u": 1}], {"y": {"s": 1}}, {}
-
-    def _butterworth(self, block, own):
-        low = dict(block.keys)["pass"] == "low"  # noqa: S105 - the side that passes
-        return [], {"y": {"u": int(low or not own.states)}}, self._settled(own)
-
-    def _wave(self, block, _):
-        b, root = self._impedance(block)
-        if dict(block.keys)["gives"] == "force":
-            return [], {"force": {"v": b, "in": -root}, "out": {"v": root, "in": -1}}, {}
-        share = self.numbers.inverse(b)
-        return [], {"v": {"in": root * share, "f": -share}, "out": {"in": 1, "f": -root * share}}, {}
-
-    def _avatar(self, block, _):
-        outputs = {"v": {}, "x": {"s": 1}, "x_spring": {"s": 1}, "out": {"in": -1}}
-        return [{"in": self._impedance(block)[1], "f": -1}], outputs, {}
-
-    def _local_model(self, block, _):
-        return [{"in": self._impedance(block)[1], "s": -self._key(block, "K")}], {"out": {"in": -1}}, {}
+def _discrete_tf(num, den, delta, states):
+    """A transfer function in z or z - 1 at rest; the last of its states may be delays (see `blocks.tf`)."""
+    num, n = [0] * (len(den) - len(num)) + num, sum(name.startswith("x") for name in states)
+    later = num[n + 1 :]
+    above, below = (each[: n + 1] if delta else _about_one(each[: n + 1]) for each in (num, den))
+    if below[-1]:
+        return ([[(above[-1] + sum(later)) / below[-1]]],)
+    return tf_at_rest(above, below, [each / den[0] for each in later])
 
 
 def _about_one(coefficients):
@@ -443,3 +246,59 @@ def _about_one(coefficients):
         for i in range(1, end):
             found[i] = found[i] + found[i - 1]
     return found
+
+
+def _of_entries(drawn, blocks) -> RestEquations:
+    """The equations of blocks that are known by their entries alone, as those of loops that are made in Python."""
+    rest = RestEquations()
+    for block in blocks:
+        _add_by_entries(rest, block)
+
+    def traced(signal, factor):
+        found = {signal: factor} if signal in rest.outputs else {}
+        for source, gain in drawn.sums.get(signal, {}).items():
+            for name, value in traced(source, factor * fraction(np.ravel(gain)[0].real)).items():
+                found[name] = found.get(name, 0) + value
+        return found
+
+    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
+    rest.connect({port: traced(port, decimal(1.0)) for port in ports})
+    return rest
+
+
+def equations_of(
+    drawing: Drawing, values: Mapping[str, object], varied: Collection[str], out: str, blocks: Sequence[Block]
+) -> RestEquations:
+    """Return the equations of blocks of a drawing.
+
+    values: flat numbers. varied: names of those that other loops have other values of. out: a number that is 0, or empty.
+    """
+    rest, cores = RestEquations(), {block.name: block for block in drawing.cores}
+    known = {name: decimal(value) for name, value in scalars(values).items() if isinstance(value, (int, float))}
+    known |= {out: decimal(0.0)} if out else {}
+
+    def value(tree):
+        return value_in_fractions(tree, known, varied)
+
+    plants = {plant.name: plant for plant in drawing.plants}
+    for block in blocks:
+        if block.name not in plants:
+            own = cores[block.name]
+            _add_drawn(rest, own.type, keys_with(own, value), block)
+            continue
+        for member in plants[block.name].members:
+            start = f"{member.name}{PORT}".replace(".", PORT)
+            states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
+            parts = at_rest(member.type, keys_with(member, value), root)
+            parts = ([], [], [[] for _ in parts[0]], *parts) if len(parts) == 1 else parts
+            rest.add(plants[block.name].start(member.name), states, member.ports, parts)
+    sensed, inside = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}, drawing.inside
+    wires: dict[str, Sum] = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs}
+    for port, terms in (*drawing.wires, *drawing.couplings):  # at rest, holds have no effect
+        for name, gain in terms:  # what a dead time reads of a plant is what it is at rest
+            read, signal = port if (name, port) not in sensed else f"{port[:-1]}{SENSED}", inside.get(name, name)
+            row = wires.get(inside.get(read, read))
+            if row is not None and signal in rest.outputs:
+                row[signal] = row.get(signal, 0) + value(gain)
+    rest.connect(wires)
+    return rest

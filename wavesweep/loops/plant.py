@@ -43,7 +43,6 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
         tuple(f"{name}{PORT}{state}".replace(".", PORT) for name, state in states),
         *(E, G, shown, through),
         terms=(*of_held, of_C, of_D),
-        at_rest=(A, B, shown, through),
         labels=tuple(f"{name} {LABELS.get(state, state)}" for name, state in states),
         ring=plant.acts_on_itself,
         **facts,

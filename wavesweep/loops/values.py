@@ -1,10 +1,12 @@
 """Values of a drawn loop's expressions, for arrays of numbers, real or complex."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.drawing import DrawnBlock
 from wavesweep.spec.expressions import Tree, evaluate, is_given, lost_digits, names_in
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name
@@ -53,3 +55,17 @@ def _again(tree, numbers, found, lost):
     whole = found.dtype.kind == "c" or exact.dtype.kind != "c"
     found.reshape(-1)[at] = exact if whole else np.where(exact.imag == 0, exact.real, np.nan)
     return found if found.shape else found.item()
+
+
+def keys_with(block: DrawnBlock, value: Callable[[Tree], Any]) -> dict[str, Any]:
+    """Return the keys of a block with the values of their numbers; value: of a tree."""
+    types = TYPES[block.type].keys
+
+    def of(kind, entry):
+        if kind in ("number", "integer"):
+            return value(entry) if kind == "number" else int(value(entry))
+        if kind == "list":
+            return [value(tree) for tree in entry]
+        return [[value(tree) for tree in row] for row in entry] if kind == "rows" else entry
+
+    return {name: of(types[name].type, entry) for name, entry in block.keys}
