@@ -103,39 +103,6 @@ def test_a_drawn_controller_feels_what_the_built_in_one_feels():
         assert (tables[0].felt_high > 0).all()
 
 
-RINGS = {
-    "of a gain below 1": ("K*m.x + B*m.v + 0.5*q.y", True),
-    "of a gain of 1, which adds up": ("0.001*K*m.x + B*m.v + q.y", False),
-    "beside a block that drifts": ("K*m.x + B*m.v + 0.5*q.y + 0*s.y", True),
-}
-
-
-@pytest.mark.parametrize("kind", RINGS)
-def test_a_ring_of_blocks_that_never_run_together_feels_what_a_response_feels(kind):
-    """Both holds run in turn; a tick in which all run has a loop of direct terms, which a gain of 1 makes singular."""
-    ring, known = RINGS[kind]
-    spec = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"K": 20.0, "B": 0.01},
-        "block": {
-            "m": {"type": "mass", "mass": 0.1, "damping": 4.0, "stiffness": 5.0},
-            "p": {"type": "hold", "every": 2},
-            "q": {"type": "hold", "every": 2, "phase": 1},
-            "s": {"type": "integrator"},
-        },
-        "wire": {"p.u": ring, "q.u": "p.y", "m.f": "hand - p.y", "s.u": "m.x"},
-        "ports": {"hand": {"force": "hand", "displacement": "m.x"}, "wall": {"stiffness": "K", "damping": "B"}},
-    }
-    loop = wavesweep.compile(spec)
-    table = loop.stable_intervals("K", (1, 400))
-    assert table.intervals[0] == 1
-    for end, felt in zip(table[["low", "high"]].to_numpy()[0], table[["felt_low", "felt_high"]].to_numpy()[0], strict=True):
-        rest = loop.response([0.0], K=end).impedance_re[0]
-        assert felt == pytest.approx(rest, rel=1e-7, nan_ok=True)
-        if known:
-            assert felt == pytest.approx(5 + 2 * end, rel=1e-7)
-
-
 ALONG = {"Kp": (0, 50), "b": (2, 150), "device.mass": (0.02, 2), "K_VE": (0, 5000), "B_VE": (0, 20), "K_LM": (0, 3000)}
 
 

@@ -33,31 +33,6 @@ def test_time_steps_of_a_physics_engine(kd):
     assert table.high_omega.to_numpy() == pytest.approx(np.pi / table.high.to_numpy(), rel=1e-11)
 
 
-def test_an_answer_of_the_recipe_along_the_time_step():
-    text = (RECIPES / "physics-joint.toml").read_text(encoding="utf-8")
-    for kd, answer in ((6.3088, "5.917"), (1.0, "4.686")):
-        assert f"{answer} ms" in text
-        assert f"{1e3 * longest_step(5000.0, kd):.3f}" == answer
-
-
-def test_the_longest_period_of_gains_that_were_designed_in_continuous_time():
-    """An LQR with unit weights of a pendulum that stands, x'' = g x + u, its gains rounded to eight digits: z = -1 at
-    `tanh(w h/2) = w/kd`, w^2 = g."""
-    g = 9.81
-    kp = g + np.hypot(g, 1)
-    kp, kd = round(kp, 8), round(np.sqrt(2 * kp + 1), 8)
-    tables = {
-        "rates": {"tick_hz": "1/h"},
-        "numbers": {"h": 0.01},
-        "block": {"pendulum": {"type": "inertia", "inertia": 1, "stiffness": -g}},
-        "wire": {"pendulum.f": f"-{kp}*pendulum.x - {kd}*pendulum.v"},
-    }
-    found = wavesweep.compile(tables).stable_intervals("h", (1e-3, 1))
-    assert found.certified.all()
-    assert found.high.tolist() == pytest.approx([2 * np.arctanh(np.sqrt(g) / kd) / np.sqrt(g)], rel=1e-12)
-    assert found.high[0] == pytest.approx(0.3449335770126, abs=1e-12)
-
-
 def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(monkeypatch):
     joint, sizes, frame = wavesweep.compile(RECIPES / "physics-joint.toml"), [], drawn_loops.assembled
     monkeypatch.setattr(
@@ -87,18 +62,6 @@ def test_loops_of_several_rates_have_what_each_has_alone(kind):
         mine = table[table["rates.tick_hz"] == rate].reset_index(drop=True)
         for name in ("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"):
             assert mine[name].to_numpy() == pytest.approx(alone[name].to_numpy(), rel=1e-10, nan_ok=True)
-
-
-def test_a_wall_needs_some_rate():
-    """Directly coupled, a wall is passive and stable below some stiffness of the rate: at its end the radius is 1."""
-    loop = wavesweep.compile(RECIPES / "controllers" / "dc.toml")
-    table = loop.stable_intervals("rates.tick_hz", (100, 20000), K=[2000.0, 4000.0, 8000.0])
-    assert table.certified.all()
-    assert (table.high == 20000).all()
-    assert (np.diff(table.low) > 0).all()
-    for K, low in zip(table.K, table.low, strict=True):
-        radius = loop.spectral_radius(K=K, **{"rates.tick_hz": [low * (1 - 1e-6), low * (1 + 1e-6)]})
-        assert radius[0] > 1 > radius[1]
 
 
 @pytest.mark.parametrize(
@@ -218,29 +181,3 @@ def test_ranges_of_a_fast_rate_that_make_no_loop_are_refused(rates, start, said)
 )
 def test_filters_that_a_controller_does_not_have_leave_the_range_as_it_is(tables, span):
     assert wavesweep.compile(tables).stable_intervals("rates.fast_hz", span).certified.all()
-
-
-@pytest.mark.parametrize(("along", "other"), [("B", "K"), ("K", "B")])
-def test_what_is_felt_at_several_rates_is_known_if_what_drifts_depends_on_the_rate(along, other):
-    """Without the wall the device drifts, and a filter's states with it, by factors of the rate."""
-    tables = {
-        "rates": {"tick_hz": 1000.0},
-        "numbers": {"K": 100.0, "B": 1.0},
-        "block": {
-            "m": {"type": "mass", "mass": 0.2, "damping": 1.5},
-            "lp": {"type": "butterworth", "order": 2, "cutoff_hz": 40.0},
-            "v": {"type": "difference"},
-        },
-        "wire": {"lp.u": "m.x", "v.u": "m.x", "m.f": "h - K*lp.y - B*v.y"},
-        "ports": {
-            "hand": {"force": "h", "displacement": "m.x", "reaction": "K*lp.y + B*v.y"},
-            "wall": {"stiffness": "K", "damping": "B"},
-        },
-    }
-    loop, rates = wavesweep.compile(tables), [800.0, 1000.0]
-    table = loop.stable_intervals(along, (0, 60), **{"rates.tick_hz": rates, other: [0.0, 2.0]})
-    assert np.isfinite(table.felt_low).all()
-    for row in table.itertuples():
-        spec = load(tables, [f"rates.tick_hz={row[1]!r}", f"{other}={row[2]!r}"])
-        alone = wavesweep.compile(spec).stable_intervals(along, (0, 60))
-        assert [row.felt_low, row.felt_high] == pytest.approx([alone.felt_low[0], alone.felt_high[0]], rel=1e-9, nan_ok=True)
