@@ -17,7 +17,7 @@ from wavesweep.loops.values import keys_with, rest_of, values_of
 from wavesweep.spec.block_types import BELOW_HALF, TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, decides, name_of, scalars
 from wavesweep.spec.expressions import ONE, degree, evaluate, names_in, with_number
-from wavesweep.spec.words import FORMULAS
+from wavesweep.spec.firmware_blocks import FORMULAS
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies

@@ -22,7 +22,7 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.loops.values import keys_with
 from wavesweep.spec.drawing import PORT, Drawing, scalars
 from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
-from wavesweep.spec.words import DELTA
+from wavesweep.spec.firmware_blocks import DELTA
 
 if TYPE_CHECKING:
     from flint import fmpq

@@ -1,7 +1,7 @@
 """The blocks that a spec can draw, in ball arithmetic: `x+ = A x + B u`, `y = C x + D u`.
 
 They are written down from their equations once more, in z and not in delta form; words of firmware have the formulas of
-`wavesweep.spec.words`, as elsewhere. An entry is 0 exactly if it is 0 for every number in the balls of its keys.
+`wavesweep.spec.firmware_blocks`, as elsewhere. An entry is 0 exactly if it is 0 for every number in the balls of its keys.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Any
 
 from flint import acb_mat, arb, arb_mat
 
+from wavesweep.spec.firmware_blocks import DELTA
 from wavesweep.spec.keys import AHEAD
-from wavesweep.spec.words import DELTA
 
 SENT = {"explicit": 1.0, "implicit": 1.0, "trapezoidal": 0.5}  # share of an avatar's step in the position that it sends back
 

@@ -13,9 +13,9 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.block_types import BELOW_HALF, BODIES, EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
+from wavesweep.spec.firmware_blocks import FORMULAS, stepwise, transfer_function
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
-from wavesweep.spec.words import FORMULAS, stepwise, transfer_function
 
 MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"

@@ -19,7 +19,7 @@ from functools import cache, lru_cache
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.platform_compat import READ
 from wavesweep.spec.keys import SYMBOLS
-from wavesweep.spec.slips import slip_in
+from wavesweep.spec.toml_errors import syntax_mistake
 
 # Compiled where they are used: most runs report no mistake.
 DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over
@@ -184,7 +184,7 @@ def _parse(text: str, name: str) -> dict:
     except RecursionError as error:
         raise SpecError([Mistake(name, "", "a TOML file", "values nested too deeply")]) from error
     except ValueError as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
-        raise SpecError([_unlike_text(text, name) or slip_in(text, str(error), name)]) from error
+        raise SpecError([_unlike_text(text, name) or syntax_mistake(text, str(error), name)]) from error
 
 
 def _unlike_text(text: str, name: str) -> Mistake | None:

@@ -17,7 +17,7 @@ LONGEST_LINE = 1000  # of which the slip is searched for
 QUOTES = "\u201c\u201d\u201e\u2018\u2019"
 
 
-class Slip(NamedTuple):
+class SyntaxMistake(NamedTuple):
     """Line and column of a slip, from 1, the text expected and the text found."""
 
     line: int
@@ -26,7 +26,7 @@ class Slip(NamedTuple):
     found: str
 
 
-def slip_in(text: str, message: str, name: str) -> Mistake:
+def syntax_mistake(text: str, message: str, name: str) -> Mistake:
     """Return the mistake of a text in TOML's syntax. message: tomllib's; name: of the file."""
     match = re.fullmatch(_MESSAGE, message)
     if match is None:
@@ -36,7 +36,7 @@ def slip_in(text: str, message: str, name: str) -> Mistake:
     what = _lower(match["what"]).removeprefix("found ")
     lines = text.split("\n")
     before, after = lines[line - 1][: column - 1], lines[line - 1][column - 1 :]
-    plain = Slip(line, column, "a TOML file", f"other text: {what}" if what.startswith("expected") else what)
+    plain = SyntaxMistake(line, column, "a TOML file", f"other text: {what}" if what.startswith("expected") else what)
     slip = plain
     if len(lines[line - 1]) <= LONGEST_LINE:
         slip = (
@@ -56,14 +56,14 @@ def _lower(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:]
 
 
-def _stray_comma(line: int, column: int, after: str, what: str) -> Slip | None:
+def _stray_comma(line: int, column: int, after: str, what: str) -> SyntaxMistake | None:
     """A comma behind a value, as other formats have it between keys."""
     if what.startswith("expected newline") and re.fullmatch(r",\s*(#.*)?", after):
-        return Slip(line, column, "the end of the line behind the value", "a comma")
+        return SyntaxMistake(line, column, "the end of the line behind the value", "a comma")
     return None
 
 
-def _twice(lines: list[str], line: int, before: str, what: str) -> Slip | None:
+def _twice(lines: list[str], line: int, before: str, what: str) -> SyntaxMistake | None:
     """A key or a table that is given a second time."""
     here = lines[line - 1]
     if header := re.match(rf"\s*\[+\s*({_KEY})", here):
@@ -71,7 +71,7 @@ def _twice(lines: list[str], line: int, before: str, what: str) -> Slip | None:
             return None
         first = _line_of(lines[: line - 1], rf"\s*\[+\s*{re.escape(header[1])}\s*\]")
         found = f"[{header[1]}] a second time{first}"
-        return Slip(line, header.start(1) + 1, "each table once, with all of its keys under its name", found)
+        return SyntaxMistake(line, header.start(1) + 1, "each table once, with all of its keys under its name", found)
     if "overwrite" not in what and "duplicate" not in what:
         return None
     inner = re.search(r"'(.*)'", what)
@@ -79,7 +79,7 @@ def _twice(lines: list[str], line: int, before: str, what: str) -> Slip | None:
     table = max((at for at in range(line) if lines[at].lstrip().startswith("[")), default=0)
     first = "" if inner else _line_of(lines[: line - 1], rf"\s*{re.escape(name)}\s*=", table)
     column = before.rfind(name) if inner else here.index(name)
-    return Slip(line, column + 1, "each key once", f"{name} a second time{first}")
+    return SyntaxMistake(line, column + 1, "each key once", f"{name} a second time{first}")
 
 
 def _line_of(lines: list[str], pattern: str, start: int = 0) -> str:
@@ -87,7 +87,7 @@ def _line_of(lines: list[str], pattern: str, start: int = 0) -> str:
     return next((f" (first in line {at + 1})" for at in range(start, len(lines)) if re.match(pattern, lines[at])), "")
 
 
-def _in_number(line: int, before: str, after: str, what: str) -> Slip | None:
+def _in_number(line: int, before: str, after: str, what: str) -> SyntaxMistake | None:
     """A decimal comma, a unit or a sign of an expression behind a number that is read already."""
     token = re.search(r"[^\s=,\[{]*\s*$", before)[0]
     column = len(before) - len(token) + 1
@@ -100,7 +100,7 @@ def _in_number(line: int, before: str, after: str, what: str) -> Slip | None:
         return _comma(line, column, comma[0])
     if alone and re.match(r"\s*\d", after):
         expected = "a number in digits without spaces and without zeros before it"
-        return Slip(line, column, expected, re.match(r"[-+\s\d.]*", whole)[0].strip())
+        return SyntaxMistake(line, column, expected, re.match(r"[-+\s\d.]*", whole)[0].strip())
     for pattern, expected in (
         (r"\S+\s*//.*", "a comment that begins with #"),
         (r"\S+\.(?!\d)\S*", f"a digit behind the point, {token.strip()}.0"),
@@ -110,26 +110,26 @@ def _in_number(line: int, before: str, after: str, what: str) -> Slip | None:
         (rf"{_NUMBER}\s*[-+*/^(][^#\n]*", 'an expression in quotes, "2*a" for example, or a number'),
     ):
         if match := re.match(pattern, whole):
-            return Slip(line, column, expected, match[0].strip())
+            return SyntaxMistake(line, column, expected, match[0].strip())
     return None
 
 
-def _comma(line: int, column: int, found: str) -> Slip:
+def _comma(line: int, column: int, found: str) -> SyntaxMistake:
     meant = f", {found.replace(',', '.')}" if re.fullmatch(r"[+-]?\d+,\d+", found) else ""
-    return Slip(line, column, f"a number with a point before its decimals{meant}", found)
+    return SyntaxMistake(line, column, f"a number with a point before its decimals{meant}", found)
 
 
-def _in_text(line: int, column: int, before: str, after: str, what: str) -> Slip | None:
+def _in_text(line: int, column: int, before: str, after: str, what: str) -> SyntaxMistake | None:
     """A text that does not end, or that has a backslash."""
     if what == "illegal character '\\n'" or (what.startswith("unterminated") and not after):
-        return Slip(line, column, "quotes at the end of a text", "the end of the line")
+        return SyntaxMistake(line, column, "quotes at the end of a text", "the end of the line")
     if what.startswith("unescaped"):
         expected = "a text in single quotes, in which \\ stands for itself, or \\\\"
-        return Slip(line, before.rfind("\\") + 1, expected, "a single \\")
+        return SyntaxMistake(line, before.rfind("\\") + 1, expected, "a single \\")
     return None
 
 
-def _in_value(line: int, column: int, after: str, what: str) -> Slip | None:
+def _in_value(line: int, column: int, after: str, what: str) -> SyntaxMistake | None:
     """A value that is none of TOML's."""
     if what != "invalid value":
         return None
@@ -143,8 +143,8 @@ def _in_value(line: int, column: int, after: str, what: str) -> Slip | None:
         (r"[+-]?\.\d.*", f"a digit before the point, {value.replace('.', '0.', 1)}"),
     ):
         if re.fullmatch(pattern, value):
-            return Slip(line, column, expected, value)
-    return Slip(line, column, VALUE, value or "nothing")
+            return SyntaxMistake(line, column, expected, value)
+    return SyntaxMistake(line, column, VALUE, value or "nothing")
 
 
 _STATEMENTS = (  # tomllib's words and the line before, and what was expected
@@ -156,13 +156,13 @@ _STATEMENTS = (  # tomllib's words and the line before, and what was expected
 )
 
 
-def _in_statement(line: int, column: int, before: str, after: str, what: str) -> Slip | None:
+def _in_statement(line: int, column: int, before: str, after: str, what: str) -> SyntaxMistake | None:
     """A slip at a key, a table's name, or the end of a list."""
     rest = re.match(r"[^#]*", after)[0].strip() or "the end of the line"
     if what.startswith("expected '='") and not after[:1].isascii():
         word = re.search(r"\S*$", before)[0]
-        return Slip(line, column - len(word), "a key of the letters a to z, digits, _ and -", word + rest)
+        return SyntaxMistake(line, column - len(word), "a key of the letters a to z, digits, _ and -", word + rest)
     if what.startswith("invalid initial character") and not after.strip():
-        return Slip(line, column, "a table in braces in one line", rest)
+        return SyntaxMistake(line, column, "a table in braces in one line", rest)
     found = (expected for words, start, expected in _STATEMENTS if what.startswith(words) and re.match(start, before))
-    return next((Slip(line, column, expected, rest) for expected in found), None)
+    return next((SyntaxMistake(line, column, expected, rest) for expected in found), None)
