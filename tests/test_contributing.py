@@ -9,7 +9,8 @@ from support.specs import values_of
 
 from wavesweep import plots
 from wavesweep.cli.entry import COMMANDS, module_of
-from wavesweep.loops.controllers import PAGES, keys_of_page
+from wavesweep.controllers import CONTROLLERS, Controller
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.stability import stable_intervals
 from wavesweep.sweep.open_loops import wall_cut
 from wavesweep.tables import HOMES
@@ -20,7 +21,7 @@ SPAN = (0.0, 20000.0)
 @pytest.fixture
 def smooth(monkeypatch):
     """Values of the document's controller, drawn by the function that a maintainer would register."""
-    monkeypatch.setitem(PAGES, "dc-smooth", code("Add a controller")["dc_smooth"])
+    monkeypatch.setitem(CONTROLLERS, "dc-smooth", Controller("", code("Add a controller")["dc_smooth"]))
     return lambda **changes: values_of("dc-smooth", **changes)
 
 

@@ -12,8 +12,7 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.loops.controllers import PAGES
+from wavesweep.controllers import CONTROLLERS, Controller
 from wavesweep.loops.page import Page
 from wavesweep.sweep.assumptions import assumes
 
@@ -26,9 +25,9 @@ FREE, HELD = VALUES, VALUES | {"operator.stiffness": 300.0, "operator.mass": 0.0
 
 @pytest.fixture(autouse=True)
 def registered(monkeypatch):
-    """The lines of the registries."""
-    monkeypatch.setitem(CONTROLLERS, KIND, "direct coupling to the slow wall, whose held force is smoothed")
-    monkeypatch.setitem(PAGES, KIND, code("Add a controller")["dc_smooth"])
+    """The line of the registry."""
+    description = "direct coupling to the slow wall, whose held force is smoothed"
+    monkeypatch.setitem(CONTROLLERS, KIND, Controller(description, code("Add a controller")["dc_smooth"]))
 
 
 def compiled(values):
@@ -127,7 +126,7 @@ def test_passivity_and_the_verdict_on_hands_ask_the_drawing():
 def test_what_results_assume_of_the_wall_is_what_the_page_says(monkeypatch):
     spec = wavesweep.load(nested(VALUES | {"controller.kind": KIND}))
     assert assumes(spec).startswith("wall at the slow rate, whose force is smoothed, delay of 3 of 8 ticks")
-    monkeypatch.setitem(
-        PAGES, KIND, lambda values: replace(code("Add a controller")["dc_smooth"](values), assumes=Page({}, {}, "").assumes)
-    )
+    page = CONTROLLERS[KIND].page
+    silent = Controller("", lambda values: replace(page(values), assumes=Page({}, {}, "").assumes))
+    monkeypatch.setitem(CONTROLLERS, KIND, silent)
     assert "says nothing" in assumes(spec)

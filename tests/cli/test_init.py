@@ -8,7 +8,7 @@ import pytest
 import wavesweep as package
 from wavesweep.cli.init import starter
 from wavesweep.controllers import CONTROLLERS
-from wavesweep.loops.controllers import PAGES, keys_of_page
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep import planning
@@ -122,7 +122,6 @@ def test_a_number_that_is_not_published_is_marked(written):
 
 def test_a_controller_from_outside_has_its_spec_too(written, monkeypatch):
     monkeypatch.setitem(CONTROLLERS, "mine", CONTROLLERS["dc-slow"])
-    monkeypatch.setitem(PAGES, "mine", PAGES["dc-slow"])
     assert load(written("mine")[0]).values["controller.kind"] == "mine"
 
 

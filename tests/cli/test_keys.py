@@ -89,7 +89,7 @@ def test_the_same_as_json(wavesweep):
     }
     assert found["controller.b"]["symbol"] == "b"
     assert found["local_model.delay"]["choices"] == {"0": "", "1": ""}
-    assert found["controller.kind"]["choices"] == CONTROLLERS
+    assert found["controller.kind"]["choices"] == {kind: each.description for kind, each in CONTROLLERS.items()}
     touch = found["device.preset"]["devices"]["touch"]
     assert touch["numbers"]["device.mass"]["value"] == 0.045
     assert touch["recommended_wall"]["stiffness"] == 400.0

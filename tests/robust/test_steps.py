@@ -4,6 +4,7 @@ Each type of block is written down here once more from its rule alone: a functio
 since its last run and the time before that, which gives its output and what it remembers then.
 """
 
+import dataclasses
 import gc
 from functools import reduce
 
@@ -13,9 +14,9 @@ from scipy.linalg import expm
 from scipy.signal import butter
 
 import wavesweep
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
 from wavesweep.loops import blocks
-from wavesweep.loops.controllers import PAGES
 from wavesweep.loops.direct import dc_slow
 from wavesweep.loops.page import Page
 from wavesweep.robust.frames import Frames, frames_of_controller, frames_of_drawing
@@ -222,7 +223,7 @@ def smoothed(values):
 
 
 def test_a_controller_with_a_slow_block_without_a_rule_is_refused_by_name(monkeypatch):
-    monkeypatch.setitem(PAGES, "dc-slow", smoothed)
+    monkeypatch.setitem(CONTROLLERS, "dc-slow", dataclasses.replace(CONTROLLERS["dc-slow"], page=smoothed))
     spec = {"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}, "sweep": {"K_VE": {"start": 0, "stop": 500}}}
     with pytest.raises(UsageError, match=r"have a rule for steps that vary .*, found smooth \(butterworth\)"):
         wavesweep.zwidth(spec | {"for_all": {"rates.ratio": {"values": [16, 33], "varying": True}}})

@@ -8,11 +8,10 @@ import pytest
 from scipy import signal
 
 import wavesweep
-from wavesweep.controllers import CONTROLLERS, FILTERS_OF
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import SpecError
 from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import load
-from wavesweep.spec.keys import FILTERS
 from wavesweep.spec.resolving import butterworth_order
 
 EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
@@ -168,7 +167,7 @@ def test_the_rate_limits_no_filter_that_a_controller_does_not_read(kind):
     read = {
         path.split(".")[1] for path in keys_of_page(load({"controller": {"kind": kind}}).values) if path.startswith("filters.")
     }
-    assert set(FILTERS_OF.get(kind, FILTERS)) == read
+    assert set(CONTROLLERS[kind].filters) == read
     tables = {"controller": {"kind": kind}, "rates": {"fast_hz": 13.0, "ratio": 2}}
     slow = {name: {"cutoff_hz": 1.0} for name in read}
     spec = load(tables | {"filters": slow})

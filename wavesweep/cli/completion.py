@@ -202,7 +202,7 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "overrides": settings,
     "along": axes,
     "name": keys,
-    "kind": _among(CONTROLLERS),
+    "kind": _among({kind: each.description for kind, each in CONTROLLERS.items()}),
     "for_hands": _among(
         {
             "passive": "stable with every passive hand",

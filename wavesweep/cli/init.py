@@ -16,6 +16,7 @@ from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
 from wavesweep.spec.studies import DEFAULT_FREQUENCIES
 
+DEFAULT = "pmw"
 WIDTH = 110  # of a comment
 # What a design begins with; every other key that the loop reads is a comment with its default, until a user decides.
 CHOSEN = {
@@ -44,21 +45,24 @@ AXES = {
     "b": "[10, 20, 40, 80]",
 }
 
+_KINDS = [f"{kind} (the default)" if kind == DEFAULT else kind for kind in CONTROLLERS]
+HELP = f"""Write a commented spec to begin with.
 
-@click.command("init")
-@click.argument("kind", required=False, default="pmw")
+KIND is the controller: {", ".join(_KINDS[:-1])} or {_KINDS[-1]}. Each key that its loop reads is in the file with
+its unit and meaning; keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
+an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
+"""
+
+
+@click.command("init", help=HELP)
+@click.argument("kind", required=False, default=DEFAULT)
 @click.option("--device", metavar="NAME", help=f"A device by name: {', '.join(DEVICES)}.")
 @click.option("--example", metavar="NAME", help="Write an example of the documents in place of KIND, e.g. first-hour.")
 @click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
 @overwriting("Replace an existing file.")
 @click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
 def command(kind: str, device: str | None, example: str | None, out: str | None, overwrite: bool, **_: bool) -> None:
-    """Write a commented spec to begin with.
-
-    KIND is the controller: dc, dc-slow, dc-lm, pmw (the default) or pmw-lm. Each key that its loop reads is in the file with
-    its unit and meaning; keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
-    an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
-    """
+    """Write the spec to a file or to stdout."""
     if example is not None:
         kind, text = example, _example(example)
     else:
@@ -113,7 +117,7 @@ def _read(kind: str) -> frozenset[str]:
 
 
 def _head(kind: str, path: str) -> Iterator[str]:
-    yield from _prose("A spec to begin with. Controller " + f"{kind}: {CONTROLLERS[kind]}" + ".")
+    yield from _prose("A spec to begin with. Controller " + f"{kind}: {CONTROLLERS[kind].description}" + ".")
     yield "#"
     yield f"#     wavesweep check {path}      what is stable, and how far each number may go"
     yield f"#     wavesweep zwidth {path}     all stable walls"

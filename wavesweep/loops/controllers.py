@@ -6,14 +6,11 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
-from wavesweep.controllers import WALL
+from wavesweep.controllers import CONTROLLERS, WALL
 from wavesweep.errors import UsageError
-from wavesweep.loops.direct import dc, dc_lm, dc_slow
 from wavesweep.loops.page import drawing_of_page
-from wavesweep.loops.pmw import pmw, pmw_lm
 from wavesweep.spec.drawing import Drawing
 
-PAGES = {"dc": dc, "dc-slow": dc_slow, "dc-lm": dc_lm, "pmw": pmw, "pmw-lm": pmw_lm}
 _DECIDING = (
     *("rates.ratio", "environment.delay", "environment.integration", "device.velocity"),
     *("local_model.delay", "local_model.integration"),
@@ -38,27 +35,27 @@ def keys_of_page(values: Mapping[str, Any]) -> frozenset[str]:
 def assumption_of_page(values: Mapping[str, Any]) -> str:
     """Return what the page of a spec's controller declares of its wall."""
     kind, items = _page_of(values)
-    return PAGES[kind](dict(items)).assumes
+    return CONTROLLERS[kind].page(dict(items)).assumes
 
 
 def _page_of(values, varied=()):
     """The kind of a controller, and the values that decide how its page draws it."""
     kind = values["controller.kind"]
-    if kind not in PAGES:
-        raise UsageError(f"controller.kind: expected one of {', '.join(PAGES)}, found {kind}, which has no page")
+    if kind not in CONTROLLERS:
+        raise UsageError(f"controller.kind: expected one of {', '.join(CONTROLLERS)}, found {kind}, which has no page")
     gain = _GAIN in varied or bool(values[_GAIN] != 0 if isinstance(values[_GAIN], float) else values[_GAIN].any())
     return kind, (*((path, values[path]) for path in _DECIDING), (_GAIN, gain))
 
 
 @lru_cache(maxsize=256)
 def _drawing(kind, items):
-    return drawing_of_page(PAGES[kind](dict(items)))
+    return drawing_of_page(CONTROLLERS[kind].page(dict(items)))
 
 
 @lru_cache(maxsize=256)
 def _read(kind, items):
     watched = _Watched(items)
-    page = PAGES[kind](watched)
+    page = CONTROLLERS[kind].page(watched)
     return frozenset({"controller.kind", *WALL}) | watched.seen | drawing_of_page(page).reads
 
 

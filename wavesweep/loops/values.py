@@ -16,7 +16,7 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
     """Return the value of a tree without signals, correct to a few roundings of itself; the numbers are exact.
 
     numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the value is computed again in
-    decimal arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
+    ball arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
     """
     if tree[0] in ("number", "name"):
         return evaluate(tree, numbers)
@@ -44,7 +44,7 @@ def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
 
 
 def _again(tree, numbers, found, lost):
-    """Return the values, those that are lost from decimal arithmetic."""
+    """Return the values, those that have lost digits from ball arithmetic."""
     from wavesweep.spec.exact import exactly
 
     at = np.flatnonzero(np.broadcast_to(lost, found.shape))

@@ -341,7 +341,7 @@ def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
 def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
     """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
 
-    Where digits are lost, as in sums that cancel, all is computed again in decimal arithmetic. Errors: those of `evaluate`.
+    Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic. Errors: those of `evaluate`.
     """
     lost: list[bool] = []
     rough = evaluate(tree, numbers, watch=lambda *operation: lost.append(lost_digits(*operation)))

@@ -175,7 +175,7 @@ _TABLE = [
         "how hand and environment are coupled",
         choices=CONTROLLERS.keys(),
         required=True,
-        meanings=CONTROLLERS,
+        meanings={kind: controller.description for kind, controller in CONTROLLERS.items()},
     ),
     _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
     _gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from wavesweep.controllers import FILTERS_OF
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, expectation, show
 from wavesweep.spec.devices import DEVICES, HapticDevice
@@ -237,7 +237,8 @@ def _check_limit(path: str, given: Given, values: Mapping) -> list[Mistake]:
     if path.endswith(".cutoff_hz"):
         if values[path.replace("cutoff_hz", "order")] == 0:
             return []  # no filter, so nothing reads its cutoff
-        if path.split(".")[1] not in FILTERS_OF.get(values["controller.kind"], FILTERS):
+        kind = CONTROLLERS.get(values["controller.kind"])
+        if kind and path.split(".")[1] not in kind.filters:
             return []
     expected = exceeds_limit(path, values[path], values)
     default = "" if path in given.leaves else " (the default)"
