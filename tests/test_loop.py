@@ -10,7 +10,6 @@ from support.drawn import NETWORK
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep import results
 from wavesweep.errors import SpecError, UsageError
 
 HOLE = {
@@ -34,35 +33,12 @@ def test_every_stable_interval_is_a_row(hole):
     assert table.certified.all()
 
 
-def test_a_table_has_the_columns_of_the_command(hole):
-    names = [field.name for field in results.fields("zwidth", ("B_VE", "b"))]
-    assert list(hole.stable_intervals(B_VE=[1.0], b=[20.0, 40.0]).columns) == names
-    assert list(hole.response([1.0]).columns) == [field.name for field in results.fields("bode")]
-
-
-def test_an_axis_that_is_not_given_has_the_specs_value(hole):
-    own, given = hole.stable_intervals(), hole.stable_intervals(B_VE=[1.0], b=[25.0])
-    assert own.high.tolist() == pytest.approx(given.high.tolist(), rel=1e-12)
-
-
 def test_scalars_take_no_dimension_of_the_spectral_radius(hole):
     radius = hole.spectral_radius(K_VE=[100.0, 1000.0], B_VE=1.0)
     assert radius.shape == (2,)
     assert radius[0] < 1 < radius[1]
     assert hole.spectral_radius(b=[20.0, 30.0, 40.0], K_VE=[1.0, 2.0]).shape == (3, 2)
     assert hole.spectral_radius().shape == ()
-
-
-def test_the_product_of_axes_is_that_of_single_calls(hole):
-    both = hole.spectral_radius(b=[20.0, 40.0], **{"device.mass": [0.1, 0.3]})
-    single = [
-        [
-            wavesweep.compile({**HOLE, "controller": {"kind": "pmw", "b": b}, "device": {"mass": m}}).spectral_radius()
-            for m in (0.1, 0.3)
-        ]
-        for b in (20.0, 40.0)
-    ]
-    np.testing.assert_allclose(both, np.array(single), rtol=1e-14)
 
 
 def test_the_ideal_coupling_counts_its_radius_per_frame_of_the_others():
@@ -103,20 +79,14 @@ def test_displacements_have_no_pole_of_a_drift(kind, changes):
         (lambda loop: loop.stable_intervals(B_V=[1.0]), "did you mean B_VE"),
         (lambda loop: loop.stable_intervals(along="K_LM", span=(0, 1)), "does not read"),
         (lambda loop: loop.stable_intervals(along="b"), "span"),
-        (lambda loop: loop.stable_intervals(along=""), "name of a numeric key"),
         (lambda loop: loop.stable_intervals(span=(5, 5)), "low < high"),
         (lambda loop: loop.stable_intervals(B_VE=[]), "at least one value"),
-        (lambda loop: loop.stable_intervals(B_VE=[-1.0]), "B_VE"),
         (lambda loop: loop.stable_intervals(B_VE=[np.nan]), "finite"),
-        (lambda loop: loop.stable_intervals(span=5), "expected \\(low, high\\), found 5"),
         (lambda loop: loop.stable_intervals(span=(0, 100), K_VE=[1, 200]), "other axes than K_VE"),
         (lambda loop: loop.stable_intervals("b", (0, 100)), "> 0"),
-        (lambda loop: loop.stable_intervals(span=(-np.inf, 5)), "finite"),
         (lambda loop: loop.stable_intervals(b=[20.0], **{"controller.b": [40.0]}), "under two names"),
         (lambda loop: loop.spectral_radius(b="x"), "expected a number or a list of numbers, found 'x'"),
         (lambda loop: loop.spectral_radius(b=[[1.0], [2.0, 3.0]]), "list of numbers"),
-        (lambda loop: loop.spectral_radius(b=np.ma.array([1.0, 2.0], mask=[False, True])), "list of numbers"),
-        (lambda loop: loop.response([-1.0]), ">= 0"),
         (lambda loop: loop.response([]), "found none"),
         (lambda loop: loop.response([501.0]), r"numbers <= 500 \(half of rates"),
         (lambda loop: loop.spectral_radius(**{"device.velocity": [1]}), "numeric key"),

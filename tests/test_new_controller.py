@@ -1,4 +1,4 @@
-"""The controller of CONTRIBUTING, registered with two lines: every analysis is right, against a march of its own.
+"""The controller and the analysis of CONTRIBUTING, as a maintainer would add them: right, against a march of its own.
 
 The slow wall's held force reaches the device through a first-order low-pass at the fast rate.
 """
@@ -15,6 +15,7 @@ import wavesweep
 from wavesweep.controllers import CONTROLLERS, Controller
 from wavesweep.loops.page import Page
 from wavesweep.sweep.assumptions import assumes
+from wavesweep.sweep.open_loops import wall_cut
 
 KIND = "dc-filtered"
 
@@ -121,6 +122,16 @@ def test_passivity_and_the_verdict_on_hands_ask_the_drawing():
         lowest.append(np.linalg.eigvalsh(H + H.conj().T)[0] / 2)
     assert table.port_margin[0] == pytest.approx(min(lowest), rel=1e-4)
     assert wavesweep.compile(nested(HELD | {"controller.kind": KIND})).to_control().ninputs == ratio
+
+
+def test_the_analysis_of_the_document_is_how_fast_the_loop_dies_away():
+    """Over a batch of walls; NaN where the loop is unstable."""
+    stiffness = np.array([30.0, 120.0, 5000.0])
+    found = code("Add an analysis")["time_constant"](wall_cut(VALUES | {"controller.kind": KIND}), stiffness, 0.7)
+    sizes = [radius(VALUES, K, 0.7) for K in stiffness]
+    expected = [-8e-3 / np.log(size) if size < 1 else np.nan for size in sizes]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert np.isnan(expected[-1])
 
 
 def test_what_results_assume_of_the_wall_is_what_the_page_says(monkeypatch):

@@ -2,11 +2,8 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
-import wavesweep
 
 SPEC = """
 [controller]
@@ -64,12 +61,3 @@ def test_a_system_without_what_only_posix_has_gives_the_same_bytes(tmp_path):
         assert sorted(path.name for path in (tmp_path / folder).iterdir() if not path.name.startswith(".zwidth.")) == FILES
     for name in ("zwidth.csv", "zwidth.parquet"):
         assert (tmp_path / "usual" / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
-
-
-def test_what_only_posix_has_is_used_in_one_file():
-    """A new use belongs beside its way for other systems."""
-    names = ("fcntl", "O_NONBLOCK", "O_CLOEXEC", "sched_getaffinity", "SIGKILL", "pthread_sigmask", "import ctypes")
-    names += ("os.O_NOFOLLOW", "os.statvfs", "os.pread", "os.pwrite", "os.uname", "import resource\n")
-    sources = Path(wavesweep.__file__).parent.rglob("*.py")
-    found = [source.name for source in sources if any(name in source.read_text(encoding="utf-8") for name in names)]
-    assert found == ["platform_compat.py"]

@@ -1,11 +1,8 @@
 """The library's figures: those of the commands, drawn for a compiled loop."""
 
-import tomllib
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from support.drawn import ARM
 
 import wavesweep
 from wavesweep import plots
@@ -90,15 +87,3 @@ def test_only_the_unstable_part_of_a_curve_is_faint():
     assert sorted(line.get_alpha() or 1.0 for line in lines) == [0.35, 1.0]
     known = [np.isfinite(np.asarray(line.get_ydata(), float)) for line in lines]
     assert (known[0] ^ known[1]).all()
-
-
-def test_the_caption_says_of_a_wall_what_the_loop_has():
-    assert wavesweep.compile({"controller": {"kind": "dc"}, "simulate": {"wall": 0.001}}).plot_simulate(np.ones(20), wall=None)
-    figure = wavesweep.compile({"controller": {"kind": "dc-slow"}}).plot_zwidth(span=(0, 4000), B_VE=[0.0, 1.0])
-    assert "implicit" not in figure.get_supxlabel()
-    assert "without integration" in figure.get_supxlabel().replace("\n", " ")
-
-
-def test_the_figure_of_a_drawn_loop_lies_along_its_own_axis():
-    loop = wavesweep.compile(tomllib.loads(ARM))
-    assert loop.plot_zwidth(kp=[60.0, 120.0, 240.0]).axes

@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from support.recipes import FRAMES, radius
+from support.recipes import radius
 
 import wavesweep
 from wavesweep.cli import main
@@ -54,17 +54,6 @@ def ends(name, **fixed):
     return list(zip(rows.low, rows.high, strict=True))
 
 
-def test_every_recipe_has_a_witness():
-    assert set(FRAMES) == set(NAMES)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_recipe_says_what_is_known_and_what_is_assumed(name):
-    for mark in ("Answer:", "From sources:", "Assumed:"):
-        assert len(re.findall(rf"^# {mark}", TEXTS[name], re.MULTILINE)) == 1
-    assert re.search(r"^# (Asked|Code) (in|by) ", TEXTS[name], re.MULTILINE)
-
-
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.toml")), ids=lambda path: path.stem)
@@ -101,102 +90,54 @@ def test_a_recipe_has_the_intervals_of_loops_over_ticks(name):
         assert [radius(name, {**numbers, along: value}) < 1 for value in grid] == stable.tolist()
 
 
-SHOWN = [
-    ("physics-joint", {"h": 0.005, "kd": 6.3088}, "6539.83"),
-    ("physics-joint", {"h": 0.005, "kd": 1.0}, "4416.31"),
-    ("physics-joint", {"h": 0.002, "kd": 1.0}, "26101.9"),
-    ("policy", {"g": 0.0, "zeta": 2.0, "n": 10}, "7.9577"),
-    ("policy", {"g": 0.0, "zeta": 2.0, "n": 5}, "15.9155"),
-    ("policy", {"g": 3.0, "zeta": 1.0, "n": 5}, "7.305"),
-    ("policy", {"g": 1.0, "zeta": 1.0, "n": 5}, "31.831"),
-    ("teleoperation", {"n": 20}, "0.5306"),
-    ("teleoperation", {"n": 10}, "0.2909"),
-    ("teleoperation", {"n": 20, "kp": 120.0}, "0.2968"),
-    ("engine", {"grip": 0, "N": 5}, "7.711"),
-    ("engine", {"grip": 1, "N": 5}, "1208.4"),
-    ("engine", {"grip": 0, "N": 1}, "9.037"),
-    ("engine", {"grip": 1, "N": 1}, "1555.3"),
-    ("wheel", {"grip": 0, "n": 5}, "27.80"),
-    ("wheel", {"grip": 0, "n": 20}, "9.115"),
-    ("wheel", {"grip": 1, "n": 5}, "306.9"),
-    ("wheel", {"grip": 1, "n": 20}, "101.5"),
-    ("wheel", {"grip": 0, "n": 5, "B": 0.3}, "183.9"),
-    ("wheel", {"grip": 0, "n": 20, "B": 0.3}, "71.61"),
-    ("wheel", {"grip": 0, "n": 5, "J": 0.06}, "27.79"),
-    ("hybrid-test", {"n": 1}, "3.372"),
-    ("hybrid-test", {"n": 3}, "7.842"),
-    ("hybrid-test", {"n": 5}, "12.249"),
-    ("hybrid-test", {"n": 10}, "22.791"),
-    ("hybrid-test", {"n": 20}, "40.820"),
-    ("network", {"k": 1}, "111.11"),
-    ("network", {"k": 4}, "166.67"),
-    ("network", {"k": 6}, "166.67"),
-    ("network", {"k": 10}, "100.00"),
-    ("network", {"k": 15}, "66.667"),
-    ("two-rate-wall", {"B": 20.0, "n": 10}, "129770"),
-    ("two-rate-wall", {"B": 20.0, "n": 20}, "42150"),
-    ("two-rate-wall", {"B": 50.0, "n": 20}, "28813"),
-    ("two-rate-wall", {"B": 20.0, "n": 1}, "400000"),
-    ("two-rate-wall", {"B": 0.0, "n": 10}, "10001"),
-    ("long-delay", {"n": 0}, "3920.8"),
-    ("long-delay", {"n": 1}, "1303.7"),
-    ("long-delay", {"n": 5}, "346.04"),
-    ("long-delay", {"n": 20}, "81.689"),
-    ("cascade", {"h": 0.02}, "110.93"),
-    ("cascade", {"h": 0.02}, "976.49"),
-    ("cascade", {"h": 0.002}, "20.31"),
-    ("cascade", {"h": 0.002}, "9980.0"),
-    ("co-simulation", {"H": 0.04, "n": 1}, "5.6007"),
-    ("co-simulation", {"H": 0.04, "n": 4}, "3.7240"),
-    ("co-simulation", {"H": 0.04, "n": 16}, "3.1955"),
-    ("co-simulation", {"H": 0.01, "n": 1}, "1.5653"),
-    ("co-simulation", {"H": 0.01, "n": 4}, "0.9832"),
-    ("co-simulation", {"H": 0.01, "n": 16}, "0.8363"),
-    ("current-loop", {"h": 132e-6, "x": 1}, "1205.832"),
-    ("current-loop", {"h": 25e-6, "x": 1}, "6366.220"),
-    ("current-loop", {"h": 132e-6, "x": 1.5}, "952.026"),
-    ("current-loop", {"h": 25e-6, "x": 1.5}, "5015.601"),
-    ("current-loop", {"h": 132e-6, "x": 2}, "705.465"),
-    ("current-loop", {"h": 25e-6, "x": 2}, "3724.514"),
-    ("decimation", {"kd": 0, "n": 1}, "4544.000"),
-    ("decimation", {"kd": 0, "n": 4}, "81.336"),
-    ("decimation", {"kd": 2, "n": 1}, "3744.000"),
-    ("decimation", {"kd": 2, "n": 4}, "280.719"),
-    ("batch-reactor", {"n": 2}, "0.0657931"),
-    ("batch-reactor", {"n": 1}, "0.131597"),
-    ("admittance", {"M": 11.25, "K": 1000, "tau": 0.006}, "11.960"),
-    ("admittance", {"M": 11.25, "K": 10000, "tau": 0.006}, "116.219"),
-    ("admittance", {"M": 11.25, "K": 100000, "tau": 0.006}, "960.32"),
-    ("admittance", {"M": 50, "K": 10000, "tau": 0.006}, "119.100"),
-    ("admittance", {"M": 2, "K": 10000, "tau": 0.006}, "103.720"),
-    ("admittance", {"M": 11.25, "K": 10000, "tau": 0.009}, "143.868"),
-    ("notch", {"f": 80, "q": 2}, "222.355"),
-    ("notch", {"f": 40, "q": 2}, "179.175"),
-    ("notch", {"f": 20, "q": 2}, "125.998"),
-    ("notch", {"f": 80, "q": 4}, "244.631"),
-    ("notch", {"depth": 1.0}, "272.687"),
-    ("engine-rates", {"kd": 0.5, "N": 5}, "328.80"),
-    ("engine-rates", {"kd": 0.5, "N": 10}, "60.000"),
-    ("engine-rates", {"kd": 0.5, "N": 6}, "155.855"),
-    ("engine-rates", {"kd": 0.5, "N": 6}, "199.528"),
-    ("engine-rates", {"kd": 0.5, "N": 6}, "238.246"),
-    ("engine-rates", {"kd": 0.1, "N": 5}, "376.80"),
-    ("engine-rates", {"kd": 0.1, "N": 10}, "12.000"),
-    ("engine-rates", {"kd": 0.1, "N": 6}, "23.912"),
-    ("exposure", {"n": 2, "T": 0.1}, "5.3590"),
-    ("exposure", {"n": 1, "T": 0.1}, "8.2843"),
-    ("exposure", {"n": 0, "T": 0.1}, "20.000"),
-    ("exposure", {"n": 2, "T": 0.05}, "10.7180"),
-]
+# Of each recipe the numbers that are given, then their values and the end that the comment shows.
+ANSWERS = {
+    "physics-joint": "h, kd: 0.005 6.3088 = 6539.83, 0.005 1 = 4416.31, 0.002 1 = 26101.9",
+    "policy": "g, zeta, n: 0 2 10 = 7.9577, 0 2 5 = 15.9155, 3 1 5 = 7.305, 1 1 5 = 31.831",
+    "teleoperation": "n: 20 = 0.5306, 10 = 0.2909; n, kp: 20 120 = 0.2968",
+    "engine": "grip, N: 0 5 = 7.711, 1 5 = 1208.4, 0 1 = 9.037, 1 1 = 1555.3",
+    "wheel": (
+        "grip, n: 0 5 = 27.80, 0 20 = 9.115, 1 5 = 306.9, 1 20 = 101.5; grip, n, B: 0 5 0.3 = 183.9, "
+        "0 20 0.3 = 71.61; grip, n, J: 0 5 0.06 = 27.79"
+    ),
+    "hybrid-test": "n: 1 = 3.372, 3 = 7.842, 5 = 12.249, 10 = 22.791, 20 = 40.820",
+    "network": "k: 1 = 111.11, 4 = 166.67, 6 = 166.67, 10 = 100.00, 15 = 66.667",
+    "two-rate-wall": "B, n: 20 10 = 129770, 20 20 = 42150, 50 20 = 28813, 20 1 = 400000, 0 10 = 10001",
+    "long-delay": "n: 0 = 3920.8, 1 = 1303.7, 5 = 346.04, 20 = 81.689",
+    "cascade": "h: 0.02 = 110.93, 0.02 = 976.49, 0.002 = 20.31, 0.002 = 9980.0",
+    "co-simulation": (
+        "H, n: 0.04 1 = 5.6007, 0.04 4 = 3.7240, 0.04 16 = 3.1955, 0.01 1 = 1.5653, 0.01 4 = 0.9832, 0.01 16 = 0.8363"
+    ),
+    "current-loop": (
+        "h, x: 0.000132 1 = 1205.832, 2.5e-05 1 = 6366.220, 0.000132 1.5 = 952.026, 2.5e-05 1.5 = 5015.601, "
+        "0.000132 2 = 705.465, 2.5e-05 2 = 3724.514"
+    ),
+    "decimation": "kd, n: 0 1 = 4544.000, 0 4 = 81.336, 2 1 = 3744.000, 2 4 = 280.719",
+    "batch-reactor": "n: 2 = 0.0657931, 1 = 0.131597",
+    "admittance": (
+        "M, K, tau: 11.25 1000 0.006 = 11.960, 11.25 10000 0.006 = 116.219, 11.25 100000 0.006 = 960.32, "
+        "50 10000 0.006 = 119.100, 2 10000 0.006 = 103.720, 11.25 10000 0.009 = 143.868"
+    ),
+    "notch": "f, q: 80 2 = 222.355, 40 2 = 179.175, 20 2 = 125.998, 80 4 = 244.631; depth: 1 = 272.687",
+    "engine-rates": (
+        "kd, N: 0.5 5 = 328.80, 0.5 10 = 60.000, 0.5 6 = 155.855, 0.5 6 = 199.528, 0.5 6 = 238.246, "
+        "0.1 5 = 376.80, 0.1 10 = 12.000, 0.1 6 = 23.912"
+    ),
+    "exposure": "n, T: 2 0.1 = 5.3590, 1 0.1 = 8.2843, 0 0.1 = 20.000, 2 0.05 = 10.7180",
+}
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(3)
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "fixed", "shown"), SHOWN)
-def test_the_answers_are_those_of_the_comments(name, fixed, shown):
-    digits = len(shown.partition(".")[2])
-    assert shown in {f"{end:.{digits}f}" for pair in ends(name, **fixed) for end in pair}
-    assert shown in numbers_of(name)
+@pytest.mark.parametrize("name", ANSWERS)
+def test_the_answers_are_those_of_the_comments(name):
+    for part in ANSWERS[name].split("; "):
+        keys, rows = part.split(": ")
+        for values, shown in (row.split(" = ") for row in rows.split(", ")):
+            fixed, digits = map(float, values.split()), len(shown.partition(".")[2])
+            pairs = ends(name, **dict(zip(keys.split(", "), fixed, strict=True)))
+            assert shown in {f"{end:.{digits}f}" for pair in pairs for end in pair}
+            assert shown in numbers_of(name)
 
 
 def test_a_joint_of_a_physics_engine():
