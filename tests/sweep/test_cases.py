@@ -1,4 +1,4 @@
-"""Drawn loops with their stable intervals, in `tests/cases`, against eigenvalues of a march through a frame.
+"""Loops with their stable intervals, in `tests/cases`, against eigenvalues of a march through a frame.
 
 A case has a `story`, the tables of its `spec`, the number `along` which intervals are looked for within `span`, perhaps other
 `axes`, and `rows` in the order of the table: low end, high end (nan for none) and whether the row is certified. `felt` has the
@@ -25,7 +25,7 @@ STEPS = 10.0 ** np.arange(
 )  # of an end: how far from it the march is asked; rounding of several equal modes hides the nearest
 
 
-@pytest.fixture(params=CASES)
+@pytest.fixture(scope="module", params=CASES)
 def case(request):
     """A case, its spec, and the table of its intervals."""
     case = CASES[request.param]
@@ -45,10 +45,25 @@ def test_a_drawn_loop_has_its_ends(case):
             np.testing.assert_allclose(table[["felt_low", "felt_high"]], case["felt"], rtol=1e-7, atol=1e-9)
     elif not table.certified.any():
         return
-    for _, rows in table.groupby([*case.get("axes", {"along": 0})]):
-        if rows.certified.all():
-            others = {spec.names.find(name).path: rows[name].iloc[0].item() for name in case.get("axes", {})}
-            compared_with_a_march(spec.with_values(others), case, rows)
+    for rows, there in slices(case, spec, table):
+        compared_with_a_march(there, case, rows)
+
+
+@pytest.mark.slow
+def test_a_slice_of_a_sweep_has_what_it_has_alone(case):
+    case, spec, table = case
+    names = ["low", "high", "low_omega", "high_omega", "felt_low", "felt_high"]
+    for rows, there in slices(case, spec, table)[:3] if len(table) > 1 else ():
+        alone = wavesweep.compile(there).stable_intervals(case["along"], tuple(case["span"]))
+        near = 1e-12 * np.ptp(case["span"])
+        np.testing.assert_allclose(rows[names], alone[names], rtol=1e-8, atol=near, err_msg=case["story"])
+
+
+def slices(case, spec, table):
+    """The rows of each slice that is certified, and the spec with the numbers of the slice."""
+    names = list(case.get("axes", {}))
+    parts = [rows for _, rows in table.groupby(names or ["along"]) if rows.certified.all()]
+    return [(rows, spec.with_values({name: rows[name].iloc[0].item() for name in names})) for rows in parts]
 
 
 def compared_with_a_march(spec, case, rows):

@@ -45,30 +45,6 @@ def test_intervals_are_those_of_a_tick_of_which_the_dead_times_are_multiples(see
     np.testing.assert_allclose(found[["low", "high"]], fine[["low", "high"]], rtol=1e-12)
 
 
-@pytest.mark.parametrize("where", ["into the plant", "out of it", "round it"])
-def test_an_integrator_behind_a_network_has_the_published_limit(where):
-    """W. Zhang, M. S. Branicky, S. M. Phillips, IEEE Control Systems Magazine 21 (1), 2001, for delays of up to a period."""
-    wires = {
-        "into the plant": {"g.u": "-p.y", "net.u": "g.y", "p.u": "net.y"},
-        "out of it": {"net.u": "p.y", "g.u": "-net.y", "p.u": "g.y"},
-        "round it": {"net.u": "-K*p.y", "p.u": "net.y"},
-    }[where]
-    gain = {} if where == "round it" else {"g": {"type": "gain", "k": "K"}}
-    r = np.array([0.1, 1 / 3, 0.45, 0.5, 0.7, 1.0])
-    spec = {
-        "rates": {"tick_hz": 1 / T},
-        "numbers": {"K": 1.0, "tau": 0.0},
-        "block": {"p": {"type": "tf", "num": [1], "den": [2.0, 0]}, "net": {"type": "delay", "seconds": "tau"}} | gain,
-        "wire": wires,
-        "sweep": {"along": "K", "K": {"start": 0.01, "stop": 1e5}},
-    }
-    found = wavesweep.compile(spec).stable_intervals(tau=r * T)
-    assert found.certified.all()
-    with np.errstate(divide="ignore"):
-        limit = np.minimum(1 / r, np.where(r < 0.5, 1 / (0.5 - r), np.inf)) * 2.0 / T
-    np.testing.assert_allclose(found.high, limit, rtol=1e-12)
-
-
 def held_over(A, B, t):
     """What a time does to states, and to them from inputs that are held."""
     whole = expm(np.block([[A, B], [np.zeros((B.shape[1], len(A) + B.shape[1]))]]) * t)

@@ -12,17 +12,6 @@ from wavesweep.spec import load
 from wavesweep.sweep import open_loops
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
-JOINT = {
-    "rates": {"tick_hz": 1000},
-    "numbers": {"kp": 40.0, "kd": 1.0, "m": 0.1, "d": 0.2},
-    "block": {
-        "arm": {"type": "mass", "mass": "m", "damping": "d"},
-        "x": {"type": "hold", "every": 5},
-        "v": {"type": "difference", "every": 5},
-    },
-    "wire": {"x.u": "arm.x", "v.u": "arm.x", "arm.f": "hand - kp*x.y - kd*v.y"},
-    "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
-}
 
 
 def wave_line():
@@ -43,30 +32,6 @@ def opened(monkeypatch):
     )
     open_loops.open_loop.cache_clear()
     return made
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    ("spec", "along", "span", "other", "values"),
-    [
-        (wave_line, "K", (0, 20000), "B", [0.0, 0.3, 4.0, 14.0, -0.5]),
-        (wave_line, "B", (0, 100), "K", [0.0, 50.0, 3000.0, 18000.0]),
-        (lambda: load(JOINT), "kp", (0, 400), "kd", [0.0, 0.2, 1.0, 30.0]),
-        (lambda: load(JOINT), "kd", (-1, 60), "kp", [0.0, 5.0, 100.0, -2.0]),
-    ],
-)
-def test_they_share_a_loop_and_each_has_what_it_has_alone(spec, along, span, other, values, opened):
-    spec = spec()
-    table = wavesweep.compile(spec).stable_intervals(along, span, **{other: values})
-    assert sum(opened) == 1
-    assert len(opened) <= 3  # others tell how long slices take, with the number and where it is 0
-    for value in values:
-        some, own = table[table[other] == value], alone(spec, along, span, other, value)
-        assert some.certified.all()
-        assert own.certified.all()
-        names = ["intervals", "low", "high", "low_omega", "high_omega", "felt_low", "felt_high"]
-        found, expected = (each[names].to_numpy(float) for each in (some, own))
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_each_has_the_same_bits_whichever_others_there_are(opened):

@@ -17,22 +17,6 @@ RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 I, STEPS = 0.025101925, np.linspace(0.002, 0.008, 25)
 
 
-def longest_step(kp, kd):
-    """The time step up to which semi-implicit Euler of the joint is stable: `kp h^2 = 4 I + 2 h kd`."""
-    return (kd + np.sqrt(kd**2 + 4 * I * kp)) / kp
-
-
-@pytest.mark.parametrize("kd", [1.0, 6.3088])
-def test_time_steps_of_a_physics_engine(kd):
-    joint = wavesweep.compile(RECIPES / "physics-joint.toml")
-    table = joint.stable_intervals("h", (5e-4, 0.05), kp=[1000.0, 5000.0, 9910.0], kd=kd)
-    assert table.certified.all()
-    assert table.low.tolist() == [5e-4] * 3
-    assert table.high.to_numpy() == pytest.approx(longest_step(table.kp.to_numpy(), kd), rel=1e-11)
-    # z = -1: half of the rate that the loop has there.
-    assert table.high_omega.to_numpy() == pytest.approx(np.pi / table.high.to_numpy(), rel=1e-11)
-
-
 def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(monkeypatch):
     joint, sizes, frame = wavesweep.compile(RECIPES / "physics-joint.toml"), [], drawn_loops.assembled
     monkeypatch.setattr(
@@ -50,20 +34,6 @@ def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(m
         assert [row.low, row.high] == [alone.low[0], alone.high[0]]
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
-def test_loops_of_several_rates_have_what_each_has_alone(kind):
-    loop, rates = wavesweep.compile(RECIPES / "controllers" / f"{kind}.toml"), [700.0, 1000.0, 1900.0]
-    table = loop.stable_intervals("K", (0, 20000), **{"rates.tick_hz": rates})
-    assert table.certified.all()
-    for rate in rates:
-        spec = load(loop.spec.tables(), [f"rates.tick_hz={rate!r}"])
-        alone = wavesweep.compile(spec).stable_intervals("K", (0, 20000))
-        mine = table[table["rates.tick_hz"] == rate].reset_index(drop=True)
-        for name in ("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"):
-            assert mine[name].to_numpy() == pytest.approx(alone[name].to_numpy(), rel=1e-10, nan_ok=True)
-
-
 @pytest.mark.parametrize(
     ("recipe", "along", "span", "axes", "said"),
     [
@@ -77,42 +47,6 @@ def test_loops_of_several_rates_have_what_each_has_alone(kind):
 def test_rates_that_make_no_loop_are_refused(recipe, along, span, axes, said):
     with pytest.raises(SpecError, match=said):
         wavesweep.compile(RECIPES / f"{recipe}.toml").stable_intervals(along, span, **axes)
-
-
-BAND = {"lp1": {"passband_hz": 8.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}}
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    ("tables", "axes"),
-    [
-        ({}, {"rates.fast_hz": [700.0, 1000.0], "b": [10.0, 20.0]}),
-        ({}, {"rates.fast_hz": [1000.0, 2000.0], "rates.ratio": [5, 20]}),
-        ({}, {"rates.fast_hz": [1000.0, 2000.0], "rates.slow_hz": [50.0, 100.0]}),
-        ({"rates": {"fast_hz": 1000.0, "slow_hz": 50.0}}, {"rates.fast_hz": [1000.0, 2000.0]}),
-        ({"filters": BAND}, {"rates.fast_hz": [1000.0, 2000.0]}),
-    ],
-)
-def test_fast_rates_of_a_controller_give_what_each_gives_alone(tables, axes):
-    loop = wavesweep.compile(load({"controller": {"kind": "pmw-lm", "b": 12.0}, **tables}))
-    table = loop.stable_intervals("K_VE", (0, 20000), **axes)
-    assert table.certified.all()
-    for row in table.itertuples():
-        given = {**tables, "controller": {"kind": "pmw-lm", "b": 12.0}}
-        alone = load(given, [f"{name}={value!r}" for name, value in zip(axes, row[1:], strict=False)])
-        found = wavesweep.compile(alone).stable_intervals("K_VE", (0, 20000))
-        assert np.isclose(found.high, row.high, rtol=1e-12).any()
-        assert row.felt_high == pytest.approx(found.felt_high[row.interval], rel=1e-12)
-
-
-def test_a_cutoff_at_several_fast_rates_has_the_bits_of_each_alone():
-    spec = load({"controller": {"kind": "pmw-lm", "b": 45.0, "Kp": 20.0}})
-    cutoff, rates = "filters.lp1.cutoff_hz", [1000.0, 1600.0]
-    table = wavesweep.compile(spec).stable_intervals(cutoff, (2, 300), **{"rates.fast_hz": rates})
-    for rate in rates:
-        alone = wavesweep.compile(load(spec.tables(), [f"rates.fast_hz={rate}"])).stable_intervals(cutoff, (2, 300))
-        assert table[table["rates.fast_hz"] == rate].high.tolist() == alone.high.tolist()
-    assert table.high.min() < 300
 
 
 def test_beyond_its_range_a_rate_goes_half_way_to_where_a_loop_ends():
@@ -164,20 +98,3 @@ def test_ranges_of_a_fast_rate_that_make_no_loop_are_refused(rates, start, said)
     axis = {"along": "rates.fast_hz", "rates.fast_hz": {"start": start, "stop": 6000.0}}
     with pytest.raises((SpecError, UsageError), match=said):
         wavesweep.stability_region({"controller": {"kind": "pmw-lm"}, "rates": rates, "sweep": axis})
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    ("tables", "span"),
-    [
-        ({"controller": {"kind": "dc"}}, (20.0, 3000.0)),
-        ({"controller": {"kind": "pmw"}, "filters": {"hp": {"cutoff_hz": 400.0}}}, (300.0, 3000.0)),
-        pytest.param(
-            {"controller": {"kind": "pmw-lm"}, "filters": {"lp1": {"order": 0, "cutoff_hz": 400.0}}},
-            (300.0, 3000.0),
-            marks=IN_DOUBT,
-        ),
-    ],
-)
-def test_filters_that_a_controller_does_not_have_leave_the_range_as_it_is(tables, span):
-    assert wavesweep.compile(tables).stable_intervals("rates.fast_hz", span).certified.all()

@@ -122,16 +122,6 @@ def test_eigenvalues_have_the_damping_ratio_inside_and_not_outside(seed, draw):
             assert (beyond < 0) == inside
 
 
-def test_columns_of_a_sweep_have_the_intervals_that_each_has_alone():
-    loop = wavesweep.compile(random_tables(1))
-    whole, alone = (
-        [loop.stable_intervals("k", (0.0, 300.0), require={"damping_ratio": 0.1}, d=each) for each in some]
-        for some in ([np.array([0.5, 2.0])], [0.5, 2.0])
-    )
-    assert whole[0].certified.all()
-    assert whole[0].high.tolist() == pytest.approx([each.high[0] for each in alone], rel=1e-9)
-
-
 RATIO = 0.4
 TURN = np.exp(-np.pi * RATIO / np.sqrt(1 - RATIO**2))  # |z| of a negative eigenvalue of that damping ratio
 
