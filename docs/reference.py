@@ -296,17 +296,17 @@ def drawn(page: str) -> str:
 
 
 def picture(name: str) -> str:
-    """The figure that the command before this mark of the gallery draws, of the table of this name if there are several."""
-    line = re.search(
-        rf"^    wavesweep (.+)\n\n<!-- from the code: picture {name} -->$", GALLERY.read_text("utf-8"), re.MULTILINE
-    )[1]
+    """The figure that the commands before this mark of the gallery draw, of the table of this name if there are several."""
+    shown = GALLERY.read_text("utf-8").partition(f"\n\n<!-- from the code: picture {name} -->")[0].rpartition("\n\n")[2]
+    lines = [line.removeprefix("    wavesweep ") for line in shown.splitlines()]
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         Path("sweeps").symlink_to(HERE.parent / "sweeps")
-        if code := main([*shlex.split(line), "--quiet"]):
-            raise RuntimeError(f"wavesweep {line}: exit code {code}")
+        for line in lines:
+            if code := main([*shlex.split(line), "--quiet"]):
+                raise RuntimeError(f"wavesweep {line}: exit code {code}")
         found = {path.stem: path for path in Path("results").rglob("*.png")}
         data = base64.b64encode(found.get(name, next(iter(found.values()))).read_bytes()).decode()
-    return f'<img alt="Figure of wavesweep {html.escape(line)}" width="720" src="data:image/png;base64,{data}">'
+    return f'<img alt="Figure of wavesweep {html.escape(lines[0])}" width="720" src="data:image/png;base64,{data}">'
 
 
 def _picture(tables, name):

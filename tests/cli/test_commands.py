@@ -1,6 +1,5 @@
 """What all commands share: the help, the table of commands, options and where the results go."""
 
-import importlib
 import inspect
 import json
 import re
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from wavesweep import load
-from wavesweep.cli.entry import COMMANDS, group, module_of
+from wavesweep.cli.entry import COMMANDS, command_of, group
 from wavesweep.cli.output import own_folder
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +22,7 @@ SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_short_help_is_the_first_sentence_of_the_commands_own(name):
-    command = importlib.import_module(module_of(name)).command
+    command = command_of(name)
     assert command.name == name
     assert command.help.split("\n\n")[0] == COMMANDS[name]
 
@@ -38,7 +37,7 @@ def test_every_command_has_help(name, wavesweep):
 EXAMPLES = [
     line.strip()
     for name in COMMANDS
-    for line in inspect.cleandoc(importlib.import_module(module_of(name)).command.help).splitlines()
+    for line in inspect.cleandoc(command_of(name).help).splitlines()
     if line.startswith("  wavesweep ")
 ]
 
@@ -46,7 +45,7 @@ EXAMPLES = [
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_the_examples_in_the_helps_are_valid(example, tmp_path):
     """Words and settings are accepted; `mine.toml` and `other.toml` are those of a user."""
-    _, name, *words = shlex.split(example)
+    _, name, *words = (word for word in shlex.split(example) if word != "--quiet")
     files = [word for word in words if word.endswith(".toml")]
     settings = group.get_command(None, name).make_context(name, list(words)).params.get("overrides", ())
     for file in files:
@@ -63,7 +62,7 @@ def test_workers_are_options_only_of_the_commands_that_use_them(name, option, wa
     assert (code, option.partition("=")[0] in err, "No such option" in err) == (2, True, True)
 
 
-@pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2), ("--force", 3)])
+@pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2)])
 def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(option, asked, wavesweep, sweep, spec, tmp_path):
     (tmp_path / "results/wall").mkdir(parents=True)
     (tmp_path / "results/wall/zwidth.csv").write_text("somebody's")
@@ -188,12 +187,22 @@ def test_json_and_the_table_cannot_both_go_to_stdout(name, wavesweep, sweep, spe
     assert "--json and --out - would both write to stdout" in err
 
 
-@pytest.mark.parametrize("words", [("--no-plot",), ("--out", "-")])
-@pytest.mark.parametrize("name", SWEEPS)
-def test_a_format_for_no_figure_is_refused(name, words, wavesweep, sweep, spec):
-    code, out, err = wavesweep(name, spec, *words, "--format", "svg")
-    assert (code, out, sweep.seen) == (2, "", [])
-    assert f"--format is of the figure, and {' '.join(words)} writes none" in err
+@pytest.mark.parametrize("option", ["--format=svg", "--width=3in", "--style=ggplot", "--force"])
+@pytest.mark.parametrize("name", ["zwidth", "check", "identify"])
+def test_an_option_that_moved_is_named_with_what_does_the_same(name, option, wavesweep, spec):
+    code, out, err = wavesweep(name, spec, option)
+    assert (code, out) == (2, "")
+    assert ("--overwrite" if option == "--force" else "`wavesweep plot TABLE`") in err
+
+
+@pytest.mark.parametrize("words", [("-q", "check", "SPEC"), ("check", "-q", "SPEC"), ("check", "SPEC", "--quiet")])
+def test_how_the_program_speaks_may_stand_anywhere_in_the_line(words, wavesweep, spec):
+    assert wavesweep(*(spec if word == "SPEC" else word for word in words)) == (0, "", "")
+
+
+def test_a_command_without_a_summary_has_no_json(wavesweep):
+    code, out, err = wavesweep("plot", "t.csv", "--json")
+    assert (code, json.loads(out)["exit_code"], "plot prints no summary" in err) == (2, 2, True)
 
 
 @pytest.mark.parametrize("name", SWEEPS)

@@ -3,12 +3,13 @@
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.drawn import ARM, WALL
 
-from wavesweep.cli import check, main
+from wavesweep.cli import main, verdict
 from wavesweep.plots import figure_of
 from wavesweep.results import read
 from wavesweep.spec import load
@@ -123,9 +124,9 @@ def test_check_lists_the_loop_and_every_mistake(run):
 
 @pytest.mark.slow
 def test_check_draws_the_loop_and_says_where(run):
-    code, text, results = run("check", "arm.toml", "--plot", "--format", "svg", "--format", "png")
-    assert (code, "Wrote results/arm/diagram.svg, results/arm/diagram.png" in text) == (0, True)
-    assert "<dc:title>diagram of arm</dc:title>" in (results / "arm" / "diagram.svg").read_text(encoding="utf-8")
+    code, text, _ = run("check", "arm.toml", "--plot", "--out", "loop.svg")
+    assert (code, "Wrote loop.svg" in text) == (0, True)
+    assert "<dc:title>diagram of arm</dc:title>" in Path("loop.svg").read_text(encoding="utf-8")
     code, text, _ = run("check", "arm.toml", "--plot", "--json", "--out", "there")
     assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
 
@@ -140,7 +141,9 @@ def test_check_lists_the_states_of_a_long_delay_by_the_first_and_the_last(run, s
     assert (code, f": arm velocity, arm position, {states}, net y held\n" in text) == (0, True)
 
 
-@pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["arm.toml", "--format", "svg"]])
+@pytest.mark.parametrize(
+    "words", [["arm.toml", "--out", "there"], ["arm.toml", "--plot", "--root-locus", "kp", "--out", "a.svg"]]
+)
 def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
     code, text, _ = run("check", *words)
     assert (code, "Error: --" in text, ": expected " in text) == (2, True, True)
@@ -176,8 +179,8 @@ def test_what_is_not_known_is_not_called_unstable():
     limit = {"name": "c", "value": 5.0, "stable": False, "certified": False, "doubt": "counts"}
     limit |= {"intervals": [], "from": 0, "to": 50, "low": None, "high": None, "stopped": False}
     spec = load(tomllib.loads(ARM))
-    assert check._limit(spec, limit).endswith(": no stable value known in 0 to 50 N*s/m (counts)")
-    assert check._limit(spec, limit | {"certified": True, "doubt": ""}).endswith(": nowhere stable in 0 to 50 N*s/m")
+    assert verdict._limit(spec, limit).endswith(": no stable value known in 0 to 50 N*s/m (counts)")
+    assert verdict._limit(spec, limit | {"certified": True, "doubt": ""}).endswith(": nowhere stable in 0 to 50 N*s/m")
 
 
 @pytest.mark.parametrize(
@@ -203,7 +206,7 @@ def test_what_is_not_known_is_not_called_unstable():
 def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, band, text):
     over = band and {"hz": [1.0, 3.0], "impedance": band[0], "holds_to_hz": band[1], "outweighed_hz": band[2]}
     felt = {"stiffness": stiffness, "damping": damping, "rigid": rigid, "over_band": over}
-    assert check._felt(felt, "N/m", "N*s/m") == text
+    assert verdict._felt(felt, "N/m", "N*s/m") == text
 
 
 def test_a_folder_that_begins_with_a_tilde_is_taken_as_it_is(run, tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, run_options
 from wavesweep.reproducibility import ONE_THREAD
 
 FOLDER = Path("results", "bench")
@@ -17,7 +17,7 @@ FOLDER = Path("results", "bench")
 @click.option(
     "--quick", is_flag=True, help="Run the smallest problems only, in a few seconds. The run times are then not meaningful."
 )
-@common
+@run_options()
 def command(quick: bool, options: Options) -> None:
     """Measure run time against error, for this tool and for other methods.
 

@@ -1,6 +1,6 @@
 """Entry point: the table of commands, and the one place in which errors become exit codes.
 
-A new command is a line in `COMMANDS` and a module of its name with a `command` in it.
+A new command is a line in `COMMANDS` and a function of its name in a module of its name, or in `studies` if it computes tables.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from wavesweep.cli.options import Talk, talk
 from wavesweep.errors import SpecError, WavesweepError
 from wavesweep.platform_compat import HANGUP, STOPPING
 from wavesweep.reproducibility import ONE_THREAD
@@ -60,9 +61,25 @@ COMMANDS = MappingProxyType(
 )
 
 
-def module_of(name: str) -> str:
-    """Return the name of the module of a command."""
-    return f"wavesweep.cli.{name.replace('-', '_')}"
+STUDIES = ("zwidth", "stability-region", "bode", "compare", "simulate", "passivity", "why", "margins", "design")
+WITHOUT_SUMMARY = ("plot", "explore", "init")  # commands for which --json has no meaning
+# Options that commands had, and what does the same now.
+_SHAPES = "shapes a figure, and is an option of `wavesweep plot TABLE`, which draws the figure of a table again"
+MOVED = MappingProxyType(
+    {
+        "--format": f"{_SHAPES}; --out NAME.svg (.pdf, .eps) writes a figure in another format at once",
+        **dict.fromkeys(("--width", "--style"), _SHAPES),
+        "--force": "stood for two options: --overwrite replaces results of another spec, --restart begins a run anew",
+    }
+)
+
+
+def command_of(name: str) -> click.Command:
+    """Import the command of that name."""
+    own = name.replace("-", "_")
+    if name in STUDIES:
+        return getattr(import_module("wavesweep.cli.studies"), own)
+    return import_module(f"wavesweep.cli.{own}").command
 
 
 class LazyGroup(click.Group):
@@ -78,7 +95,7 @@ class LazyGroup(click.Group):
         del ctx
         if cmd_name not in COMMANDS:
             return None
-        command = import_module(module_of(cmd_name)).command
+        command = command_of(cmd_name)
         return _completion().prepare(command) if COMPLETING in os.environ else command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
@@ -126,12 +143,25 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     callback=_print_version,
     help="Print the version.",
 )
-def group() -> None:
+# `Talk` has taken these out of the line; they are declared so that the help lists them.
+@click.option("-q", "--quiet", is_flag=True, expose_value=False, help="Print errors only: no summary and no progress.")
+@click.option(
+    "--json",
+    is_flag=True,
+    expose_value=False,
+    help="Print the summary as one JSON object on stdout, and no text. docs/json.md explains its keys.",
+)
+@click.option("--debug", is_flag=True, expose_value=False, help="Show a traceback if the command fails.")
+@click.pass_context
+def group(context: click.Context) -> None:
     """Stability, rendering range and transparency of multirate wave-variable haptic loops.
 
-    A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr.
+    A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr. The options below belong to every
+    command, and may stand anywhere in the line.
     Exit codes: 0 done, 1 failed, 2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
+    if talk().as_json and context.invoked_subcommand in WITHOUT_SUMMARY:
+        raise click.UsageError(f"--json: {context.invoked_subcommand} prints no summary; leave it out")
 
 
 class Stopped(BaseException):
@@ -158,18 +188,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A notebook names its own, and matplotlib does not even start if it cannot find it. No window is ever opened here.
         os.environ.pop("MPLBACKEND", None)
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    debug, as_json, stopped = "--debug" in arguments, "--json" in arguments, False
+    (spoken, words), stopped = Talk.of(arguments), False
     try:
         if COMPLETING in os.environ:
             _completion().register()
-        with _signals_unwind(as_program), _warnings_unsaid(debug):
-            code = group.main(arguments, prog_name="wavesweep", standalone_mode=False, obj=arguments)
+        with _signals_unwind(as_program), _warnings_unsaid(spoken.debug):
+            code = group.main(words, prog_name="wavesweep", standalone_mode=False, obj=spoken)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code
-        if debug and not isinstance(error, SystemExit | click.ClickException):
+        if spoken.debug and not isinstance(error, SystemExit | click.ClickException):
             import traceback
 
             traceback.print_exception(error)
-        code, stopped = _exit_code(error, as_json), isinstance(error, Stopped)
+        code, stopped = _exit_code(error, spoken.as_json), isinstance(error, Stopped)
     code = _flushed(code if isinstance(code, int) else 0)
     if as_program and stopped:
         os._exit(code)  # Python's own end would wait for threads, and a further signal would change the exit code
@@ -183,6 +213,8 @@ def _exit_code(error: BaseException, as_json: bool) -> int:
     from wavesweep.cli.messages import printable, show_json
 
     if isinstance(error, click.ClickException):
+        if isinstance(error, click.NoSuchOption) and error.option_name in MOVED:
+            error = click.UsageError(f"{error.option_name} {MOVED[error.option_name]}", error.ctx)
         error.message = printable(error.message)
         code, line = error.exit_code, error.format_message()
         with suppress(OSError):

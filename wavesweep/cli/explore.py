@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
-from wavesweep.cli.options import debug, override, overwriting
+from wavesweep.cli.options import is_given, override, overwriting
 from wavesweep.errors import UsageError
 
 
@@ -22,10 +21,7 @@ from wavesweep.errors import UsageError
     "--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port of the server [default: any free one]."
 )
 @click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page, or only print its address.")
-@debug
-def command(
-    spec: str, overrides: tuple[str, ...], save: str | None, overwrite: bool, port: int, browser: bool, **_: bool
-) -> None:
+def command(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: bool, port: int, browser: bool) -> None:
     """Show the boundary of stability in a browser, and vary every number by a slider.
 
     SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable designs in the plane of two of
@@ -48,7 +44,7 @@ def command(
     if save == "-":
         raise click.UsageError("--save -: expected the name of a file, since a page does not go to stdout")
     for name, option in (("port", "port"), ("browser", "no-browser")):
-        if save is not None and click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT:
+        if save is not None and is_given(name):
             raise click.UsageError(f"--save: expected no --{option} beside it, since nothing is served, found both")
     loaded = load(spec, overrides)
     loaded.refuse_require("explore")

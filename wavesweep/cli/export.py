@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from wavesweep.cli.options import as_json, debug, folder, override, overwriting, quiet
+from wavesweep.cli.options import folder, override, overwriting, talk
 from wavesweep.errors import UsageError
 
 
@@ -23,10 +23,7 @@ from wavesweep.errors import UsageError
 @folder("Folder for the files [default: results/<spec's name>/c].")
 @overwriting("Replace existing files.")
 @override
-@as_json
-@quiet
-@debug
-def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], **switches: bool) -> None:
+def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], gains: bool) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
     SPEC is a TOML file. controller.h and controller.c have the controller with its state in one struct, without allocation and
@@ -54,7 +51,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     loaded = specs.load(spec, overrides)
     folder = Path(out or own_folder([loaded.name], overrides) / to)
     results.refuse_unusable(folder)
-    found = exported(loaded, gains=switches["gains"])
+    found = exported(loaded, gains=gains)
     paths = [folder / name for name in found]
     refuse_other_things(*paths)
     _refuse_existing(paths, overwrite)
@@ -64,18 +61,18 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     outputs = terms_of(loaded)
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
-    if switches["as_json"]:
+    if talk().as_json:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
         facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
         facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
         files = [str(path) for path in paths]
         facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
         show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
-    elif not switches["quiet"]:
+    elif not talk().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
-        if switches["gains"] and "ws_tune" not in found["controller.h"]:
+        if gains and "ws_tune" not in found["controller.h"]:
             say("--gains: besides the wall's, no number enters this controller by arithmetic; all are constants")
         for port, made in outputs.items():
             say(f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}")

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from wavesweep.cli.options import as_json, debug, formats, overwriting, quiet
+from wavesweep.cli.options import overwriting, talk
 from wavesweep.errors import UsageError
 
 OWN = "# The device of "  # what a spec of this command begins with
@@ -50,10 +50,6 @@ OWN = "# The device of "  # what a spec of this command begins with
 )
 @overwriting("Replace a spec, or results, that are not of the same log.")
 @click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out.")
-@formats
-@as_json
-@quiet
-@debug
 def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[str, ...], **given: Any) -> None:
     """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
 
@@ -89,7 +85,7 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
         refuse_no_folder(target)
     refuse_other_things(target)
     _refuse_foreign(target, given["overwrite"])
-    with progress(given["quiet"], "fitting"):
+    with progress(talk().quiet, "fitting"):
         table = identify(log, **asked)
     table = replace(table, facts={**table.facts, "spec_place": results.place_of([log], directory)})
     if given["plot"]:
@@ -98,15 +94,14 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
         plots.refuse_settings()
         table = plots.drawn(table)
     tally = kind_named(table.kind).tally(table)
-    shapes = given["formats"] if given["plot"] else ()
-    paths = results.publish(table.watched(tally.add), directory, given["overwrite"], shapes)
+    paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
     write_whole((target, spec_text(table.facts)))
     paths, seconds = [*paths, target], time.perf_counter() - started
     numbers, lines = tally.numbers(table.facts), list(tally.lines(table.facts))
-    if given["as_json"]:
+    if talk().as_json:
         about = {"command": "identify", "log": Path(log).name, "notices": table.facts["notices"]}
         show_json({**about, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
-    elif not given["quiet"]:
+    elif not talk().quiet:
         for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
             say(line, warning)
         say(f"{where(paths[:-1], seconds)}; the device: {target}")

@@ -60,8 +60,7 @@ an ordinary engine, since their defaults are the kindest ones. If the file exist
 @click.option("--example", metavar="NAME", help="Write an example of the documents in place of KIND, e.g. first-hour.")
 @click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
 @overwriting("Replace an existing file.")
-@click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
-def command(kind: str, device: str | None, example: str | None, out: str | None, overwrite: bool, **_: bool) -> None:
+def command(kind: str, device: str | None, example: str | None, out: str | None, overwrite: bool) -> None:
     """Write the spec to a file or to stdout."""
     if example is not None:
         kind, text = example, _example(example)

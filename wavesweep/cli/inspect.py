@@ -7,7 +7,7 @@ from typing import Any
 import click
 import numpy as np
 
-from wavesweep.cli.options import as_json, debug
+from wavesweep.cli.options import talk
 from wavesweep.errors import UsageError
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
@@ -15,9 +15,7 @@ FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
 @click.command("inspect")
 @click.argument("table")
-@as_json
-@debug
-def command(table: str, *, as_json: bool, **_: bool) -> None:
+def command(table: str) -> None:
     """Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.
 
     TABLE is a Parquet file of another command, a CSV with its data package beside it, a folder of results, or the name of a
@@ -31,7 +29,7 @@ def command(table: str, *, as_json: bool, **_: bool) -> None:
     from wavesweep.cli.messages import printable, show_json
 
     found = {str(path): _facts_of(path) for path in _tables(table)}
-    if as_json:
+    if talk().as_json:
         show_json({"command": "inspect", "tables": found})
     else:
         click.echo(printable("\n".join(line for path, each in found.items() for line in _lines(path, each))))

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from wavesweep.cli import block_keys
+from wavesweep.cli.options import talk
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import expectation, nearest, show
 from wavesweep.spec.design import DESIGN_KEYS
@@ -31,16 +32,15 @@ EACH_AXIS = (
 
 @click.command("keys")
 @click.argument("name", metavar="[KEY]", required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print the keys as one JSON object.")
 @click.option("--schema", is_flag=True, help="Print the JSON Schema of a spec, for editors.")
-@click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
-def command(name: str | None, as_json: bool, schema: bool, **_: bool) -> None:
+def command(name: str | None, schema: bool) -> None:
     """Explain the keys of a spec: values, units and defaults.
 
     KEY is a path (device.mass), a symbol (b), an axis (sweep.b) or a table (filters.lp1). Without it all keys are listed.
     `wavesweep keys device.preset` lists the devices with their numbers and the sources of these, `wavesweep keys block` the
-    types of blocks of drawn loops.
+    types of blocks of drawn loops. With --json the keys are printed as one JSON object.
     """
+    as_json = talk().as_json
     if schema:
         from wavesweep.spec.schema import schema as of_specs
 

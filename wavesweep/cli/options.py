@@ -1,8 +1,8 @@
-"""The options that several commands have: each is defined once and has one meaning."""
+"""The options that several commands have: each is declared once and has one meaning."""
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import wraps
 from pathlib import Path, PurePath
 from typing import Any
@@ -16,23 +16,169 @@ FILES = (".csv", ".parquet", *(f".{form}" for form in FORMATS))  # what a single
 
 
 @dataclass(frozen=True)
-class Options:
-    """The values of the shared options."""
+class Talk:
+    """How the program speaks, whatever the command: options that may stand anywhere in the line.
 
-    out: str | None
-    overrides: tuple[str, ...]
-    plot: bool
-    formats: tuple[str, ...]
-    overwrite: bool
-    as_json: bool
-    wait: bool
-    quiet: bool
-    debug: bool
-    partition: int | None = None
-    jobs: int = 1
-    backend: str | None = None
-    scheduler: str | None = None
-    restart: bool = False
+    words: the whole line after the program's name.
+    """
+
+    words: Sequence[str] = ()
+    quiet: bool = False
+    as_json: bool = False
+    debug: bool = False
+
+    @classmethod
+    def of(cls, words: Sequence[str]) -> tuple["Talk", list[str]]:
+        """Take these options out of a line; the words that are left are those of the group and of the command."""
+        end = words.index("--") if "--" in words else len(words)
+        spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
+        asked = {name: any(word in spellings for word in words[:end]) for name, spellings in spelt.items()}
+        left = [word for word in words[:end] if not any(word in spellings for spellings in spelt.values())]
+        return cls(tuple(words), **asked), [*left, *words[end:]]
+
+
+def talk() -> Talk:
+    """How the running command speaks."""
+    return click.get_current_context().find_root().obj or Talk()
+
+
+def is_given(name: str) -> bool:
+    """Whether an option is on the command line."""
+    return click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE
+
+
+def _is_file(out: str) -> bool:
+    return PurePath(out).suffix.lower() in FILES and not Path(out).is_dir()
+
+
+def _checked_out(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
+    del context, option
+    if out is not None and not out.strip():
+        raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")
+    if out and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix) and not _is_file(out) and not Path(out).exists():
+        known = ", ".join(FILES)
+        raise click.UsageError(
+            f"--out {out}: expected a folder, or a file whose name ends in one of {known}; make the folder first"
+        )
+    return out
+
+
+def folder(text: str, or_file: bool = False) -> Callable[..., Any]:
+    """The option --out of a command that writes no table to stdout; text: its help. or_file: it may name a figure too."""
+
+    def checked(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
+        if out == STDOUT:
+            raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
+        if out and _is_file(out) and not (or_file and PurePath(out).suffix[1:].lower() in FORMATS):
+            raise click.UsageError(f"--out {out}: expected a folder, since this command writes several files")
+        return _checked_out(context, option, out)
+
+    return click.option("-o", "--out", metavar="DIR", callback=checked, help=text)
+
+
+def overwriting(text: str) -> Callable[..., Any]:
+    """The option --overwrite of a command that writes files of its own. text: its help."""
+    return click.option("--overwrite", is_flag=True, help=text)
+
+
+override = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
+    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated. Results then go to a folder of their own, "
+    "e.g. results/mine,b=40, unless --out names one.",
+)
+
+
+def _declared(option: Callable[..., Any], default: Any = None, of: str = "all") -> Any:
+    """A field of `Options` with the option that it is the value of. of: the commands that have it."""
+    return field(default=default, metadata={"option": option, "of": of})
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run is done and where its results go; each field declares its option.
+
+    Commands that work in chunks have those of "workers" as well, and those whose tables can be long that of "long".
+    """
+
+    out: str | None = _declared(
+        click.option(
+            "-o",
+            "--out",
+            metavar="DIR",
+            callback=_checked_out,
+            help="Folder for the results [default: results/<spec's name>], or the only file that is wanted, e.g. limits.csv, "
+            "limits.parquet, limits.png or limits.pdf. With - the CSV is written to stdout, and no file.",
+        )
+    )
+    overrides: tuple[str, ...] = _declared(override, ())
+    plot: bool = _declared(
+        click.option(
+            "--plot/--no-plot",
+            default=True,
+            show_default=True,
+            help="Draw the figure, or leave it out. `wavesweep plot` draws it again in another format, width or style.",
+        ),
+        True,
+    )
+    overwrite: bool = _declared(
+        overwriting(
+            "Replace results of another spec, for other hands or of unknown origin. The same spec file needs no option."
+        ),
+        False,
+    )
+    wait: bool = _declared(
+        click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."), False
+    )
+    partition: int | None = _declared(
+        click.option(
+            "--partition",
+            metavar="ROWS",
+            type=click.IntRange(min=1),
+            help="Write the table as a folder of Parquet files with so many rows each, which programs read as one table, and "
+            "no CSV. For tables of tens of millions of rows, e.g. 10000000.",
+        ),
+        of="long",
+    )
+    jobs: int = _declared(
+        click.option(
+            "-j",
+            "--jobs",
+            metavar="N",
+            type=click.IntRange(min=1),
+            default=2,
+            show_default=True,
+            help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
+        ),
+        1,
+        of="workers",
+    )
+    backend: str | None = _declared(
+        click.option(
+            "--backend",
+            metavar="NAME",
+            help="Kind of the workers: loky (processes of this machine, the default), threading or dask.",
+        ),
+        of="workers",
+    )
+    scheduler: str | None = _declared(
+        click.option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Address of a dask scheduler, e.g. tcp://host:8786; only with --backend dask.",
+        ),
+        of="workers",
+    )
+    restart: bool = _declared(
+        click.option("--restart", is_flag=True, help="Begin anew, and throw away what an interrupted run has finished."),
+        False,
+        of="workers",
+    )
+    quiet: bool = False
+    as_json: bool = False
 
     @property
     def to_stdout(self) -> bool:
@@ -49,245 +195,50 @@ class Options:
         """Whether all files of the tables are wanted, in a folder."""
         return not self.to_stdout and self.file is None
 
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """The formats of the figure; empty if none is drawn."""
+        form = self.file.suffix.lower()[1:] if self.file else "png"
+        return (form,) if self.plot and not self.to_stdout else ()
 
-def _is_file(out: str) -> bool:
-    return PurePath(out).suffix.lower() in FILES and not Path(out).is_dir()
-
-
-def folder(text: str, or_file: bool = False) -> Callable[..., Any]:
-    """The option --out of a command that writes no table to stdout; text: its help. or_file: it may name a single file too."""
-
-    def checked(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
-        if out == STDOUT:
-            raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
-        if out and _is_file(out) and not or_file:
-            raise click.UsageError(f"--out {out}: expected a folder, since this command writes several files")
-        return _refuse_nothing(context, option, out)
-
-    return click.option("-o", "--out", metavar="DIR", callback=checked, help=text)
+    @property
+    def work(self) -> dict[str, Any]:
+        """The arguments of a run in chunks that are options."""
+        return {"jobs": self.jobs, "backend": self.backend, "scheduler": self.scheduler, "force": self.restart}
 
 
-def _refuse_nothing(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
-    del context, option
-    if out is not None and not out.strip():
-        raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")
-    if out and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix) and not _is_file(out) and not Path(out).exists():
-        known = ", ".join(FILES)
-        raise click.UsageError(
-            f"--out {out}: expected a folder, or a file whose name ends in one of {known}; make the folder first"
-        )
-    return out
+def run_options(*groups: str) -> Callable[..., Any]:
+    """Add the options of a run to a command; its body receives them together as `options`. groups: besides those of all."""
+    declared = [each for each in fields(Options) if each.metadata and each.metadata["of"] in ("all", *groups)]
 
+    def add(body: Callable[..., None]) -> Callable[..., None]:
+        @wraps(body)
+        def gathered(**given: Any) -> None:
+            own = {each.name: given.pop(each.name) for each in declared}
+            body(options=_consistent(Options(**own, quiet=talk().quiet, as_json=talk().as_json)), **given)
 
-override = click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
-    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated. Results then go to a folder of their own, "
-    "e.g. results/mine,b=40, unless --out names one.",
-)
-quiet = click.option("-q", "--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
-# Read by the entry, before any command runs; declared here so that each help lists it.
-debug = click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
-
-as_json = click.option(
-    "--json",
-    "as_json",
-    is_flag=True,
-    help="Print the summary as one JSON object on stdout, and no text. docs/json.md explains its keys.",
-)
-
-
-def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
-    """Have figures of the run drawn in this width or style, until the command ends."""
-    if text is not None and not context.resilient_parsing:
-        from wavesweep.plots.asked import style_of, width_of
-        from wavesweep.plots.style import as_asked
-
-        asked = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
-        context.with_resource(as_asked(**asked))
-    return text
-
-
-def _together(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Several options as one decorator; a help lists them in this order."""
-
-    def add(body: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            body = option(body)
-        return body
+        command = gathered
+        for each in reversed(declared):
+            command = each.metadata["option"](command)
+        return command
 
     return add
 
 
-formats = _together(
-    click.option(
-        "--format",
-        "formats",
-        multiple=True,
-        type=click.Choice(FORMATS),
-        default=["png"],
-        show_default=True,
-        help="Format of the figure. May be repeated.",
-    ),
-    click.option(
-        "--width",
-        metavar="SIZE",
-        expose_value=False,
-        callback=_as_asked,
-        help="Width of the figure, e.g. 3.5in or 89mm for a journal's column; a number alone is in inches. The picture of a "
-        "loop's blocks has a width of its own.",
-    ),
-    click.option(
-        "--style",
-        metavar="STYLE",
-        expose_value=False,
-        callback=_as_asked,
-        help="A style of matplotlib over that of the program: a name such as ggplot, or a file with settings, e.g. "
-        "'font.family: serif'. Colours that tell curves apart stay.",
-    ),
-)
-
-
-def overwriting(text: str) -> Callable[..., Any]:
-    """The option --overwrite of a command that writes files of its own, with its older name. text: its help."""
-    return _together(
-        click.option("--overwrite", is_flag=True, help=text),
-        click.option("--force", "overwrite", is_flag=True, hidden=True),
-    )
-
-
-_common = _together(
-    click.option(
-        "-o",
-        "--out",
-        metavar="DIR",
-        callback=_refuse_nothing,
-        help="Folder for the results [default: results/<spec's name>], or the only file that is wanted, e.g. limits.csv, "
-        "limits.parquet, limits.png or limits.pdf. With - the CSV is written to stdout, and no file.",
-    ),
-    override,
-    click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."),
-    formats,
-    click.option(
-        "--overwrite",
-        is_flag=True,
-        help="Replace results of another spec, for other hands or of unknown origin. The same spec file needs no option.",
-    ),
-    click.option("--force", is_flag=True, hidden=True),  # what --overwrite and --restart were together
-    click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."),
-    as_json,
-    quiet,
-    debug,
-)
-
-
-def common(body: Callable[..., None]) -> Callable[..., None]:
-    """Add the common options to a command; its body receives them together as `options`."""
-
-    @wraps(body)
-    def gathered(force: bool, **given: Any) -> None:
-        given |= dict.fromkeys({"overwrite", "restart"} & given.keys(), True) if force else {}
-        options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
-        options = _of_file(options)
-        drawn = options.plot and not options.to_stdout
-        for name in () if drawn else ("formats", "width", "style"):
-            if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
-                why = f"--out {options.out}" if options.plot or options.file else "--no-plot"
-                raise click.UsageError(
-                    f"--{name.removesuffix('s')} is of the figure, and {why} writes none; leave one of them out"
-                )
-        asked = click.get_current_context().get_parameter_source("plot")
-        if options.plot and options.to_stdout and asked is ParameterSource.COMMANDLINE:
-            raise click.UsageError("--plot draws a figure, and --out - writes none; name a folder, or leave one of them out")
-        options = options if options.plot else replace(options, formats=())
-        if options.scheduler is not None and options.backend != "dask":
-            raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
-        if options.as_json and options.to_stdout:
-            raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
-        if options.partition is not None and not options.to_folder:
-            raise click.UsageError(
-                f"--partition writes a folder of Parquet files, and --out {options.out} none; leave one of them out"
-            )
-        body(options=options, **given)
-
-    return _common(gathered)
-
-
-def _of_file(options: Options) -> Options:
-    """The options of a run that writes a single file, whose suffix says whether the figure is wanted, and in which format."""
-    if options.file is None:
-        return options
-    form, source = options.file.suffix.lower()[1:], click.get_current_context().get_parameter_source
-    if form not in FORMATS:
-        return replace(options, plot=False)
-    if not options.plot or (source("formats") is ParameterSource.COMMANDLINE and options.formats != (form,)):
-        raise click.UsageError(f"--out {options.out} is a figure in the format {form}; leave --no-plot and other formats out")
-    return replace(options, formats=(form,))
-
-
-# For the commands that work in chunks; beside `common`, which collects them.
-workers = _together(
-    click.option(
-        "-j",
-        "--jobs",
-        metavar="N",
-        type=click.IntRange(min=1),
-        default=2,
-        show_default=True,
-        help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
-    ),
-    click.option(
-        "--backend",
-        metavar="NAME",
-        help="Kind of the workers: loky (processes of this machine, the default), threading or dask.",
-    ),
-    click.option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Address of a dask scheduler, e.g. tcp://host:8786; only with --backend dask.",
-    ),
-    click.option("--restart", is_flag=True, help="Begin anew, and throw away what an interrupted run has finished."),
-)
-
-
-# For the commands whose tables can be long; above `common`, which collects it.
-partition = click.option(
-    "--partition",
-    metavar="ROWS",
-    type=click.IntRange(min=1),
-    help="Write the table as a folder of Parquet files with so many rows each, which programs read as one table, and no CSV. "
-    "For tables of tens of millions of rows, e.g. 10000000.",
-)
-
-
-# For the commands of stable intervals.
-prove = click.option(
-    "--prove",
-    is_flag=True,
-    help="Compute columns in doubt again in ball arithmetic, with as many digits as it takes, if the spec draws its loop. This "
-    "takes from hundredths of a second to some ten seconds per column.",
-)
-
-
-def refuse_equal_names(sources: Sequence[str]) -> None:
-    """Raise UsageError if two files of specs have the same stem, which labels rows and curves."""
-    stems = [PurePath(source).stem for source in sources]
-    for stem in stems:
-        if stems.count(stem) > 1:
-            raise click.UsageError(f"two specs are called {stem}; expected different file names, which label the curves")
-
-
-# For the commands of stable intervals.
-for_hands = click.option(
-    "--for-hands",
-    "for_hands",
-    multiple=True,
-    metavar="WORD",
-    help="Add the intervals that are guaranteed for hands, in a table of its own. passive: stable with every passive hand, of "
-    "any mass and stiffness, also if it moves within a tick. box: stable with every hand between a fingertip and an arm, or "
-    "with ranges of your own, e.g. box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). port: the hand's port is "
-    "passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten seconds.",
-)
+def _consistent(options: Options) -> Options:
+    """The options of a run. Raises UsageError for those that contradict each other."""
+    if options.file and options.file.suffix.lower()[1:] not in FORMATS:
+        options = replace(options, plot=False)
+    elif options.file and not options.plot:
+        raise click.UsageError(f"--out {options.out} is a figure; leave --no-plot out")
+    if options.plot and options.to_stdout and is_given("plot"):
+        raise click.UsageError("--plot draws a figure, and --out - writes none; name a folder, or leave one of them out")
+    if options.scheduler is not None and options.backend != "dask":
+        raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
+    if options.as_json and options.to_stdout:
+        raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
+    if options.partition is not None and not options.to_folder:
+        raise click.UsageError(
+            f"--partition writes a folder of Parquet files, and --out {options.out} none; leave one of them out"
+        )
+    return options

@@ -15,15 +15,12 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from hashlib import sha256
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import click
-
 from wavesweep.atomic_files import write_files
 from wavesweep.cli.messages import Progress, progress, say, show_json, where
-from wavesweep.cli.options import Options
+from wavesweep.cli.options import Options, talk
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -57,14 +54,13 @@ def produce(
     """
     from wavesweep import results, spec
     from wavesweep.identification.points import facts_of_points
-    from wavesweep.sweep.assumptions import unusual
     from wavesweep.tables.table import digest_of
 
-    started, command = time.perf_counter(), kinds[0].removesuffix(HANDS)
+    started = time.perf_counter()
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
-    if options.plot and not options.to_stdout:
+    if options.formats:
         from wavesweep import plots
 
         plots.refuse_settings()
@@ -74,37 +70,35 @@ def produce(
         for kind in kinds if options.to_folder and not options.overwrite else ():
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler")} | {"force": options.restart}
         kept = None if options.to_stdout else checkpoint_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
-            tables = compute(specs, **work, progress=report, checkpoint=kept)
+            tables = compute(specs, **options.work, progress=report, checkpoint=kept)
         before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
-        run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": _command_line()}
+        run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}
         tables = [replace(table, facts={**table.facts, "spec_place": place, **measured, **run}) for table in tables]
-        rows = max(table.rows for table in tables)
-        if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
-            say(f"writing {rows:,} rows{' and the figure' if options.plot and not options.to_stdout else ''}")
         try:
-            with progress(options.quiet or rows < LONG, "writing") as report:
-                finished = [_finish(table, directory, options, table is tables[0], report) for table in tables]
+            finished = _written(tables, directory, options)
         except BaseException as error:
             if kept is not None and kept.is_file():
                 error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
             raise
         for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
+    changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
+    _report(kinds[0].removesuffix(HANDS), specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+
+
+def _written(tables: Sequence[Table], directory: Path, options: Options) -> list[Finished]:
+    """Write the tables, with a bar if that takes long."""
+    rows = max(table.rows for table in tables)
+    if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
+        say(f"writing {rows:,} rows{' and the figure' if options.formats else ''}")
+    with progress(options.quiet or rows < LONG, "writing") as report:
+        finished = [_finish(table, directory, options, table is tables[0], report) for table in tables]
     if not options.to_folder and not options.quiet:
         for table in tables[1:]:
             say(f"the table {table.kind} is left out, since --out {options.out} takes one; --out DIR writes it")
-    changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
-    if notices := [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]:
-        finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
-    _report(command, specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
-
-
-def _command_line() -> str:
-    """The words of this run, as a shell takes them."""
-    return shlex.join(["wavesweep", *(click.get_current_context().find_root().obj or ())])
+    return finished
 
 
 def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractContextManager[None]:
@@ -147,7 +141,10 @@ def _report(
 ) -> None:
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
     from wavesweep.store.checkpoint import SUFFIX
+    from wavesweep.sweep.assumptions import unusual
 
+    said = [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]
+    notices = [*dict.fromkeys(said), *(notice for each in finished for notice in each.notices)]
     if options.as_json:
         show_json(
             {
@@ -155,7 +152,7 @@ def _report(
                 "specs": [spec.name for spec in specs],
                 "spec_sha256": facts["spec_sha256"],
                 "assumes": facts.get("assumes", ""),
-                "notices": [notice for each in finished for notice in each.notices],
+                "notices": notices,
                 "tables": {each.kind: each.numbers for each in finished},
                 "files": [str(path) for each in finished for path in each.paths],
                 "changed": list(changed),
@@ -167,7 +164,8 @@ def _report(
     from wavesweep.sweep.assumptions import FAVOURABLE
 
     assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
-    lines = [line for each in finished for line in chain(((notice, False) for notice in each.notices), each.lines)]
+    lines = [(line, False) for line in dict.fromkeys(said)]
+    lines += [line for each in finished for line in (*((notice, False) for notice in each.notices), *each.lines)]
     for line, warning in [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]:
         say(line, warning)
     for left in sorted(folder_of(specs, options).glob(f".{command}-*{SUFFIX}")) if not options.to_stdout else ():
@@ -278,7 +276,7 @@ def _finish(table: Table, directory: Path, options: Options, main: bool, report:
     tally, paths, notices = kind_named(table.kind).tally(table), [], [str(notice) for notice in table.facts.get("notices", ())]
     if report and table.rows >= LONG:
         table = table.watched(_moving(report, table.rows))
-    if options.plot and not options.to_stdout and (main or options.to_folder):
+    if options.formats and (main or options.to_folder):
         from wavesweep.plots import drawn
 
         table = drawn(table, notices.append)

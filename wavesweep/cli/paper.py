@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, run_options
 
 LAST = "statements"  # table of every run
 
 
 @click.command("paper")
-@common
+@run_options()
 def command(options: Options) -> None:
     """Reproduce the paper's figures and test its statements.
 

@@ -2,15 +2,12 @@
 
 import click
 
-from wavesweep.cli.options import as_json, debug, quiet
+from wavesweep.cli.options import talk
 
 
 @click.command("verify")
 @click.argument("directory", metavar="DIR")
-@as_json
-@quiet
-@debug
-def command(directory: str, *, as_json: bool, quiet: bool, **_: bool) -> int:
+def command(directory: str) -> int:
     """Hold results against their data packages, and compute a sample of the rows again.
 
     DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared, and some of its rows with
@@ -24,10 +21,10 @@ def command(directory: str, *, as_json: bool, quiet: bool, **_: bool) -> int:
     from wavesweep.results.verify import verify
 
     found = verify(directory)
-    if as_json:
+    if talk().as_json:
         show_json({"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences})
     else:
-        if found.checked and not quiet:
+        if found.checked and not talk().quiet:
             click.echo(printable("\n".join(found.checked)))
         for difference in found.differences:
             say(f"differs: {difference}", warning=True)

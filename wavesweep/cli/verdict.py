@@ -1,0 +1,291 @@
+"""The lines of `check`: the verdict on the spec's own design, and how far it is from what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+
+Facts = Mapping[str, Any]
+RINGS = 0.5  # damping ratio, below which a mode rings
+
+
+def own_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield whether the design is stable, in a line or two."""
+    if _favourable(found):
+        yield f"assumes: {found['assumes']}"
+    yield from _stability(spec, found)
+
+
+def _favourable(found: Facts) -> bool:
+    """Whether the design is better only by what it assumes, which is then said first."""
+    from wavesweep.sweep.assumptions import FAVOURABLE
+
+    return FAVOURABLE in found["assumes"]
+
+
+def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield what the verdict says beside `own_lines`, in about eight lines."""
+    from wavesweep.passive.channel import has_waves
+    from wavesweep.passive.margin import LONGEST
+    from wavesweep.sweep.grid import own_loop
+
+    yield from _for_all(found.get("for_all"))
+    bounded = [each for each in found["limits"] if _bounded(each)]
+    yield from (f"  {_limit(spec, each)}" for each in bounded)
+    others = [each for each in found["limits"] if each not in bounded]
+    if others:
+        state = "stable" if found["stable"] else "unstable"
+        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
+        yield f"  {state} at every value searched: {spans}"
+    if found["delay"] and found["spectral_radius"] is not None:
+        yield f"  {_delay(found['delay'])}"
+    if found["stable"] and found["felt"]:
+        stiffness, damping = spec.units_felt
+        yield f"  felt at rest: {_felt(found['felt'], stiffness, damping)}"
+    yield from (
+        f"  {line}" for line in _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
+    )
+    if found["stable"]:
+        yield f"  slowest mode: {_mode(found['slowest'])}"
+        if found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS:
+            yield f"  least damped mode: {_mode(found['least_damped'])}"
+    if found["channel_norm"] is not None:
+        yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    elif not spec.drawing and has_waves(own_loop(spec)[0]):
+        yield f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
+    yield from (f"  {line}" for line in measured_lines(spec, found.get("measured", {})))
+    if found["assumes"] and not _favourable(found):
+        yield f"  assumes: {found['assumes']}"
+
+
+def _stability(spec: Spec, found: Facts) -> Iterator[str]:
+    """Whether the design is stable."""
+    from wavesweep.spec.require import BOUNDED
+
+    frame = 1e3 * found["period_s"]
+    radius = found["spectral_radius"]
+    known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
+    said = "stable" if found["stable"] else "UNSTABLE" if known else "not known whether it is stable"
+    why = "numbers overflow, or rounding hides them"
+    if radius is not None:
+        why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
+    yield f"{spec.name}, {spec.kind}: {said} ({why})"
+    if spec.drawing and radius == 1:
+        yield f"  {BOUNDED}"
+
+
+def _for_all(found: Facts | None) -> Iterator[str]:
+    from wavesweep.sweep.for_all import in_words
+
+    if found:
+        yield f"  for all of [for_all]: {in_words(found)}"
+
+
+def _bounded(limit: Facts) -> bool:
+    """Whether stability changes in the range searched, or is not known there."""
+    whole = [[limit["from"], limit["to"]]]
+    return limit["stopped"] or limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole)
+
+
+def _limit(spec: Spec, limit: Facts) -> str:
+    name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
+    default = "" if spec.drawing or spec.names.find(name).path in spec.given else ", the default"
+    here = f"{name} = {value:g}{unit}{default}"
+    return f"{here}: {_stable_where(limit, unit)}{_going_on(spec, limit)}"
+
+
+def _going_on(spec: Spec, limit: Facts) -> str:
+    """A line with what finds the rest of a range that ended early, unless both ends of the interval are known."""
+    from wavesweep.sweep.verdict import searched
+
+    name = limit["name"]
+    start, stop = searched(spec, name, spec.names.find(name).path)
+    ended = [limit["low"] is None and limit["from"] > start, limit["high"] is None and limit["to"] < stop]
+    if not (limit["stopped"] and any(ended)):
+        return ""
+    axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
+    return f"\n    the whole range takes longer: wavesweep stability-region {spec.source or spec.name} {axes}"
+
+
+def _stable_where(limit: Facts, unit: str) -> str:
+    value = limit["value"]
+    if limit["stable"] is None:
+        return f"not known ({limit['doubt']})"
+    proved = "" if limit["certified"] else f", not proved ({limit['doubt']})"
+    if not limit["stable"]:
+        spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
+        searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
+        if not (spans or limit["certified"]):
+            return f"no stable value known in {searched} ({limit['doubt']})"
+        return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
+    low, high = limit["low"], limit["high"]
+    start = f"from {low:.6g}" if low is not None else f"from {'at most ' if limit['from'] else ''}{limit['from']:g}"
+    end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
+    factors = _factors(limit) if value else ""
+    return f"stable {start} {end}{factors}{proved}"
+
+
+def _span(limit: Facts, low: float, high: float) -> str:
+    """An interval; an end of the range that was searched is none of stability."""
+    start = "at most " if low == limit["from"] != 0 else ""
+    return f"{start}{low:.6g} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
+
+
+def _factors(limit: Facts) -> str:
+    """The factors by which the value may shrink and grow."""
+    ways = [("fall to", limit["low"]), ("rise to", limit["high"])]
+    said = [f"{way} {100 * end / limit['value']:.3g} %" for way, end in ways if end]
+    return f" (it may {' and '.join(said)})" if said else ""
+
+
+def _unit(spec: Spec, name: str) -> str:
+    unit = spec.names.find(name).unit
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def _delay(delay: Facts) -> str:
+    here = f"delay = {delay['ticks']} of {delay['frame']} ticks"
+    if delay["most"] is None:
+        return f"{here}: unstable at this delay"
+    if delay["most"] == delay["frame"]:
+        return f"{here}: stable up to a whole frame"
+    least = "at least " if delay["most"] == delay["tried"] else ""
+    return f"{here}: stable up to {least}{delay['most']} ticks"
+
+
+def _felt(felt: Facts, *units: str) -> str:
+    stiffness, damping = felt["stiffness"], felt["damping"]
+    if felt["rigid"]:
+        return "rigid, a constant force moves nothing in the end"
+    if stiffness is None and damping is None:
+        return "not known"
+    if felt["over_band"] is None:
+        known = (
+            f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
+            for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
+        )
+        return " and ".join(known)
+    from wavesweep.sweep.feel import in_words
+
+    return f"{stiffness:.6g} {units[0]}{in_words(felt['over_band'])}"
+
+
+def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[str]:
+    """What encoder, friction and motors do to the design."""
+    if "chatter" in found:
+        known = "makes a force that is not known to be bounded"
+        if found["chatter"] is not None:
+            largest = f"moves the force by up to {found['step_force']:.4g} {force}"
+            known = f"{largest}, and the rounding of all readings by at most {found['chatter']:.4g} {force}"
+        yield f"encoder: a step of {found['resolution']:.4g} {length} {known}"
+    unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
+    if "holds_to" in found:
+        held = f"holds the device against a step of the encoder up to {found['holds_to']:.6g} {unit}"
+        yield f"friction: {found['friction']:.4g} {force} {held}; a wall that is felt stiffer may buzz ({source})"
+        if not stable:
+            yield "  nothing but friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
+    if "passive_to" in found:
+        yield f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
+    if found.get("depth") is not None:
+        depth, most = f"{found['depth']:.4g} {length}", f"{found['max_force']:.4g} {force}"
+        yield f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
+
+
+def _mode(mode: Facts | None) -> str:
+    if mode is None:
+        return "none"
+    return (
+        f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
+        + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
+        + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else "")
+        + (f"; most in {', '.join(mode['states'])}" if mode["states"] else "")
+    )
+
+
+def _text(value: float | None, digits: int = 6) -> str:
+    return "not known" if value is None else f"{value:.{digits}g}"
+
+
+def measured_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield how far the design is from the points of [measured]; found: see `wavesweep.sweep.measured.distances`."""
+    stiffness, damping = (f" {each}" if each else "" for each in _units(spec))
+    if "limits" in found:
+        yield from _limits(found["limits"], stiffness, damping)
+    if "tried" in found:
+        yield from _tried(found["tried"], stiffness, damping)
+    if "response" in found:
+        yield from _response(found["response"])
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def _units(spec):
+    return [spec.names.keys[path].unit for path in spec.wall] or ["", ""]
+
+
+def _limits(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
+    start = f"measured limits ({found['file']})"
+    if not found["compared"]:
+        yield f"{start}: none of {found['count']} compared, since what is stable is not known at their damping"
+        return
+    worst, compared = found["worst"], found["compared"]
+    least = "more than " if worst["beyond"] else ""
+    place = f"at B_VE = {worst['B_VE']:g}{damping} ({least}{_short(worst['computed'])} for {_short(worst['K_VE'])}{stiffness})"
+    median = f"{found['median_ratio']:.3g} in the median"
+    yield f"{start}: computed over measured is {median}, {least}{worst['ratio']:.3g} at worst, {place}"
+    most = found["most_promised"]
+    much = f", by {100 * (most['ratio'] - 1):.3g} % at most" if most and not most["beyond"] else ""
+    side = f"the model promises more than was measured, the dangerous side, at {found['more']}{much}"
+    yield f"  of {compared} limits {side if most else 'the model promises more than was measured at none'}"
+    yield f"  {_explained(found, stiffness)}"
+    if found["above_hole"]:
+        yield f"  {found['above_hole']} of them lie above stiffnesses at which the model is unstable"
+    if left := found["count"] - compared:
+        yield f"  not compared: {left} of {found['count']}, since what is stable is not known at their damping"
+
+
+def _explained(found: Facts, stiffness: str) -> str:
+    least = "at least " if found["beyond"] else ""
+    size = f"{least}{_short(found['rms'])}{stiffness} rms, {100 * found['share']:.3g} % of their median"
+    if found["scatter"] is not None:
+        size += f"; repeated limits scatter by {_short(found['scatter'])}{stiffness}"
+    if found["explained"]:
+        return f"the model explains them{' within a tenth' if found['scatter'] is None else ''}: {size}"
+    return f"the model does not explain them: {size}"
+
+
+def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
+    unknown = f", {found['not_known']} not known" if found["not_known"] else ""
+    yield (
+        f"measured walls ({found['file']}): {found['wrong']} of {found['count']} on the wrong side; unstable though computed "
+        f"stable, the dangerous side: {found['promised']}; stable though computed unstable: {found['denied']}{unknown}"
+    )
+    for each in found["worst"]:
+        seen = "stable" if each["stable"] else "unstable"
+        ends = f"the model is {'stable at no' if each['stable'] else 'stable at every'} stiffness searched"
+        if each["ratio"] is not None:
+            ends = f"the model's nearest end is at {_short(each['computed'])}{stiffness}, {each['ratio']:.3g} times that"
+        yield f"  {seen} at B_VE = {each['B_VE']:g}{damping}, K_VE = {_short(each['K_VE'])}{stiffness}: {ends}"
+
+
+def _response(found: Facts) -> Iterator[str]:
+    start = f"measured response ({found['file']})"
+    if not found["compared"]:
+        why = "no frequency can be compared" if found["stable"] else "not compared, since the model is not stable"
+        yield f"{start}: {why}"
+        return
+    worst, phase = found["worst"], found["worst_phase"]
+    median = f"{found['median_ratio']:.3g} in the median"
+    place = f"{worst['ratio']:.3g} at worst, at {worst['frequency_hz']:.4g} Hz"
+    yield f"{start}: computed over measured admittance is {median}, {place}"
+    yield f"  the model is softer at {found['softer']} of {found['compared']} frequencies"
+    place = f"{phase['deg']:.3g} at worst, at {phase['frequency_hz']:.4g} Hz"
+    yield f"  its phase is ahead by {found['median_deg']:.3g} deg in the median, {place}"
+    if left := found["count"] - found["compared"]:
+        yield f"  not compared: {left} of {found['count']}, above half the rate of the ticks or of a coherence below a half"
