@@ -2,7 +2,7 @@
 
 import tomllib
 
-from wavesweep.search.best import text_of
+from wavesweep.search.best import chosen, text_of
 from wavesweep.spec import load
 
 SPEC = {
@@ -13,6 +13,11 @@ SPEC = {
         "for_all": {"device.mass": [0.08, 0.125], "hand": {"stiffness": [0.0, 1000.0]}},
     },
 }
+
+
+def test_the_first_and_the_last_design_are_written():
+    assert (chosen(25)[0], chosen(25)[-1], len(chosen(25))) == (0, 24, 10)
+    assert chosen(3) == [0, 1, 2]
 
 
 def test_the_walls_are_those_of_the_stiffest_one():

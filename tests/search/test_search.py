@@ -97,11 +97,6 @@ def test_the_front_is_thinned_where_it_is_crowded():
     assert spread(Judged(f, f, np.zeros(5)), 9).genes.tolist() == f.tolist()
 
 
-def test_the_area_of_a_staircase():
-    assert hypervolume(np.array([[0.0, 1.0], [1.0, 0.0], [5.0, -1.0]]), np.array([2.0, 2.0])) == pytest.approx(3.0)
-    assert hypervolume(np.array([[3.0, 0.0]]), np.array([2.0, 2.0])) == 0.0
-
-
 def test_what_is_judged_otherwise_after_a_look_is_judged_again():
     """From the look on the first objective is 1 larger: the best that are left were all judged so."""
     seen = []

@@ -1,7 +1,6 @@
 """Every wish is the worst of what the other commands find for the same loops."""
 
 import tomllib
-from functools import cache
 
 import numpy as np
 import pytest
@@ -181,38 +180,6 @@ def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
     assert found["channel"].value[[0, 1]] == pytest.approx(norms, rel=1e-12)
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_transparency_is_the_distance_from_direct_coupling():
-    spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [100, 200]})
-    found = values_of(spec)["transparency"]
-    frequency = np.geomspace(0.1, 10, 4001)
-    weight = np.full(4001, 1.0)
-    weight[[0, -1]] = 0.5
-
-    def admittance(response):
-        return response.admittance_re.to_numpy() + 1j * response.admittance_im.to_numpy()
-
-    @cache  # no design changes it
-    def ideal(scenario, K):
-        loop = wavesweep.compile(loops(spec, 0)[scenario].spec.with_values({"controller.kind": "dc"}))
-        return admittance(loop.response(frequency, K_VE=K))
-
-    for number in range(4):
-        errors = []
-        for scenario, loop in enumerate(loops(spec, number)):
-            for K in (100.0, 200.0):
-                one = loop.response(frequency, K_VE=K)
-                H, G = admittance(one), ideal(scenario, K)
-                square = np.abs(np.log(H / G)) ** 2
-                errors.append(np.sqrt((square * weight).sum() / weight.sum()) if one.stable.all() else np.inf)
-        if np.isfinite(errors).all():
-            assert found.value[number] == pytest.approx(max(errors), rel=2e-4)
-        else:
-            assert np.isnan(found.value[number])
-    assert np.isfinite(found.value).any()
-
-
 @pytest.mark.slow
 def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_certified():
     designs = {"controller.b": np.array([25.0])}
@@ -270,21 +237,6 @@ def test_a_ratio_to_a_number_that_follows_the_wall_follows_the_wall_too(order):
         assert (loop.spectral_radius(K_VE=K, K_LM=0.5 * K, B_LM=0.005 * K) < 1) == stable
 
 
-@pytest.mark.slow
-def test_an_unstable_loop_is_the_one_that_leaves_a_design_without_transparency():
-    """Between the ends of the mass, 0.15 kg is unstable."""
-    tables = {"controller": {"kind": "pmw", "Kp": 10.0}, "environment": {"integration": "explicit", "delay": 8}}
-    tables |= {"device": {"velocity": "difference"}, "filters": {"lp1": {"order": 0}}}
-    hand = {"mass": [0, 0.15, 0.3], "damping": [0.3], "stiffness": [800]}
-    design = {"vary": {"b": {"start": 49, "stop": 51}}, "wish": {"transparency": {"walls": [2]}}, "for_all": {"hand": hand}}
-    spec = load(tables | {"design": design})
-    designs = {"controller.b": np.array([49.0])}
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["transparency"]
-    assert np.isnan(found.value[0])
-    assert scenarios_of(spec)[found.scenario[0]].values["operator.mass"] == 0.15
-    assert not found.certified[0]
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("stiffness", [0.0, 500.0])
 def test_what_is_felt_is_that_of_the_stiffest_wall_if_another_number_follows_it(stiffness):
@@ -318,20 +270,6 @@ def test_an_unstable_loop_has_no_margin_at_the_port():
     assert found["port"].value[1] > 0
 
 
-@pytest.mark.slow
-def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
-    """With K_LM twice K_VE, a wall just below the limit is stable, and one just above it is not."""
-    tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [2.0]}, "wish": {"z_width": {"B_VE": [1]}}}
-    spec = load(TABLES | {"design": tables})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)["z_width"]
-    limit = float(found.value[0])
-    assert found.certified[0]
-    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
-    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
-        K = share * limit
-        assert (loop.spectral_radius(K_VE=K, K_LM=2 * K) < 1) == stable
-
-
 def test_points_are_the_product_with_the_designs_slowest():
     spec = load(TABLES)
     points = points_of(spec.values, DESIGNS, scenarios_of(spec), {"environment.B_VE": (1.0, 5.0)})
@@ -363,22 +301,6 @@ def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
         assert found["certified"][same].all() == row.certified.all()
         for name in ("low", "high", "felt_high"):
             np.testing.assert_allclose(found[name][same], row[name], rtol=1e-12)
-
-
-def test_points_along_a_number_keep_their_own_walls():
-    spec, random = load(TABLES), np.random.default_rng(6)
-    points = {
-        "device.mass": random.uniform(0.05, 0.3, 6),
-        "environment.K_VE": random.uniform(20, 300, 6),
-        "environment.B_VE": random.uniform(0.1, 9, 6),
-    }
-    found = at_points(spec, Axis("b", "controller.b", (), 2.0, 100.0, False), points)
-    for number in range(6):
-        own = {path: column[number].item() for path, column in points.items()}
-        row = wavesweep.compile(spec.with_values(own)).stable_intervals("b", (2.0, 100.0))
-        same = found["slice"] == number
-        for name in ("low", "high", "felt_low"):
-            np.testing.assert_allclose(found[name][same], row[name], rtol=1e-9)
 
 
 def test_loops_that_modes_are_too_rough_for_are_computed_again(monkeypatch):
@@ -420,15 +342,6 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
     assert job.scenarios == [*ends, job.finer[between]]
     assert not run.look(best)  # it holds for that by now
     assert not run.look(Judged(best.genes, best.objectives, np.ones(3)))
-
-
-def test_the_felt_stiffness_is_left_out_where_nobody_wishes_for_it():
-    spec, axis = wishes(z_width={"B_VE": [1]}), Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
-    points = {"controller.b": np.array([10.0, 20.0])}
-    with_it, without = at_points(spec, axis, points), at_points(spec, axis, points, felt=False)
-    assert np.isfinite(with_it["felt_high"]).all()
-    assert np.isnan(without["felt_high"]).all()
-    np.testing.assert_array_equal(with_it["high"], without["high"])
 
 
 def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):

@@ -55,12 +55,6 @@ def test_pd_held_over_a_period_that_is_not_known_has_the_limit_of_the_longest():
     assert "kd = 3" in row["counterexample"]
 
 
-def test_a_single_value_is_the_interval_of_the_spec():
-    (own,), (row,) = for_all(PD, n={"values": [5]})
-    assert row["fails_from"] == pytest.approx(own["high"], rel=1e-12)
-    assert (row["low"], row["high"], row["settled"]) == (own["low"], pytest.approx(own["high"], rel=1e-12), True)
-
-
 def test_a_gain_that_the_spec_does_not_have_is_in_the_loops_of_its_range():
     """Without Kp its wire is not drawn; what holds for all of a range has to hold for each of its values."""
     (own,), (row,) = for_all(FIG4, **{"controller.Kp": {"start": 20, "stop": 60}})
@@ -146,11 +140,6 @@ def test_frames_of_any_length_in_any_order(lengths, more, proved, refuted):
     assert (row["certified"], row["settled"]) == (True, True)
     assert proved <= row["high"] < row["fails_from"] <= refuted
     assert row["counterexample"].startswith("frames ")
-
-
-def test_one_length_is_the_interval_of_today():
-    (own,), (row,) = for_all(FIG4, **{"rates.ratio": {"values": [20], "varying": True}})
-    assert row["high"] == pytest.approx(own["high"], rel=1e-9)
 
 
 @pytest.mark.slow
@@ -272,13 +261,6 @@ def test_a_range_that_is_none_is_said(ranges, expected):
         load(PD | {"for_all": ranges})
 
 
-def test_a_spec_keeps_its_ranges():
-    ranges = {"kd": {"start": 3.0, "stop": 5.0}, "n": {"values": [2, 5]}}
-    spec = load(PD | {"for_all": ranges})
-    assert spec.tables()["for_all"] == ranges
-    assert load(spec.tables()).sha256 == spec.sha256 != load(PD).sha256
-
-
 def test_hands_are_not_asked_for_beside_ranges():
     with pytest.raises(UsageError, match="without \\[for_all\\]"):
         intervals(load(FIG4 | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.12}}}), "K_VE", wavesweep_hands(), jobs=1)
@@ -316,14 +298,6 @@ def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
     assert len(_text(Part(1.0, 2.0, None, {frames: None}))) <= 160
 
 
-def test_what_begins_at_0_is_settled_only_if_it_is_proved_from_nearly_0_on():
-    (_,), (row,) = for_all(PD, kd={"start": 3, "stop": 5})
-    assert row["settled"]
-    assert 0 < row["low"] <= 1.0001e-4 * row["high"]
-    (field,) = [field for field in kind_named("zwidth").fields if field.name == "settled"]
-    assert "ten-thousandth" in field.description
-
-
 def test_the_library_gives_the_rows_of_the_command():
     spec = load(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})
     loop, table = wavesweep.compile(spec), wavesweep.stability_region(spec)
@@ -337,22 +311,6 @@ def test_the_library_gives_the_rows_of_the_command():
         loop.stable_intervals(kd=[3.0, 4.0])
     with pytest.raises(UsageError, match="require: expected a spec without \\[for_all\\]"):
         loop.stable_intervals(require={"radius": 0.99})
-
-
-def test_results_of_the_spec_alone_say_so_in_the_library():
-    loop = wavesweep.compile(FIG4 | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.125}}})
-    for found in (loop.poles(), loop.response([1.0]), wavesweep.bode(loop.spec), wavesweep.why(loop.spec)):
-        assert "not all of [for_all]" in found.attrs["guarantee"]
-    assert "guarantee" not in loop.stable_intervals().attrs
-    assert "guarantee" not in wavesweep.compile(FIG4).poles().attrs
-
-
-@pytest.mark.slow
-def test_why_says_what_check_says_for_all():
-    spec = FIG4 | {"for_all": {"device.mass": {"values": [0.1, 0.5]}}}
-    said = [line for line in wavesweep.why(spec).attrs["facts"]["notices"] if "for all of [for_all]" in line]
-    assert said == ["the spec's own design, for all of [for_all]: not stable with device.mass = 0.5"]
-    assert wavesweep.verdict(spec)["for_all"] == {"verdict": "refuted", "counterexample": "device.mass = 0.5"}
 
 
 def held_arm(ticks, kp):

@@ -8,14 +8,12 @@ from support.published import colgate_schenkel
 from wavesweep.errors import UsageError
 from wavesweep.passive import HandBox
 from wavesweep.spec import load
-from wavesweep.sweep import unknown, workers
+from wavesweep.sweep import unknown
 from wavesweep.sweep.hands import hands_of
-from wavesweep.tables import intervals as interval_table
 from wavesweep.tables.interval_tally import HandTally
 from wavesweep.tables.intervals import intervals
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
-LINE = {"mass": (0.1, 0.6), "damping": (3.0, 3.0), "stiffness": (300.0, 300.0)}  # quickly searched
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}
 
 
@@ -134,28 +132,6 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
         tally.lines({})
     )
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):
-    spec = spec_of("dc-slow", **{"device.mass": [0.1, 0.2]})
-    hands = hands_of([worded(LINE), "port"])
-    alone = intervals(spec, hands=hands, jobs=1)
-    monkeypatch.setattr(interval_table, "FEW", 1)
-    monkeypatch.setattr(workers, "WORTH", -1.0)
-
-    def stop_at(done, _total, _certified):
-        if done == 5:  # both of the free device, both of the box, and one of the port
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        intervals(spec, hands=hands, checkpoint=tmp_path / "parts", progress=stop_at, jobs=1)
-    run = intervals(spec, hands=hands, checkpoint=tmp_path / "parts", jobs=2)
-    assert run.facts["timings"]["slices_from_checkpoint"] == 3  # a single chunk, the free device's, stays in memory
-    same(run.columns, alone.columns)
-    run.forget()
-    assert not (tmp_path / "parts").exists()
 
 
 def test_progress_counts_all_hands_together():

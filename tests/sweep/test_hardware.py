@@ -11,7 +11,7 @@ from wavesweep.passive.held_loop import device_of
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.march import run_drawn, simulate
 from wavesweep.sweep.grid import own_loop
-from wavesweep.sweep.hardware import ROUNDING, hardware_of, limits_of_walls, peak_of_encoder, readings
+from wavesweep.sweep.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
 from wavesweep.sweep.verdict import own_design
 from wavesweep.tables import simulation
 
@@ -148,6 +148,15 @@ def test_direct_coupling_is_passive_up_to_its_limit(kind, ratio, delay):
     for factor, passive in ((0.999, True), (1.001, False)):
         walls = {**tables, "environment": {**tables["environment"], "K_VE": factor * limit}}
         assert bool(wavesweep.compile(walls).passivity()["port_passive"][0]) is passive
+
+
+def test_a_limit_is_that_of_whole_frames_and_of_the_keys_that_decide_it():
+    """Nothing is said of a delay within a frame, nor of a device of which nothing is given."""
+    loops = {delay: wavesweep.load(nested(values_of("dc-slow", ratio=5, delay=delay, B_VE=0.0))) for delay in (0, 3, 5)}
+    assert [set(limits_of_walls(spec)) for spec in loops.values()] == [{"passive_to"}, set(), {"passive_to"}]
+    assert hardware_of(loops[0]) == {}
+    paths = ("device.damping", "environment.delay", "controller.kind", "rates.fast_hz", "rates.ratio", "device.mass", "b")
+    assert [deciding(path) for path in paths] == [True] * 5 + [False] * 2
 
 
 @pytest.mark.parametrize(("factor", "rests"), [(0.9, True), (1.2, False)])

@@ -1,13 +1,14 @@
 """What cannot be answered is refused before anything is computed; `check` says what would be."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import estimates, running, workers
+from wavesweep.sweep import estimates, job, running, workers
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.planning import plan
@@ -69,6 +70,13 @@ def test_whole_numbers_and_derived_keys_are_swept_as_values():
     assert run.columns["environment.delay"].dtype.kind == "i"
 
 
+def test_the_first_and_the_last_of_very_many_loops_are_checked(monkeypatch):
+    monkeypatch.setattr(job, "CHECKED", 10)
+    index = job.some_loops(SimpleNamespace(loops=1000))
+    assert (index[0], index[-1], index.size) == (0, 999, 10)
+    assert job.some_loops(SimpleNamespace(loops=7)).tolist() == list(range(7))
+
+
 @pytest.mark.parametrize(
     ("jobs", "backend", "chunks", "seconds", "expected"),
     [
@@ -102,18 +110,18 @@ def test_check_says_slices_chunks_workers_and_why(mixed, long):
 
 
 def test_work_that_is_surely_worth_workers_is_not_measured(long, monkeypatch):
-    job, measured = job_of(long), []
+    long, measured = job_of(long), []
     monkeypatch.setattr(running, "expected_seconds", lambda each: measured.append(each) or 5.0)
-    assert running._expected(job) == 5.0
-    many = replace(job, chunks=replace(job.chunks, loops=10_000_000))
+    assert running._expected(long) == 5.0
+    many = replace(long, chunks=replace(long.chunks, loops=10_000_000))
     assert running._expected(many) > WORTH
-    assert measured == [job]
+    assert measured == [long]
 
 
 def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, monkeypatch):
-    job = job_of(long)
-    need = expected_bytes(job)
-    assert 200 * job.slices < need < 500 * job.slices
+    long = job_of(long)
+    need = expected_bytes(long)
+    assert 200 * long.slices < need < 500 * long.slices
     for free, kept, refused in ((need + 1, 0, False), (need - 1, 0, True), (need - 1000, 1000, False)):
         place = tmp_path / f"{free}-{kept}" / "kept.sqlite"
         if kept:
@@ -122,10 +130,10 @@ def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, mon
         monkeypatch.setattr(estimates, "free_bytes", lambda _, free=free: free)
         if refused:
             with pytest.raises(UsageError, match=r"needs about \S+ MB, found \S+ MB free on this disk"):
-                refuse_full_disk(place, [job])
+                refuse_full_disk(place, [long])
         else:
-            refuse_full_disk(place, [job])
-    refuse_full_disk(None, [job])
+            refuse_full_disk(place, [long])
+    refuse_full_disk(None, [long])
 
 
 @pytest.mark.slow

@@ -8,9 +8,8 @@ from support.held import channel_norm, port_margin
 
 import wavesweep
 from wavesweep import passive as analysis
-from wavesweep import simulation
 from wavesweep.spec import find_key, load
-from wavesweep.sweep import passivity_job, workers
+from wavesweep.sweep import passivity_job
 from wavesweep.tables.passivity import passivity
 
 OWN = ["channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"]
@@ -81,32 +80,11 @@ def test_a_loop_that_keeps_no_digit_has_no_margin():
     assert run.columns["port_passive"].dtype == bool
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_workers_leave_no_trace(monkeypatch, same):
-    spec = spec_of(b={"start": 5, "stop": 60, "num": 12}, B_VE=[0.5, 1.0])
-    alone = passivity(spec, jobs=1)
-    monkeypatch.setattr(passivity_job, "CHUNK", 5)
-    monkeypatch.setattr(workers, "WORTH", -10.0)
-    shared = passivity(spec, jobs=2)
-    assert shared.facts["timings"]["workers"] == 2
-    same(shared.columns, alone.columns)
-
-
 def test_the_library_gives_the_same_table():
     table = wavesweep.compile(spec_of()).passivity(b=[10.0, 25.0], **{"filters.lp1.order": [1, 2]})
     columns = passivity(spec_of(b=[10.0, 25.0], **{"filters.lp1.order": [1, 2]})).columns
     assert list(table.columns) == list(columns)
     assert all(np.array_equal(table[name], column, equal_nan=True) for name, column in columns.items())
-
-
-def test_the_library_simulates_what_it_is_given():
-    spec = load({"controller": {"kind": "pmw"}, "simulate": {"duration_s": 0.1}})
-    table = wavesweep.compile(spec).simulate(np.ones(40), friction=0.1)
-    expected = simulation.table(simulation.simulated(spec, np.ones(40), friction=0.1))
-    assert list(table.columns) == list(expected)
-    assert np.array_equal(table["x"], expected["x"])
-    assert len(wavesweep.compile(spec).simulate()) == 100
 
 
 def test_a_channel_is_known_at_any_rates_and_in_any_drawing():

@@ -98,16 +98,6 @@ def test_a_simulation_in_which_nothing_pushes_has_no_response_in_any_column():
     assert all(np.isnan(response[f"{name}_{part}"]).all() for name in ("admittance", "impedance") for part in ("re", "im"))
 
 
-def test_the_worst_gain_along_the_walls_numbers_is_that_of_each_alone():
-    """More frequencies than a tile has: the loops share all but the wall."""
-    loop, frequency = wavesweep.compile({"controller": {"kind": "pmw"}}), np.geomspace(0.1, 50, 40)
-    together = loop.response(frequency, K_VE=[100.0, 500.0], B_VE=[0.0, 2.0])
-    for (stiffness, damping), rows in together.groupby(["K_VE", "B_VE"]):
-        alone = loop.response(frequency, K_VE=[stiffness], B_VE=[damping])
-        np.testing.assert_array_equal(rows["worst_gain"], alone["worst_gain"])
-    assert (together["doubt"] == "").all()
-
-
 def test_a_whole_number_that_only_the_first_spec_has_is_missing_in_the_others():
     counted = LOOP | {"numbers": {"n": 2, "k": 5.0}, "bode": {"n": [1, 2], "frequency_hz": [1.0, 2.0]}}
     table = responses(
@@ -242,31 +232,6 @@ def test_integral_action_is_rigid_at_rest():
     assert wavesweep.verdict(with_integral())["felt"] == {"stiffness": None, "damping": None, "rigid": True}
 
 
-def test_integral_action_at_one_rate_is_rigid_at_rest():
-    """A frame of one tick has no other gain than that of the position."""
-    spec = with_integral()
-    spec["block"]["out"] = {"type": "gain"}
-    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0, 1e-3]}})
-    assert columns["doubt"].tolist() == ["", ""]
-    assert (columns["admittance_abs"][0], columns["worst_gain"][0]) == (0.0, 0.0)
-    assert columns["worst_gain"][1] == pytest.approx(columns["admittance_abs"][1], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("reaction", "doubt"), [("out.y", ""), ("kp*axis.x", "rounding"), ("axis.v", "rounding"), ("0*axis.x", "rounding")]
-)
-def test_an_impedance_of_what_vanishes_with_the_position_is_in_doubt_at_rest(reaction, doubt):
-    """The limit of kp*x over x is kp; of a force that stays there is none."""
-    spec = with_integral()
-    spec["ports"]["hand"]["reaction"] = reaction
-    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0, 1e-2]}})
-    assert columns["doubt"].tolist() == [doubt, ""]
-    assert columns["admittance_abs"][0] == 0.0
-    assert np.isnan(columns["impedance_abs"][0])
-    if reaction == "kp*axis.x":
-        assert columns["impedance_re"][1] == pytest.approx(200.0, rel=1e-9)
-
-
 @pytest.mark.parametrize("leak", [1e-2, 1e-6, 1e-9])
 def test_an_integral_that_leaks_is_as_stiff_as_what_is_left_of_it(leak):
     columns = wavesweep.bode(with_integral(leak) | {"bode": {"frequency_hz": [0.0]}})
@@ -287,49 +252,3 @@ def test_an_admittance_without_bound_is_missing_without_a_doubt(kind):
     assert columns["impedance_abs"].tolist() == [0.0]
     assert np.isnan(columns[["admittance_abs", "worst_gain", "admittance_error", "worst_gain_error"]].iloc[0]).all()
     assert (columns["stable"].tolist(), columns["doubt"].tolist()) == ([1], [""])
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    ("spring", "numbers", "stiffness"),
-    [
-        ("(K - 20 + sqrt((K - 20)**2))/2", {"K": 5000.0}, 4980.0),
-        ("s*(p*q - r + sqrt((p*q - r)**2))", {"p": 30.0, "q": 4.0, "r": 20.0, "s": 1.0}, 200.0),
-        ("(200 + n**a)", {"n": -1.5, "a": 3.0}, 196.625),
-        ("s*(1 + sqrt(n**(n-1)))", {"n": -1.0, "s": 100.0}, 200.0),
-    ],
-)
-def test_a_spring_that_other_numbers_would_not_have_is_felt(spring, numbers, stiffness):
-    """With the numbers in which drift is searched for the first two are 0, and the others are no real numbers."""
-
-    def compiled(gain, given):
-        return wavesweep.compile(
-            {
-                "rates": {"tick_hz": 1000},
-                "numbers": given,
-                "block": {"w": {"type": "mass", "mass": 1.0, "damping": 1.0}},
-                "wire": {"w.f": f"hand - {gain}*w.x"},
-                "ports": {"hand": {"force": "hand", "displacement": "w.x"}},
-            }
-        )
-
-    one, other = compiled(spring, numbers), compiled(stiffness, {})
-    frequency = [0.0, 0.1, 1.0, 20.0, 500.0]
-    assert one.response(frequency).equals(other.response(frequency))
-    assert one.passivity().equals(other.passivity())
-    assert one.spectral_radius() == other.spectral_radius()
-    assert wavesweep.verdict(one.spec)["felt"] == wavesweep.verdict(other.spec)["felt"]
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "values"), [("pmw", "K_VE", [500.0, 1e-9, 1e-3]), ("pmw-lm", "K_LM", [500.0, 1e-9, 0.0])]
-)
-def test_the_static_limit_of_a_loop_does_not_depend_on_the_others_of_a_sweep(kind, name, values):
-    """It is held against frequencies that are low for the slowest of its own poles."""
-    loop = wavesweep.compile({"controller": {"kind": kind}})
-    together, alone = (loop.response([0.0], **{name: each}) for each in (values, values[:1]))
-    shown = ["admittance_re", "impedance_re"]
-    assert together[shown].iloc[0].to_list() == pytest.approx(alone[shown].iloc[0].to_list(), rel=1e-13)
-    assert together["admittance_error"][0] == pytest.approx(alone["admittance_error"][0], rel=0.1)
-    assert together["doubt"][0] == alone["doubt"][0]
-    assert alone["doubt"].to_list() == [""]

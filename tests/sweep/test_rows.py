@@ -1,7 +1,5 @@
 """Rows come in the order of the spec's axes with the same bits, wherever a chunk or a block of rows ends."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from wavesweep.store.checkpoint import MemoryCheckpoint
 from wavesweep.sweep import running
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
-from wavesweep.sweep.running import compute, in_memory
+from wavesweep.sweep.running import compute
 from wavesweep.sweep.workers import Workers
 from wavesweep.tables.intervals import intervals
 
@@ -29,27 +27,6 @@ def table_of(job):
 def whole(mixed):
     """The table of the mixed sweep."""
     return table_of(job_of(mixed))
-
-
-def one_by_one(spec):
-    """The same table from a sweep of its own for every combination."""
-    axes = [axis for axis in spec.sweep if axis.name != spec.along]
-    found = []
-    for values in product(*(axis.values for axis in axes)):
-        tables = spec.tables() | {"sweep": {"along": spec.along, spec.along: {"start": 0, "stop": 20000}}}
-        del tables["bode"]
-        changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
-        one = in_memory(job_of(load(tables).with_values(changes)))
-        size = one["low"].size
-        found.append({axis.name: np.full(size, value) for axis, value in zip(axes, values, strict=True)} | one)
-    return joined(found)
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, whole, same):
-    assert (whole["intervals"] > 1).any()
-    same(whole, one_by_one(mixed), rtol=1e-11)
 
 
 @pytest.mark.sample(2)

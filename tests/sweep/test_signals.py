@@ -1,7 +1,4 @@
-"""Signals to a run, to its workers and to all of them: an exit code, at most one line, and nobody left behind.
-
-WAVESWEEP_SIGNALS=200 in the environment asks for so many random tries on every backend instead of the sample.
-"""
+"""Signals to a run, to its workers and to all of them: an exit code, at most one line, and nobody left behind."""
 
 import os
 import signal
@@ -11,18 +8,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 from support.chunks import finished
 from support.program import PROGRAM
-
-from wavesweep.sweep.workers import BACKENDS
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="finds the processes of a run in /proc"),
 ]
-TRIES = int(os.environ.get("WAVESWEEP_SIGNALS", "0"))
 SPEC = """
 [environment]
 integration = "explicit"
@@ -101,14 +94,6 @@ def start(tmp_path_factory):
     return begin
 
 
-@pytest.fixture(scope="module")
-def undisturbed(start, tmp_path_factory):
-    """The table of a run that nobody disturbed."""
-    out = tmp_path_factory.mktemp("whole")
-    assert start(out, "--jobs", "1").finish()[0] == 0
-    return (out / "zwidth.csv").read_bytes()
-
-
 def wait_for(condition):
     patience = time.monotonic() + 30
     while not condition():
@@ -119,12 +104,9 @@ def wait_for(condition):
 LOKY = ("--jobs", "2", "--backend", "loky")
 
 
-@pytest.mark.parametrize("moment", ["while the workers start", *(["at work"] if TRIES else [])])
-def test_nobody_outlives_a_run_that_is_killed(start, tmp_path, moment):
+def test_nobody_outlives_a_run_that_is_killed(start, tmp_path):
     run = start(tmp_path / "out", *LOKY)
     wait_for(run.workers)
-    if moment == "at work":
-        wait_for(lambda: finished(tmp_path / "out"))
     run.process.kill()
     assert run.finish() == (-signal.SIGKILL, "")
 
@@ -159,7 +141,7 @@ except WavesweepError:
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
     run = start(tmp_path / "out", *LOKY)
     wait_for(lambda: finished(tmp_path / "out"))
@@ -195,41 +177,3 @@ def test_a_signal_whose_exception_a_library_drops_or_changes_counts(tmp_path, af
     program += f"        except BaseException:\n            {after}\nexcept entry.Stopped as error:\n    print(error.exit_code)"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
     assert (run.stdout, run.stderr) == ("143\n", "")
-
-
-@pytest.mark.skipif(not TRIES, reason="long: WAVESWEEP_SIGNALS=200 asks for it")
-@pytest.mark.parametrize("backend", [name for name in BACKENDS if name != "dask"])
-def test_random_signals(start, tmp_path, undisturbed, backend):
-    rng = np.random.default_rng(11)
-    numbers = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGSTOP]
-    for n in range(TRIES):
-        out, whom = tmp_path / f"out{n}", ["parent", "worker", "all"][rng.integers(3)]
-        number, moment, twice = numbers[rng.integers(5)], 0.3 + 3 * rng.random(), rng.random() < 0.3
-        run = start(out, "--jobs", "2", "--backend", backend)
-        time.sleep(moment)
-        for _ in range(1 + twice):
-            for pid in {"parent": [run.process.pid], "worker": run.workers()[:1], "all": run.alive()}[whom]:
-                try:
-                    os.kill(pid, number)
-                except ProcessLookupError:
-                    continue
-            time.sleep(0.02)
-        if number == signal.SIGSTOP:
-            time.sleep(1)
-            for pid in run.alive():
-                os.kill(pid, signal.SIGCONT)
-        code, said = run.finish()
-        case = (backend, n, whom, number.name, moment, twice, code, said)
-        if code == -number and not out.exists():
-            continue  # Python was still starting, and nothing had begun
-        if code == -number and number != signal.SIGKILL:  # Python was ending already
-            assert (out / "zwidth.csv").read_bytes() == undisturbed, case
-            continue
-        assert "Traceback" not in said, case
-        assert code in (0, 1, 129, 130, 143, -9), case
-        assert "fault of wavesweep" not in said, case
-        if code == 0:
-            assert (out / "zwidth.csv").read_bytes() == undisturbed, case
-        else:
-            assert start(out, "--jobs", "1").finish()[0] == 0, case
-            assert (out / "zwidth.csv").read_bytes() == undisturbed, case

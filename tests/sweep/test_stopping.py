@@ -159,27 +159,3 @@ def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(comma
     assert timings["slices_from_checkpoint"] > 0
     assert timings["workers"] == min(2, workers.processors())
     assert len(list((tmp_path / "killed").iterdir())) == 3
-
-
-MEMORY = """
-import resource, sys
-from wavesweep.cli import main
-assert main(sys.argv[1:]) == 0
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
-"""
-
-
-@pytest.mark.skipif("WAVESWEEP_LOAD" not in os.environ, reason="WAVESWEEP_LOAD asks for it: four minutes")
-@pytest.mark.parametrize(
-    ("command", "axis", "counts"), [("bode", "bode.b", (1_000, 10_000)), ("passivity", "sweep.K_LM", (20_000, 400_000))]
-)
-def test_memory_does_not_grow_with_the_rows(command, axis, counts, tmp_path):
-    """Ten times the responses; and twenty times the rows of passivity, which repeat those of 120 loops."""
-    (tmp_path / "long.toml").write_text(LONG)
-    peaks = []
-    for count in counts:
-        swept = ["--set=bode.K_VE=[500.0]", f"--set={axis}={{ start = 5, stop = 100, num = {count} }}"]
-        arguments = [command, "long.toml", *swept, "--jobs", "1", "--quiet", "--out", f"out{count}"]
-        program = [sys.executable, "-c", MEMORY, *arguments]
-        peaks.append(int(subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=True).stdout))
-    assert peaks[1] < peaks[0] + 100, peaks

@@ -6,10 +6,8 @@ Nothing may be certified that those digits decide, and no bound of a response ma
 import mpmath
 import numpy as np
 import pytest
-from support import certified
 
 import wavesweep
-from wavesweep.spec import load
 
 mp = mpmath.mp.clone()
 mp.dps = 60
@@ -110,33 +108,3 @@ def test_bounds_of_responses_know_what_a_turn_takes(zeta, detuned):
         x = mp.lu_solve(z * mp.eye(2) - closed, B)[0]
         off = abs((mp.mpc(row.admittance_re, row.admittance_im) - x) / x)
         assert off <= row.admittance_error + 1e-15
-
-
-@pytest.mark.sample(3)
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
-@pytest.mark.parametrize("along", ["device.damping", "device.mass"])
-@pytest.mark.parametrize("detuned", [0.0016, -1e-4])
-def test_a_built_in_device_on_a_spring_without_damping(kind, along, detuned):
-    """A hand's spring, or the local model's, of nearly 50 Hz at a slow rate of 50 Hz; against ball arithmetic."""
-    spring = 0.3 * (100 * np.pi * (1 + detuned)) ** 2
-    part = {"local_model": {"K_LM": spring, "B_LM": 0.0}} if kind == "dc-lm" else {"operator": {"stiffness": spring}}
-    values = {
-        "controller": {"kind": kind},
-        "device": {"mass": 0.3, "damping": 1e-6, "velocity": "exact"},
-        "environment": {"K_VE": 0.025, "B_VE": 0.0, "integration": "implicit"},
-        **part,
-    }
-    span = {"device.damping": (0.0, 0.1), "device.mass": (0.2997, 0.3003)}[along]
-    table, known = wavesweep.compile(values).stable_intervals(along, span), dict(load(values).values)
-    if not table["certified"].all():
-        assert table["doubt"][0] in ("rounding", "counts", "search", "crowded")
-        return
-    for low, high, *omegas in table[["low", "high", "low_omega", "high_omega"]].itertuples(index=False):
-        for end, omega, inward in ((low, omegas[0], 1), (high, omegas[1], -1)):
-            if np.isfinite(omega) and span[0] < end < span[1]:
-                allowed = 2 * ALLOWED * (end + 1e-5 * (span[1] - span[0]))
-                inside, outside = (
-                    certified.Witness(known | {along: end + side * inward * allowed}, (512, 1024)).unstable(0.025, 0.0)
-                    for side in (1, -1)
-                )
-                assert inside == 0 < outside

@@ -118,18 +118,6 @@ def test_a_slow_part_of_a_wall_is_felt(stiffness, slow, seconds):
     assert damping == pytest.approx(1.5 - slow * seconds, rel=2e-3)
 
 
-@pytest.mark.thorough
-def test_an_interval_that_ends_where_nothing_is_known_does_not_reach_the_end_of_the_range():
-    loop = {
-        "rates": {"ratio": 500}, "device": {"mass": 0.2366291440102395},
-        "controller": {"kind": "pmw-lm", "b": 317.23109675852925},
-        "environment": {"K_VE": 4.560353580674335, "B_VE": 10.721229255849918}, "local_model": {"K_LM": 452.24926297127587},
-    }  # fmt: skip
-    b = limit_of(wavesweep.verdict(loop), "b")
-    assert (b["certified"], b["low"], b["from"]) == (False, None, pytest.approx(31.7231, rel=1e-5))
-    assert b["high"] == b["intervals"][0][1] < 1000 < b["to"]
-
-
 def test_a_late_wall_is_felt_with_less_damping():
     """A force that is late by tau has the damping B - K tau: half a frame of hold here."""
     felt = verdict(values_of("dc-slow", K_VE=50.0, B_VE=3.0))["felt"]

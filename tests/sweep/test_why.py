@@ -136,18 +136,6 @@ def test_limits_of_random_drawings_computed_again():
     assert sum(compare(random_tables(seed), along, span) for seed in seeds for along, span in spans.items()) > 25
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", ["pmw", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("pmw-lm", "dc-slow", "dc-lm"))]
-)
-def test_limits_at_rates_that_do_not_divide_computed_again(kind):
-    tables = {"controller": {"kind": kind}, "rates": {"slow_hz": 60.0}, "environment": {"integration": "explicit"}}
-    assert compare(tables, "K_VE", (0, 20000)) > 0
-    for _, rows in wavesweep.compile(tables).sensitivity().query("limit_value > 0").groupby(["interval", "side", "quantity"]):
-        assert (dimension(rows, MASS), dimension(rows, RATE)) == pytest.approx((1, 2), abs=1e-9)
-
-
 def of(table, end, *names):
     rows = table[(table.side == end) & (table.quantity == "end")].set_index("number")
     return rows.elasticity[list(names)].tolist()
@@ -223,17 +211,6 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     assert set(table.unit) == {"N/m"}
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_rows_of_a_product_are_those_of_each_combination_to_the_bit():
-    loop = wavesweep.compile(nested(values_of("pmw-lm", integration="explicit", delay=3)))
-    axes = {"B_VE": [0.0, 0.5, 3.0], "Kp": [0.0, 20.0], "environment.delay": [0, 3]}
-    whole = loop.sensitivity(**axes)
-    for names, rows in whole.groupby(list(axes)):
-        alone = loop.sensitivity(**{name: [value] for name, value in zip(axes, names, strict=True)})
-        assert alone.equals(rows.reset_index(drop=True))
-
-
 def test_a_range_without_a_limit_has_no_rows():
     table = wavesweep.compile({"controller": {"kind": "dc"}}).sensitivity("device.mass", (0.5, 1.0))
     assert len(table) == 0
@@ -269,20 +246,6 @@ def test_a_range_that_the_spec_does_not_give_is_named():
     grid = {"controller": {"kind": "pmw"}, "sweep": {"b": {"start": 10.0, "stop": 20.0}, "K_VE": {"start": 0, "stop": 99}}}
     table = wavesweep.stability_region(grid, "b")
     assert "K_VE has a span and no values: not swept, held at the spec's 500" in table.attrs["facts"]["notices"]
-
-
-def test_a_range_about_the_spec_s_own_value_if_there_is_a_single_one_to_sweep():
-    table = wavesweep.why({"controller": {"kind": "pmw", "b": 30.0}, "sweep": {"b": [20.0]}}, "b")
-    assert "b has no span in [sweep]: searched from 3 to 300" in table.attrs["facts"]["notices"]
-
-
-def test_the_key_of_a_block_is_explained_as_a_number_with_its_name():
-    named = PD.replace("kd = 3.0", "kd = 300.0")
-    by_name = wavesweep.why(tomllib.loads(named), "m")
-    by_path = wavesweep.why(tomllib.loads(named.replace("m = 0.2\n", "").replace('mass = "m"', "mass = 0.2")), "block.m.mass")
-    for column in ("limit_value", "omega", "elasticity", "slope"):
-        assert by_path[column].tolist() == by_name[column].tolist()
-    assert len(by_path)
 
 
 def test_a_mode_has_its_strongest_line_within_the_frame():
