@@ -1,10 +1,10 @@
 """The axes of a sweep: the values or the span of each key, and their spacing."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
-from wavesweep.errors import Mistake
-from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.checking import Mistakes, Rejected, check, show
 from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, STUDY_KEYS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
@@ -45,8 +45,6 @@ def _power_of_ten(exponent: float, lowest: float, highest: float) -> float:
 
 
 SPACINGS = {"linear": linear, "log": logarithmic}
-
-
 NARROWEST_SPAN = 1e-290  # from start to stop
 
 
@@ -75,88 +73,71 @@ class Axis:
         return {**span, "num": len(self.values), "scale": self.scale} if self.values else span
 
 
-def build_axis(study: str, name: str, parts: dict[str, Leaf], names: Names = BUILT_IN) -> tuple[Axis | None, list[Mistake]]:
-    """Return the axis given by the parts of one key of [sweep] or [bode], or None and its mistakes."""
+def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Axis | None:
+    """Return the axis given by the parts of one key of a study, or None and add its mistakes."""
     key = names.find(name) or STUDY_KEYS[f"{study}.{name}"]
-    label = f"{study}.{name}"
-    first = next(iter(parts.values()))
+    label, before = f"{study}.{name}", len(mistakes)
     if not key.numeric:
-        takes = "one of " + ", ".join(map(show, key.choices))
-        return None, [first.mistake(label, "a numeric key", f"{key.path}, which takes {takes}", of_key=True)]
-    if "" in parts:
-        return _from_list(label, name, key, parts[""])
-    return _from_span(label, name, key, parts)
+        found = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
+        mistakes.refuse(next(iter(parts.values())), label, "a numeric key", found)
+    elif "" in parts:
+        values = _values_of_list(label, key, parts[""], mistakes)
+        if len(mistakes) == before:
+            return Axis(name, key.path, tuple(values), min(values), max(values), key.structural, None, parts[""].place)
+    else:
+        span = _span(label, key, parts, mistakes)
+        if len(mistakes) == before:
+            return Axis(name, key.path, *span, axis_place(parts))
+    return None
 
 
-def axis_place(parts: dict[str, Leaf]) -> Place:
+def axis_place(parts: Mapping[str, Leaf]) -> Place:
     """Return the place of the axis with these parts."""
     part, leaf = next(iter(parts.items()))
     return leaf.place.parent() if part else leaf.place
 
 
-def _from_list(label: str, name: str, key: Key, leaf: Leaf) -> tuple[Axis | None, list[Mistake]]:
+def _values_of_list(label: str, key: Key, leaf: Leaf, mistakes: Mistakes) -> list:
     if not isinstance(leaf.value, list) or not leaf.value:
-        return None, [leaf.mistake(label, "a list of numbers or { start, stop, num }", show(leaf.value))]
+        mistakes.refuse(leaf, label, "a list of numbers or { start, stop, num }", show(leaf.value), of_key=False)
+        return []
     if len(leaf.value) > MOST_VALUES:
-        return None, [leaf.mistake(label, f"at most {MOST_VALUES} values", f"{len(leaf.value)}")]
-    values, mistakes = [], []
+        mistakes.refuse(leaf, label, f"at most {MOST_VALUES} values", f"{len(leaf.value)}", of_key=False)
+        return []
+    values, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
-        if len(mistakes) == MOST_MISTAKES:
+        if len(mistakes) == before + MOST_MISTAKES:
             rest = f"so many wrong ones that the {len(leaf.value) - index} values from [{index}] on were not looked at"
-            mistakes.append(leaf.mistake(label, "numbers of this axis", rest))
+            mistakes.refuse(leaf, label, "numbers of this axis", rest, of_key=False)
             break
-        try:
-            values.append(check(key, item))
-        except Rejected as error:
-            mistakes.append(leaf.mistake(f"{label}[{index}]", error.expected, error.found))
-    if mistakes:
-        return None, mistakes
-    return Axis(name, key.path, tuple(values), min(values), max(values), key.structural, None, leaf.place), []
+        values.append(mistakes.check(key, replace(leaf, value=item), f"{label}[{index}]"))
+    return values
 
 
-def _from_span(label: str, name: str, key: Key, parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
-    numbers, mistakes = _check_parts(label, key, parts)
-    if mistakes:
-        return None, mistakes
-    start, stop, num, scale = (numbers.get(part) for part in ("start", "stop", "num", "scale"))
-    scale = scale or AXIS_KEYS["scale"].default
-    wrong = _span_fault(start, stop, num, scale)
-    if wrong:
-        part, expected = wrong
-        return None, [parts[part].mistake(f"{label}.{part}", expected, show(parts[part].value))]
+def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
+    """Return values, start, stop, whether the axis is structural, and the scale; a part that is unknown is reported already."""
+    keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
+    numbers = {part: mistakes.check(keys[part], leaf, f"{label}.{part}") for part, leaf in parts.items() if part in keys}
+    if not {"start", "stop"} <= set(parts):
+        mistakes.refuse(axis_place(parts), label, "both start and stop", "only " + ", ".join(parts))
+    if len(mistakes) > before:
+        return ()
+    start, stop, num = (numbers.get(part) for part in ("start", "stop", "num"))
+    scale = numbers.get("scale") or AXIS_KEYS["scale"].default
+    for part, expected, wrong in (
+        ("stop", f"a number > start = {start!r}", start > stop or (start == stop and num != 1)),
+        # Steps of a narrower span would have no digits.
+        ("stop", f"a number at least {NARROWEST_SPAN:g} above start", num is None and stop - start < NARROWEST_SPAN),
+        ("num", "a whole number >= 2, start and stop being two values", num == 1 and start < stop),
+        ("start", "a number > 0 for the log scale", scale == "log" and not start > 0),
+    ):
+        if wrong:
+            mistakes.refuse(parts[part], f"{label}.{part}", expected, show(parts[part].value), of_key=False)
+            return ()
     values = SPACINGS[scale](start, stop, num) if num else ()
     try:
         if key.type == "integer":
             values = tuple(check(key, value) for value in values)
     except Rejected as error:
-        return None, [parts["num"].mistake(f"{label}.num", "a spacing by whole numbers", error.found)]
-    return Axis(name, key.path, values, start, stop, key.structural, scale, axis_place(parts)), []
-
-
-def _check_parts(label: str, key: Key, parts: dict[str, Leaf]) -> tuple[dict, list[Mistake]]:
-    keys = {**AXIS_KEYS, "start": key, "stop": key}
-    numbers, mistakes = {}, []
-    for part, leaf in parts.items():
-        if part not in keys:
-            continue  # reported where the leaves were sorted
-        try:
-            numbers[part] = check(keys[part], leaf.value)
-        except Rejected as error:
-            mistakes.append(leaf.mistake(f"{label}.{part}", error.expected, error.found, error.suggestion))
-    if not {"start", "stop"} <= set(parts):
-        axis = Leaf(None, axis_place(parts))
-        mistakes.append(axis.mistake(label, "both start and stop", "only " + ", ".join(parts), of_key=True))
-    return numbers, mistakes
-
-
-def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple[str, str] | None:
-    """Return the part of a span that contradicts the others, and the expected value."""
-    if start > stop or (start == stop and num != 1):
-        return "stop", f"a number > start = {start!r}"
-    if num is None and stop - start < NARROWEST_SPAN:  # steps of it would have no digits
-        return "stop", f"a number at least {NARROWEST_SPAN:g} above start"
-    if num == 1 and start < stop:
-        return "num", "a whole number >= 2, start and stop being two values"
-    if scale == "log" and not start > 0:
-        return "start", "a number > 0 for the log scale"
-    return None
+        mistakes.refuse(parts["num"], f"{label}.num", "a spacing by whole numbers", error.found, of_key=False)
+    return values, start, stop, key.structural, scale

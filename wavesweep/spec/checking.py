@@ -1,9 +1,12 @@
-"""Checks of one value against its key, and the text of a mistake: expected, found, and the nearest known name."""
+"""Checks of values against their keys, and the mistakes of a spec: expected, found, and the nearest known name."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
+from wavesweep.errors import Mistake
 from wavesweep.spec.keys import Key
+from wavesweep.spec.reading import Leaf, Place
 
 LONGEST_SHOWN = 60
 LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes near this length
@@ -17,49 +20,68 @@ class Rejected(ValueError):
         self.expected, self.found, self.suggestion = expected, found, suggestion
 
 
-def check(key: Key, value: object) -> float | int | str:
+class Mistakes(list[Mistake]):
+    """The mistakes of a spec, collected while its tables are read."""
+
+    def refuse(
+        self, where: Leaf | Place, path: str, expected: str, found: str, suggestion: str = "", *, of_key: bool = True
+    ) -> None:
+        """Add the mistake of a key or, unless `of_key`, of its value."""
+        place = where.place if isinstance(where, Leaf) else where
+        self.append(Mistake(place.location(of_key), path, expected, found, suggestion))
+
+    def check(self, key: Key, leaf: Leaf, path: str = "") -> Any:
+        """Return the value of a leaf as the key's own type, or None and add a mistake. path: that of the key by default."""
+        try:
+            return check(key, leaf.value)
+        except Rejected as error:
+            self.refuse(leaf, path or key.path, error.expected, error.found, error.suggestion, of_key=False)
+            return None
+
+    def is_known(self, name: str, known: Iterable[str], leaf: Leaf, path: str, found: str = "an unknown key") -> bool:
+        """Return whether a name is known; one that is not is a mistake. path: of the key with this name."""
+        known = list(known)
+        if name not in known:
+            self.refuse(leaf, path, f"one of {', '.join(known)}", found, nearest(name, known))
+        return name in known
+
+    def read(self, keys: Mapping[str, Key], leaves: Mapping[str, Leaf], table: str = "") -> dict[str, Any]:
+        """Return the values of a table's keys by name; those that are unknown or wrong are left out, and mistakes.
+
+        table: path of the table; its keys have the paths `table.name`.
+        """
+        values = {}
+        for name, leaf in leaves.items():
+            path = f"{table}.{name}" if table else name
+            if self.is_known(name, keys, leaf, path) and (value := self.check(keys[name], leaf, path)) is not None:
+                values[name] = value
+        return values
+
+
+def check(key: Key, value: object) -> float | int | str | bool:
     """Return `value` as the key's own type, or raise `Rejected`.
 
     A whole number is accepted as a float, and a float without fraction (20.0) as a whole number. A boolean is no number.
     """
     if key.type == "string":
-        return _check_string(key, value)
+        if isinstance(value, str) and (value in key.choices or not key.choices):
+            return value
+        raise Rejected(expectation(key), show(value), nearest(value, key.choices) if isinstance(value, str) else "")
     if key.type == "boolean" and isinstance(value, bool):
         return value
-    number = _finite(value)
-    if number is None or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
+    number = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+    try:
+        finite = number is not None and math.isfinite(number)
+    except OverflowError:  # a whole number beyond the largest double
+        finite = False
+    if not finite or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
         expected = expectation(key)
-        if number is None and isinstance(value, (int, float)) and not isinstance(value, bool):
-            expected = expected.replace("a number", "a finite number")
-        raise Rejected(expected, show(value))
-    if not _in_range(key, number):
+        raise Rejected(expected if number is None or finite else expected.replace("a number", "a finite number"), show(value))
+    beyond = (key.low is not None and number < key.low) or (key.above_low and number == key.low)
+    if (key.choices and number not in key.choices) or beyond or (key.high is not None and number > key.high):
         raise Rejected(expectation(key, number), show(value))
     # Adding 0.0 turns -0.0 into 0.0, so that equal specs have equal digests.
     return int(number) if key.type == "integer" else float(number) + 0.0
-
-
-def _check_string(key: Key, value: object) -> str:
-    if isinstance(value, str) and (value in key.choices or not key.choices):
-        return value
-    suggestion = nearest(value, key.choices) if isinstance(value, str) else ""
-    raise Rejected(expectation(key), show(value), suggestion)
-
-
-def _finite(value: object) -> float | int | None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        return value if math.isfinite(value) else None
-    except OverflowError:  # a whole number beyond the largest double
-        return None
-
-
-def _in_range(key: Key, number: float) -> bool:
-    if key.choices:
-        return number in key.choices
-    if key.low is not None and (number < key.low or (key.above_low and number == key.low)):
-        return False
-    return key.high is None or number <= key.high
 
 
 def expectation(key: Key, number: float | None = None) -> str:
@@ -118,15 +140,10 @@ def nearest(name: str, known: Iterable[str]) -> str:
             return matches[0]
     import difflib
 
-    close = difflib.get_close_matches(name, known, n=1) or _close_in_last(last, known)
-    return close[0] if close else ""
-
-
-def _close_in_last(last: str, known: list[str]) -> list[str]:
-    import difflib
-
-    close = difflib.get_close_matches(last, [_last(one) for one in known], n=1)
-    return [one for one in known if _last(one) in close][:1]
+    if close := difflib.get_close_matches(name, known, n=1):
+        return close[0]
+    lasts = difflib.get_close_matches(last, [_last(one) for one in known], n=1)
+    return next((one for one in known if _last(one) in lasts), "")
 
 
 def _last(name: str) -> str:

@@ -8,14 +8,12 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.checking import nearest, show
+from wavesweep.spec.checking import Mistakes, nearest, show
 from wavesweep.spec.reading import Leaf, Place
 
 PARTS = ("numbers", "block", "signals", "wire", "ports")
 PORTS = ("inputs", "outputs")
-UNKNOWN = "an unknown key"
 WORDS = ("type", "inputs", "outputs")  # keys of blocks whose words are no expressions
 
 Path = tuple[str, ...]
@@ -37,43 +35,43 @@ class Renamed(Place):
         return self.place.parent()
 
 
-def expanded(leaves: Mapping[Path, Leaf]) -> tuple[dict[Path, Leaf], list[Mistake]]:
-    """Return the leaves with the blocks of its class in place of each block that has one, and the mistakes of both."""
+def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves with the blocks of its class in place of each block that has one; add the mistakes of both."""
     classes: dict[str, dict[Path, Leaf]] = {}
     for path, leaf in leaves.items():
         if path[0] == "type" and len(path) > 1:
             classes.setdefault(path[1], {})[path[2:]] = leaf
     found = {path: leaf for path, leaf in leaves.items() if path[0] != "type"}
-    mistakes, used = [], set()
+    used = set()
     if (whole := leaves.get(("type",))) and whole.value != {}:
-        mistakes.append(whole.mistake("type", "a table", show(whole.value)))
+        mistakes.refuse(whole, "type", "a table", show(whole.value), of_key=False)
     for path, leaf in leaves.items():
         if path[0] == "block" and path[2:] == ("type",) and isinstance(leaf.value, str) and leaf.value in classes:
             used.add(leaf.value)
             found = _Instance(path[1], classes[leaf.value], found, mistakes).expanded(leaf)
     for name, parts in classes.items():
-        place = Leaf(None, next(iter(parts.values())).place.under(("type", name)))
+        place = next(iter(parts.values())).place.under(("type", name))
         if name in TYPES:
-            mistakes.append(place.mistake(f"type.{name}", "a name that no type of block has", show(name), of_key=True))
+            mistakes.refuse(place, f"type.{name}", "a name that no type of block has", show(name))
         elif name not in used:
-            mistakes.append(place.mistake(f"type.{name}", "a type that a block has", "one that none has", of_key=True))
-        mistakes += [
-            leaf.mistake(".".join(("type", name, *path)), *fault, of_key=fault[1] == UNKNOWN)
-            for path, leaf in parts.items()
-            if (fault := _fault(path, leaf.value))
-        ]
-    return found, mistakes
+            mistakes.refuse(place, f"type.{name}", "a type that a block has", "one that none has")
+        for path, leaf in parts.items():
+            _refuse_part(f"type.{name}", path, leaf, mistakes)
+    return found
 
 
-def _fault(path: Path, value: object) -> tuple[str, str, str] | None:
-    """Return expected and found text, and the nearest name, of a leaf that no class has."""
-    if not path or path in {(part,) for part in PARTS} or path == ("ports", "outputs"):
-        return None if value == {} else ("a table", show(value), "")
+def _refuse_part(table: str, path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
+    """Add the mistake of a leaf that no class has. table: of the class; path: in it."""
+    key = ".".join((table, *path))
     if path == ("ports", "inputs"):
-        named = isinstance(value, list) and all(isinstance(each, str) for each in value)
-        return None if named else ("a list of names", show(value), "")
-    known, part = (PORTS, path[1]) if path[0] == "ports" else (PARTS, path[0])
-    return None if part in known else ("one of " + ", ".join(known), UNKNOWN, nearest(part, known))
+        if not (isinstance(leaf.value, list) and all(isinstance(each, str) for each in leaf.value)):
+            mistakes.refuse(leaf, key, "a list of names", show(leaf.value), of_key=False)
+    elif not path or path in {(part,) for part in PARTS} or path == ("ports", "outputs"):
+        if leaf.value != {}:
+            mistakes.refuse(leaf, key, "a table", show(leaf.value), of_key=False)
+    else:
+        known, part = (PORTS, path[1]) if path[0] == "ports" else (PARTS, path[0])
+        mistakes.is_known(part, known, leaf, key)
 
 
 def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
@@ -86,7 +84,7 @@ def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
 class _Instance:
     """One block of a class, which takes its own leaves out of the others and puts those of its blocks in."""
 
-    def __init__(self, name: str, parts: Mapping[Path, Leaf], leaves: dict[Path, Leaf], mistakes: list[Mistake]) -> None:
+    def __init__(self, name: str, parts: Mapping[Path, Leaf], leaves: dict[Path, Leaf], mistakes: Mistakes) -> None:
         self.name, self.parts, self.mistakes = name, parts, mistakes
         self.own = {path[2:]: leaf for path, leaf in leaves.items() if path[:2] == ("block", name)}
         self.rest = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
@@ -101,18 +99,18 @@ class _Instance:
             wire = self.rest.pop(("wire", self.name, port), None)
             if wire is None:
                 expected = f'a wire to this input, "{self.name}.{port}" = "..." in [wire]'
-                self.mistakes.append(kind.mistake(f"block.{self.name}.{port}", expected, "none (0 leaves it at rest)"))
+                self.mistakes.refuse(kind, f"block.{self.name}.{port}", expected, "none (0 leaves it at rest)", of_key=False)
             found["signals", f"{self.name}.{port}"] = wire or Leaf("0", kind.place)
         known = ("type", *sorted(self.numbers), *sorted(self.blocks))
         for path, leaf in self.own.items():
             if path[0] in self.blocks and len(path) > 1:  # a key that the class does not write
                 found["block", f"{self.name}.{path[0]}", *path[1:]] = leaf
             elif path != ("type",):
-                key, expected = ".".join(("block", self.name, *path)), "one of " + ", ".join(known)
-                self.mistakes.append(leaf.mistake(key, expected, UNKNOWN, nearest(path[0], known), of_key=True))
+                expected, suggestion = "one of " + ", ".join(known), nearest(path[0], known)
+                self.mistakes.refuse(leaf, ".".join(("block", self.name, *path)), expected, "an unknown key", suggestion)
         for path in found.keys() & self.rest.keys():
             expected = f"another name than that of a part of {self.name}"
-            self.mistakes.append(self.rest[path].mistake(".".join(path), expected, show(path[1]), of_key=True))
+            self.mistakes.refuse(self.rest[path], ".".join(path), expected, show(path[1]))
         return self.rest | found
 
     def placed(self, path: Path, leaf: Leaf) -> Iterator[tuple[Path, Leaf]]:

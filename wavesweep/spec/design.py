@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
+from wavesweep.controllers import WALL
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
-from wavesweep.spec.checking import Rejected, apart, check, nearest, show
+from wavesweep.spec.checking import Mistakes, apart, nearest, show
 from wavesweep.spec.drawing import Drawing, path_of
 from wavesweep.spec.keys import BAND_EDGES, KEYS, SIMULATE_KEYS, VALUE_PATHS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
@@ -19,8 +20,9 @@ MOST_CHOICES = 1000  # whole numbers of a key that is varied
 MOST_SCENARIOS = 4096
 HAND = ("mass", "damping", "stiffness")
 SECTIONS = ("vary", "wish", "for_all")
-NO_RATIO = ("environment.K_VE", "environment.B_VE")  # walls belong to the wishes
-NOT_VARIED = ("environment.K_VE", "environment.B_VE", "rates.fast_hz", "rates.slow_hz", "rates.ratio")
+NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls belong to the wishes
+
+Path = tuple[str, ...]
 
 DESIGN_KEYS = MappingProxyType(
     {
@@ -155,20 +157,20 @@ class Design:
     settings: Mapping[str, int]
     place: Place = field(default=Place(), repr=False, compare=False)
 
-    def on(self, experiment: Mapping[str, object]) -> tuple[Design, list[Mistake]]:
-        """Return the design with the numbers of the device that wishes do not give, and mistakes where there are none.
+    def on(self, experiment: Mapping[str, object], mistakes: Mistakes) -> Design:
+        """Return the design with the numbers of the device that wishes do not give; add a mistake for each that is missing.
 
         experiment: the numbers of [simulate] by their last name.
         """
-        wishes, mistakes = [], []
+        wishes = []
         for wish in self.wishes:
             lacking = [name for name in _OF_DEVICE if name in wish.kind.options and name not in wish.options]
             known = {name: (float(experiment[name]),) for name in lacking if experiment[name]}
             wishes.append(replace(wish, options={**known, **wish.options}))
             for name in (name for name in lacking if name not in known):
                 expected = f"{name} > 0 here, in [simulate] or of a device.preset"
-                mistakes.append(self._mistake(f"wish.{wish.name}", expected, "none"))
-        return replace(self, wishes=tuple(wishes)), mistakes
+                mistakes.refuse(self.place, f"design.wish.{wish.name}", expected, "none")
+        return replace(self, wishes=tuple(wishes))
 
     def beyond_half(self, hz: float, rate: str) -> Iterator[Mistake]:
         """Yield the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
@@ -178,41 +180,41 @@ class Design:
                 path, (expected, found) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
                 yield Leaf(None, wish.places["band_hz"]).mistake(path, f"numbers <= {expected} (half of {rate})", found)
 
-    def unsuited(self, drawing: Drawing) -> Iterator[Mistake]:
-        """Yield the mistakes of a design of this drawn loop."""
+    def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
+        """Add the mistakes of a design of this drawn loop."""
         ports = {"wall": drawing.wall, "hand": drawing.hand}
         known = [name for name, kind in WISHES.items() if kind.ports is not None]
         for wish in self.wishes:
-            path = f"wish.{wish.name}"
+            path = f"design.wish.{wish.name}"
             if wish.name not in known:
-                yield self._mistake(path, f"one of {', '.join(known)} for a drawn loop", wish.name)
+                mistakes.refuse(self.place, path, f"one of {', '.join(known)} for a drawn loop", wish.name)
                 continue
             needed = {*wish.kind.ports, *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
             for name in sorted(name for name in needed if ports[name] is None):
-                yield self._mistake(path, f"a loop with a {name} in [ports]", "none")
-        yield from self._unsuited_numbers(drawing)
-        if self.hand:
-            yield self._mistake("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand")
-        for one, other, _ in self.ratios:
-            expected = "a number of the drawing; write a ratio as an expression there"
-            yield self._mistake(f"for_all.{one}/{other}", expected, f"{one}/{other}")
-
-    def _unsuited_numbers(self, drawing):
+                mistakes.refuse(self.place, path, f"a loop with a {name} in [ports]", "none")
         wall = {path_of(name): name for name in drawing.wall or ()}
         for name in sorted(drawing.shaping & set(wall.values())):
-            yield self._mistake("wish", "a wall whose numbers do not decide how the loop is built", name)
-        for section, axes in (("vary", self.vary), ("for_all", self.for_all)):
-            for axis in axes:
-                whole = all(isinstance(value, int) for value in axis.values)
-                if axis.path in wall:
-                    expected, found = "a number that is not of the wall (walls belong to the wishes)", wall[axis.path]
-                    yield self._mistake(f"{section}.{axis.name}", expected, found, axis.place)
-                elif section == "for_all" and axis.structural and not whole:
-                    expected = "a whole number, or one that does not decide how the loop is built"
-                    yield self._mistake(f"for_all.{axis.name}", expected, axis.name, axis.place)
+            expected = "a wall whose numbers do not decide how the loop is built"
+            mistakes.refuse(self.place, "design.wish", expected, name)
+        for axis, path in self._paths():
+            whole = all(isinstance(value, int) for value in axis.values)
+            if axis.path in wall:
+                expected = "a number that is not of the wall (walls belong to the wishes)"
+                mistakes.refuse(axis.place, path, expected, wall[axis.path])
+            elif axis in self.for_all and axis.structural and not whole:
+                expected = "a whole number, or one that does not decide how the loop is built"
+                mistakes.refuse(axis.place, path, expected, axis.name)
+        if self.hand:
+            expected = "numbers of the drawing, in which the hand is a block"
+            mistakes.refuse(self.place, "design.for_all.hand", expected, "hand")
+        for one, other, _ in self.ratios:
+            expected = "a number of the drawing; write a ratio as an expression there"
+            mistakes.refuse(self.place, f"design.for_all.{one}/{other}", expected, f"{one}/{other}")
 
-    def _mistake(self, path: str, expected: str, found: str, place: Place | None = None) -> Mistake:
-        return Leaf(None, place or self.place).mistake(f"design.{path}", expected, found, of_key=True)
+    def _paths(self) -> Iterator[tuple[Axis, str]]:
+        """Yield each axis and its path in the spec."""
+        yield from ((axis, f"design.vary.{axis.name}") for axis in self.vary)
+        yield from ((axis, f"design.for_all.{axis.name}") for axis in self.for_all)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
@@ -255,181 +257,166 @@ def _varied(axis: Axis) -> object:
     return axis.written() if axis.values else {"start": axis.start, "stop": axis.stop, "scale": axis.scale}
 
 
-def build_design(leaves: Mapping[tuple[str, ...], Leaf], names: Names) -> tuple[Design | None, list[Mistake]]:
-    """Return the design of the leaves below [design], by their paths without "design"; None if there are none or mistakes."""
+def build_design(leaves: Mapping[Path, Leaf], names: Names, mistakes: Mistakes) -> Design | None:
+    """Return the design of the leaves below [design], by their paths in it, and add its mistakes; None if there are any."""
     if not leaves:
-        return None, []
+        return None
     reader = _Reader(leaves, names)
-    reader.sort()
-    settings = {name: reader.number(key, reader.settings.get(name)) for name, key in DESIGN_KEYS.items()}
-    vary = tuple(reader.varied())
-    wishes = tuple(reader.wished())
-    for_all, ratios, hand = reader.scenarios()
-    reader.refuse_nothing(wishes)
-    design = Design(vary, wishes, for_all, hand, ratios, settings, next(iter(leaves.values())).place.parent())
-    scenarios = math.prod(
-        len(values) for values in [*(axis.values for axis in for_all), *hand.values(), *(r[2] for r in ratios)]
-    )
-    if scenarios > MOST_SCENARIOS:
-        reader.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
-    return (None if reader.mistakes else design), reader.mistakes
+    design = reader.design()
+    mistakes += reader.mistakes
+    return None if reader.mistakes else design
 
 
 class _Reader:
-    def __init__(self, leaves, names):
-        self.leaves, self.names = leaves, names
-        self.mistakes, self.settings = [], {}
-        self.parts = {section: {} for section in SECTIONS}
-        self.first = {}
-        self.written = {}  # path of a number that a ratio sets -> the ratio's key
+    """A reading of [design]. parts: leaves by section, by the name of an axis, a wish, a ratio or the hand, and by part."""
 
-    def refuse(self, path, expected, found, suggestion="", leaf=None):
-        leaf = leaf or next((leaf for at, leaf in self.leaves.items() if ".".join(at).startswith(path)), None)
-        leaf = leaf or next(iter(self.leaves.values()))
-        self.mistakes.append(leaf.mistake(f"design.{path}", expected, found, suggestion, of_key=True))
+    def __init__(self, leaves: Mapping[Path, Leaf], names: Names) -> None:
+        self.leaves, self.names, self.mistakes = leaves, names, Mistakes()
+        self.parts: dict[str, dict[str, dict[str, Leaf]]] = {section: {} for section in SECTIONS}
 
-    def sort(self):
+    def refuse(self, path: str, expected: str, found: str, suggestion: str = "") -> None:
+        """Add a mistake at the first leaf whose path begins so, or at the first of all."""
+        leaves = [leaf for at, leaf in self.leaves.items() if ".".join(at).startswith(path)]
+        self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found, suggestion)
+
+    def design(self) -> Design:
+        settings = self.sorted_settings()
+        vary = tuple(self.varied())
+        wishes = tuple(self.wished())
+        axes, ratios, hand = self.scenarios()
+        if not self.parts["vary"]:
+            self.refuse("vary", "at least one number to vary", "none")
+        if not self.parts["wish"]:
+            self.refuse("wish", f"at least one of {', '.join(WISHES)}", "none")
+        free = [wish.name for wish in wishes if wish.bound is None]
+        if len(free) > 2:
+            self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
+        varied = [*(axis.values for axis in axes), *hand.values(), *(factors for *_, factors in ratios)]
+        if (scenarios := math.prod(map(len, varied))) > MOST_SCENARIOS:
+            self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
+        return Design(vary, wishes, axes, hand, ratios, settings, next(iter(self.leaves.values())).place.parent())
+
+    def sorted_settings(self) -> dict[str, int]:
+        """Sort the leaves into sections and return the settings of the search."""
+        settings = {}
         for (first, *rest), leaf in self.leaves.items():
-            if first in DESIGN_KEYS and not rest:
-                self.settings[first] = leaf
-            elif first not in SECTIONS:
-                expected = f"one of {', '.join((*SECTIONS, *DESIGN_KEYS))}"
-                self.refuse(first, expected, "an unknown key", nearest(first, (*SECTIONS, *DESIGN_KEYS)), leaf)
-            elif not rest:
-                if leaf.value != {}:
-                    self.refuse(first, "a table", show(leaf.value), leaf=leaf)
-            else:
-                name, parts = self._named(first, rest)
-                self.parts[first].setdefault(name, {})[".".join(parts)] = leaf
+            if first in DESIGN_KEYS:
+                settings[first] = replace(leaf, value={}) if rest else leaf
+            elif self.mistakes.is_known(first, (*SECTIONS, *DESIGN_KEYS), leaf, f"design.{first}"):
+                if rest:
+                    name, part = self._named(first, rest)
+                    self.parts[first].setdefault(name, {})[part] = leaf
+                elif leaf.value != {}:
+                    self.mistakes.refuse(leaf, f"design.{first}", "a table", show(leaf.value))
+        return {name: key.default for name, key in DESIGN_KEYS.items()} | self.mistakes.read(DESIGN_KEYS, settings, "design")
 
-    def _named(self, section, rest):
-        """The name of an axis, a wish, a ratio or the hand, and the parts below it."""
+    def _named(self, section: str, rest: list[str]) -> tuple[str, str]:
+        """The name of an axis, a wish, a ratio or the hand, and the part below it."""
         if section == "wish" or rest[0] == "hand":
-            return rest[0], rest[1:]
+            return rest[0], ".".join(rest[1:])
         for length in range(1, len(rest) + 1):
             name = ".".join(rest[:length])
             if self.names.find(name) or all(map(self.names.find, name.split("/"))):
-                return name, rest[length:]
-        return ".".join(rest), ()
+                return name, ".".join(rest[length:])
+        return ".".join(rest), ""
 
-    def number(self, key, leaf):
-        if leaf is None:
-            return key.default
-        try:
-            return check(key, leaf.value)
-        except Rejected as error:
-            self.mistakes.append(leaf.mistake(key.path, error.expected, error.found))
-            return key.default
-
-    def varied(self) -> Iterator[Axis]:
-        for name, parts in self.parts["vary"].items():
-            axis = self._axis("vary", name, parts)
-            if axis is None:
+    def _axes(self, section: str, named: Mapping[str, Mapping[str, Leaf]]) -> Iterator[Axis]:
+        first: dict[str, str] = {}
+        for name, parts in named.items():
+            key = self.names.find(name)
+            if key is None:
+                numeric = (*self.names.symbols, *self.names.numeric)
+                self.refuse(f"{section}.{name}", "the name of a numeric key", "an unknown one", nearest(name, numeric))
                 continue
-            if axis.path.rpartition(".")[2] in BAND_EDGES:
-                self.refuse(f"vary.{name}", "the order or the cutoff of a filter", "an edge of its band")
-            elif axis.path in NOT_VARIED:
-                self.refuse(f"vary.{name}", "a number of the device or the controller", "one of the wall or the rates")
-            elif axis.structural and not axis.values and self.names.keys[axis.path].type != "integer":
-                self.refuse(f"vary.{name}", "a list of choices, since the loop is built anew for each", "only a span")
-            elif axis.structural and not axis.values:
-                if axis.stop - axis.start >= MOST_CHOICES:
-                    self.refuse(f"vary.{name}", f"fewer than {MOST_CHOICES} whole numbers", "more")
-                values = tuple(range(int(axis.start), int(axis.stop) + 1))
-                yield Axis(axis.name, axis.path, values, axis.start, axis.stop, True, None, axis.place)
-            else:
+            axis = build_axis(f"design.{section}", name, parts, self.mistakes, self.names)
+            if first.setdefault(key.path, name) != name:
+                self.refuse(f"{section}.{name}", "each key once", f"the key of {section}.{first[key.path]} again")
+            if axis:
                 yield axis
 
-    def _axis(self, section, name, parts):
-        if self.names.find(name) is None:
-            numeric = (*self.names.symbols, *self.names.numeric)
-            self.refuse(f"{section}.{name}", "the name of a numeric key", "an unknown one", nearest(name, numeric))
-            return None
-        axis, wrong = build_axis(f"design.{section}", name, parts, self.names)
-        self.mistakes += wrong
-        path = self.names.find(name).path
-        if (first := self.first.setdefault((section, path), name)) != name:
-            self.refuse(f"{section}.{name}", "each key once", f"the key of {section}.{first} again")
-        return axis
+    def varied(self) -> Iterator[Axis]:
+        for axis in self._axes("vary", self.parts["vary"]):
+            path = f"vary.{axis.name}"
+            if axis.path.rpartition(".")[2] in BAND_EDGES:
+                self.refuse(path, "the order or the cutoff of a filter", "an edge of its band")
+            elif axis.path in NOT_VARIED:
+                self.refuse(path, "a number of the device or the controller", "one of the wall or the rates")
+            elif not axis.structural or axis.values:
+                yield axis
+            elif self.names.keys[axis.path].type != "integer":
+                self.refuse(path, "a list of choices, since the loop is built anew for each", "only a span")
+            elif axis.stop - axis.start >= MOST_CHOICES:
+                self.refuse(path, f"fewer than {MOST_CHOICES} whole numbers", "more")
+            else:
+                yield replace(axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None)
 
     def wished(self) -> Iterator[Wish]:
         for name, parts in self.parts["wish"].items():
-            if name not in WISHES:
+            path, kind = f"design.wish.{name}", WISHES.get(name)
+            if kind is None:
                 self.refuse(f"wish.{name}", f"one of {', '.join(WISHES)}", "an unknown wish", nearest(name, WISHES))
                 continue
-            kind = WISHES[name]
             bound, options = None, {}
             for part, leaf in parts.items():
-                path = f"wish.{name}.{part}"
-                if part == "" and leaf.value == {}:
-                    continue
                 if part == kind.bound:
-                    bound = self.number(Key(f"design.{path}", "number", None, kind.unit, ""), leaf)
+                    bound = self.mistakes.check(Key(f"{path}.{part}", "number", None, kind.unit, ""), leaf)
                 elif part in kind.options:
-                    options[part] = self._numbers(path, leaf, *kind.options[part])
-                elif part == "":
-                    self.refuse(f"wish.{name}", f"a table such as {{ {kind.bound} = ... }}", show(leaf.value), leaf=leaf)
-                else:
-                    known = (kind.bound, *kind.options)
-                    self.refuse(path, f"one of {', '.join(known)}", "an unknown key", nearest(part, known), leaf)
-            if "band_hz" in options and len(options["band_hz"]) == 2 and not options["band_hz"][0] < options["band_hz"][1]:
-                self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(options["band_hz"])))
+                    options[part] = self._numbers(f"{path}.{part}", leaf, *kind.options[part])
+                elif part:
+                    self.mistakes.is_known(part, (kind.bound, *kind.options), leaf, f"{path}.{part}")
+                elif leaf.value != {}:
+                    self.mistakes.refuse(leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value))
+            band = options.get("band_hz", ())
+            if len(band) == 2 and not band[0] < band[1]:
+                self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(band)))
             yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
 
-    def _numbers(self, path, leaf, key, count):
-        alone = count == 1
-        if not alone and (not isinstance(leaf.value, list) or not leaf.value or (count and len(leaf.value) != count)):
-            self.refuse(path, f"a list of {f'{count} ' if count else ''}numbers", show(leaf.value), leaf=leaf)
+    def _numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
+        """The different numbers of a list of so many, any number of them if that is None; a single one is no list."""
+        if count == 1:
+            items = {path: leaf.value}
+        elif isinstance(leaf.value, list) and leaf.value and count in (None, len(leaf.value)):
+            items = {f"{path}[{index}]": item for index, item in enumerate(leaf.value)}
+        else:
+            self.mistakes.refuse(leaf, path, f"a list of {f'{count} ' if count else ''}numbers", show(leaf.value))
             return ()
-        found = []
-        for index, item in enumerate([leaf.value] if alone else leaf.value):
-            try:
-                found.append(float(check(key, item)))
-            except Rejected as error:
-                at = "" if alone else f"[{index}]"
-                self.mistakes.append(leaf.mistake(f"design.{path}{at}", error.expected, error.found))
-        return tuple(dict.fromkeys(found))
+        numbers = (self.mistakes.check(key, replace(leaf, value=item), at) for at, item in items.items())
+        return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
 
-    def scenarios(self):
-        axes, ratios, hand = [], [], {}
-        for name, parts in self.parts["for_all"].items():
-            if name == "hand":
-                hand = self._hand(parts)
-            elif "/" in name and all(map(self.names.find, name.split("/"))) and name.count("/") == 1:
-                one, other = (self.names.find(each).path for each in name.split("/"))
-                self.written[one] = name
-                if not self.names.keys[other].numeric or other not in VALUE_PATHS:
-                    self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other)
-                    continue
+    def scenarios(self) -> tuple[tuple[Axis, ...], tuple[tuple[str, str, tuple[float, ...]], ...], dict[str, tuple]]:
+        """The axes, the ratios and the hands of [design.for_all]."""
+        axes, ratios, named = [], {}, dict(self.parts["for_all"])
+        hand = self._hand(named.pop("hand", {}))
+        for name in [name for name in named if name.count("/") == 1 and all(map(self.names.find, name.split("/")))]:
+            one, other = (self.names.find(each) for each in name.split("/"))
+            leaf = next(iter(named.pop(name).values()))
+            if other.numeric and other.path in VALUE_PATHS:
                 key = Key(f"design.for_all.{name}", "number", None, "1", "", low=0.0, above_low=True)
-                values = self._numbers(f"for_all.{name}", next(iter(parts.values())), key, None)
-                ratios.append((one, other, values))
+                ratios[name] = one.path, other.path, self._numbers(key.path, leaf, key)
             else:
-                axis = self._axis("for_all", name, parts)
-                if axis is not None and axis.path in ("environment.K_VE", "environment.B_VE"):
-                    self.refuse(f"for_all.{name}", "a number of device, operator or timing (walls belong to the wishes)", name)
-                elif axis is not None:
-                    ends = axis.values or (axis.start, axis.stop)
-                    axes.append(Axis(axis.name, axis.path, ends, axis.start, axis.stop, axis.structural, None, axis.place))
+                self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other.path)
+        for axis in self._axes("for_all", named):
+            if axis.path in WALL:
+                expected = "a number of device, operator or timing (walls belong to the wishes)"
+                self.refuse(f"for_all.{axis.name}", expected, axis.name)
+            else:
+                axes.append(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None))
         self._refuse_twice(axes, ratios, hand)
-        return tuple(axes), tuple(ratios), hand
+        return tuple(axes), tuple(ratios.values()), hand
 
-    def _refuse_twice(self, axes, ratios, hand):
+    def _refuse_twice(self, axes: list[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
         """Refuse numbers of which more than one thing is said, and ratios that lead to no number."""
-        varied = {self.names.find(name).path for name in self.parts["vary"] if self.names.find(name)}
+        varied = {key.path for name in self.parts["vary"] if (key := self.names.find(name))}
         said = dict.fromkeys(varied, "[design.vary]")
-        names = {axis.path: axis.name for axis in axes} | self.written
-        hands = [f"operator.{part}" for part in hand]
-        for path in [*(axis.path for axis in axes), *hands, *(one for one, *_ in ratios)]:
+        numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{part}", f"hand.{part}") for part in hand]
+        for path, name in [*numbers, *((one, name) for name, (one, *_) in ratios.items())]:
             if path in said:
                 expected = "a number that is not varied" if path in varied else "each number once"
-                key = f"hand.{path.rpartition('.')[2]}" if path in hands else names.get(path, path)
-                self.refuse(f"for_all.{key}", expected, f"{path}, one of {said[path]}")
+                self.refuse(f"for_all.{name}", expected, f"{path}, one of {said[path]}")
             said.setdefault(path, "[design.for_all] already")
-        follows = {one: other for one, other, _ in ratios}
-        for one, other, _ in ratios:
-            name = self.written[one]
-            if one in NO_RATIO or self.names.keys[one].structural:
+        follows = {one: other for one, other, _ in ratios.values()}
+        for name, (one, other, _) in ratios.items():
+            if one in WALL or self.names.keys[one].structural:
                 self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", one)
             passed, last = [one], other
             while last in follows and last not in passed:
@@ -438,25 +425,14 @@ class _Reader:
             if last in passed:
                 self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", " to ".join([*passed, last]))
 
-    def _hand(self, parts):
-        found = {}
-        for part, leaf in parts.items():
-            if part == "":
-                self.refuse("for_all.hand", "a table such as { damping = [0, 5] }", show(leaf.value), leaf=leaf)
-                continue
-            if part not in HAND:
-                self.refuse(f"for_all.hand.{part}", f"one of {', '.join(HAND)}", "an unknown key", nearest(part, HAND), leaf)
-                continue
-            values = self._numbers(f"for_all.hand.{part}", leaf, KEYS[f"operator.{part}"], None)
-            found[part] = values
-        return found
-
-    def refuse_nothing(self, wishes):
-        """Refuse a design without numbers to vary or wishes, or with more than two that have no bound."""
-        if not self.parts["vary"]:
-            self.refuse("vary", "at least one number to vary", "none")
-        if not self.parts["wish"]:
-            self.refuse("wish", f"at least one of {', '.join(WISHES)}", "none")
-        free = [wish.name for wish in wishes if wish.bound is None]
-        if len(free) > 2:
-            self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
+    def _hand(self, parts: Mapping[str, Leaf]) -> dict[str, tuple[float, ...]]:
+        if whole := parts.get(""):
+            expected = "a table such as { damping = [0, 5] }"
+            self.mistakes.refuse(whole, "design.for_all.hand", expected, show(whole.value))
+        known = {part: leaf for part, leaf in parts.items() if part}
+        path = "design.for_all.hand"
+        return {
+            part: self._numbers(f"{path}.{part}", leaf, KEYS[f"operator.{part}"])
+            for part, leaf in known.items()
+            if self.mistakes.is_known(part, HAND, leaf, f"{path}.{part}")
+        }

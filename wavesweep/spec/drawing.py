@@ -552,8 +552,8 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
 
 
 def is_derived(path: Path, leaf: Leaf) -> bool:
-    """Whether a leaf of [numbers] is an expression, from which the number follows."""
-    return isinstance(leaf.value, str) and path[2:] in ((), ("value",))
+    """Whether a leaf is one of [numbers] that is an expression, from which the number follows."""
+    return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
 
 
 def names_of(leaves: Mapping[Path, Leaf]) -> Names:

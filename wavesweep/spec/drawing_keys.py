@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
+from wavesweep.spec.checking import Mistakes, Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import RATE, DrawnBlock, keys_of_block
 from wavesweep.spec.expressions import (
     Fault,
@@ -46,7 +46,7 @@ class KeyReader:
         self.source = source
         self.axes = axes
         self.own: dict[str, float | int] = {}
-        self.mistakes: list[Mistake] = []
+        self.mistakes = Mistakes()
         self.leaves: dict[str, Leaf] = {}
         self.read: set[str] = set()  # names in trees
         self.numbers: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class KeyReader:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
 
     def refuse(self, leaf: Leaf, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = True) -> None:
-        self.mistakes.append(leaf.mistake(key, expected, found, suggestion, of_key))
+        self.mistakes.refuse(leaf, key, expected, found, suggestion, of_key=of_key)
 
     def fault(self, path: str, leaf: Leaf, fault: Fault) -> None:
         self.mistakes.append(Mistake(leaf.place.inside(fault.offset), path, fault.expected, fault.found, fault.suggestion))
@@ -231,11 +231,7 @@ class KeyReader:
             self.refuse(self.leaf(path), key.path, expectation(key), "nothing (it has no default)")
             return None
         self.leaves[key.path] = leaf
-        try:
-            return check(key, leaf.value)
-        except Rejected as error:
-            self.mistakes.append(leaf.mistake(key.path, error.expected, error.found, error.suggestion))
-            return None
+        return self.mistakes.check(key, leaf)
 
     def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
         if leaf is None:
@@ -247,11 +243,7 @@ class KeyReader:
             return self.read_numbers_of(path, key, leaf)
         if key.type != "string":
             return self.read_other(path, key, leaf)
-        try:
-            return check(key, leaf.value)
-        except Rejected as error:
-            self.mistakes.append(leaf.mistake(path, error.expected, error.found, error.suggestion))
-            return None
+        return self.mistakes.check(key, leaf, path)
 
     def default(self, path: str, key: Key) -> object:
         if key.required:

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from types import MappingProxyType
 
-from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ
-from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
+from wavesweep.spec.checking import Mistakes, expectation, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
@@ -31,28 +30,23 @@ WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocit
 Path = tuple[str, ...]
 
 
-def as_meant(leaves: Mapping[Path, Leaf]) -> tuple[dict[Path, Leaf], list[Mistake]]:
-    """Return the leaves, those of a table that there is not under the missing one whose name is nearest, and the mistakes.
+def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves, those of an unknown table under the missing one whose name is nearest, and add the mistakes.
 
     So entries of that table, and others that need them, are no further mistakes.
     """
-    given = {path[0] for path in leaves}
-    meant = {name: nearest(name, KNOWN) for name in given.difference(KNOWN)}
-    meant = {name: near for name, near in meant.items() if near and near not in given}
-    found, mistakes = {}, {}
-    for path, leaf in leaves.items():
-        table = path[0]
-        if table in meant:
-            mistake = Leaf(None, leaf.place.under(path[:1])).mistake(table, TABLE, UNKNOWN, meant[table], of_key=True)
-            mistakes.setdefault(table, mistake)
-        found[normal_path((meant[table], *path[1:])) if table in meant else path] = leaf
-    return found, list(mistakes.values())
+    given = dict.fromkeys(path[0] for path in leaves)
+    meant = {name: near for name in given if name not in KNOWN and (near := nearest(name, KNOWN)) and near not in given}
+    for name, near in meant.items():
+        place = next(leaf.place for path, leaf in leaves.items() if path[0] == name).under((name,))
+        mistakes.refuse(place, name, TABLE, UNKNOWN, near)
+    return {normal_path((meant[path[0]], *path[1:])) if path[0] in meant else path: leaf for path, leaf in leaves.items()}
 
 
 def read_drawing(
-    leaves: Mapping[Path, Leaf], source: Place
-) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], list[Mistake]]:
-    """Return the drawing, the values of its numbers, its leaves by path, and all mistakes; None if there are any.
+    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes
+) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf]]:
+    """Return the drawing, the values of its numbers and its leaves by path; None if there are mistakes, which it adds.
 
     leaves: those of the whole spec, of which the studies are left to others. source: place of the spec.
     """
@@ -62,8 +56,9 @@ def read_drawing(
     for path, expected, found in (*drawing.faults(values), *drawing.displaced(values)):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
-        reader.mistakes.append(leaf.mistake(path, expected, text))
-    return (None if reader.mistakes else drawing), values, reader.leaves, reader.mistakes
+        reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
+    mistakes += reader.mistakes
+    return (None if reader.mistakes else drawing), values, reader.leaves
 
 
 class _TableReader(KeyReader):
@@ -162,14 +157,8 @@ class _TableReader(KeyReader):
             elif not is_name(name) or name in RESERVED:
                 self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
             for part, leaf in parts.items():
-                if part and part not in NUMBER_PARTS:
-                    self.refuse(
-                        leaf,
-                        f"{path}.{part}",
-                        "one of " + ", ".join(NUMBER_PARTS),
-                        "an unknown key",
-                        nearest(part, NUMBER_PARTS),
-                    )
+                if part:
+                    self.mistakes.is_known(part, NUMBER_PARTS, leaf, f"{path}.{part}")
             leaf = parts.get("") or parts.get("value")
             words = [self.word(f"{path}.{part}", parts.get(part)) for part in ("unit", "description")]
             if leaf is None or leaf.value == {}:
@@ -180,13 +169,10 @@ class _TableReader(KeyReader):
                 derived[name] = path, leaf
                 self.leaves |= {f"{path}.{part}": parts[part] for part in ("unit", "description") if part in parts}
                 continue
-            try:
-                value = check(Key(path, "number", None, "", ""), leaf.value)
-            except Rejected as error:
-                self.mistakes.append(leaf.mistake(path, error.expected, error.found))
-                continue
-            values[path] = value
-            numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
+            value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
+            if value is not None:
+                values[path] = value
+                numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
         self.define(derived)
         return tuple(numbers), values
 
@@ -352,7 +338,7 @@ class _TableReader(KeyReader):
         position, reaction = (
             self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:3]
         )
-        return (force.value, position, reaction) if force and position is not None else None
+        return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
 
     def read_turns(self, leaf: Leaf | None) -> bool:
         if leaf is None:
@@ -376,7 +362,7 @@ class _TableReader(KeyReader):
                 )
             elif leaf.value in found:
                 self.refuse(leaf, f"ports.wall.{part}", "another number than the stiffness", show(leaf.value), of_key=False)
-            found.append(leaf.value)
+            found.append(str(leaf.value))
         return tuple(found) or None
 
     def unread(self, signals: Iterable[str]) -> None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis
-from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.design import Design
 from wavesweep.spec.keys import BUILT_IN, Key, Names
 from wavesweep.spec.reading import Leaf
-from wavesweep.spec.sorting import Sorted
 
 LOST = Key(
     "for_all.lost", "integer", 0, "1", "slow results in a row that may fail to come; the last one is held", low=0, high=16
@@ -74,48 +73,35 @@ def _written(axis, varying):
     return range_ | ({"varying": True} if varying else {})
 
 
-def build_for_all(leaves: Sorted, names: Names = BUILT_IN) -> tuple[ForAll | None, list[Mistake]]:
-    """Return the table and its mistakes; None if the spec has none."""
-    axes, varying, mistakes, lost = [], set(), [], 0
-    for name, parts in leaves.axes["for_all"].items():
-        axis, varies, wrong = _range(name, dict(parts), names)
-        mistakes += wrong
-        if axis:
-            axes.append(axis)
-            varying |= {axis.path} if varies else set()
-    if leaves.lost:
-        try:
-            lost = check(LOST, leaves.lost.value)
-        except Rejected as error:
-            mistakes.append(leaves.lost.mistake(LOST.path, error.expected, error.found))
-    return (ForAll(tuple(axes), frozenset(varying), lost) if axes or lost else None), mistakes
+def build_for_all(
+    named: Mapping[str, Mapping[str, Leaf]], lost: Leaf | None, mistakes: Mistakes, names: Names = BUILT_IN
+) -> ForAll | None:
+    """Return the table and add its mistakes; None if the spec has none. named: parts of each number; lost: the key's leaf."""
+    axes, varying = [], set()
+    for name, given in named.items():
+        label, parts, before = f"for_all.{name}", dict(given), len(mistakes)
+        place, varies = axis_place(parts), parts.pop("varying", None)
+        if varies is not None and not isinstance(varies.value, bool):
+            mistakes.refuse(varies, f"{label}.varying", "true or false", show(varies.value), of_key=False)
+        elif not parts:
+            mistakes.refuse(varies, label, "start and stop, or values", "neither")
+        elif "values" in parts and len(parts) > 1:
+            mistakes.refuse(place, label, "either start and stop or values", "both")
+        if len(mistakes) > before:
+            continue
+        axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, names)
+        if axis and varies and varies.value:
+            varying.add(axis.path)
+            if (count := len(values_of_range(axis))) > MOST_VARYING:
+                mistakes.refuse(axis.place, label, f"at most {MOST_VARYING} values of a number that varies", f"{count}")
+        axes += [axis] if axis else []
+    results = mistakes.check(LOST, lost) if lost else 0
+    return ForAll(tuple(axes), frozenset(varying), results or 0) if axes or results else None
 
 
-def _range(name: str, parts: dict[str, Leaf], names: Names) -> tuple[Axis | None, bool, list[Mistake]]:
-    label, varying = f"for_all.{name}", parts.pop("varying", None)
-    if varying is not None and not isinstance(varying.value, bool):
-        return None, False, [varying.mistake(f"{label}.varying", "true or false", show(varying.value))]
-    varies = bool(varying and varying.value)
-    if not parts:
-        return None, varies, [varying.mistake(label, "start and stop, or values", "neither", of_key=True)]
-    if "values" in parts:
-        if len(parts) > 1:
-            leaf = Leaf(None, axis_place(parts))
-            return None, varies, [leaf.mistake(label, "either start and stop or values", "both", of_key=True)]
-        parts = {"": parts["values"]}
-    axis, mistakes = build_axis("for_all", name, parts, names)
-    if axis and varies and (count := len(values_of_range(axis))) > MOST_VARYING:
-        expected = f"at most {MOST_VARYING} values of a number that varies"
-        return None, varies, [Leaf(None, axis.place).mistake(label, expected, f"{count}", of_key=True)]
-    return axis, varies, mistakes
-
-
-def refuse_swept(axes: Mapping[str, Axis], for_all: ForAll) -> list[Mistake]:
-    """Return a mistake for each number that is swept and has a range to hold for as well; axes: of [sweep], by path."""
-    return [
-        Leaf(None, axis.place).mistake(
-            f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name, of_key=True
-        )
-        for axis in for_all.axes
-        if axis.path in axes
-    ]
+def refuse_swept(swept: Collection[str], for_all: ForAll) -> Iterator[Mistake]:
+    """Yield a mistake for each number that is swept and has a range to hold for as well. swept: paths of axes of [sweep]."""
+    for axis in for_all.axes:
+        if axis.path in swept:
+            expected = "a number that [sweep] does not have as well"
+            yield Leaf(None, axis.place).mistake(f"for_all.{axis.name}", expected, axis.name, of_key=True)

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from wavesweep.errors import Mistake
-from wavesweep.spec.checking import Rejected, check, nearest, show
+from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.keys import HIGHEST_RATIO, LONGEST_FRAME, Key
 from wavesweep.spec.reading import Leaf
 
@@ -30,36 +29,27 @@ class Frame:
         return {"ticks": self.ticks, **more} if more else self.ticks
 
 
-def build_frames(leaf: Leaf) -> tuple[tuple[Frame, ...] | None, list[Mistake]]:
-    """Return the frames of a list, or None and its mistakes."""
+def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
+    """Return the frames of a list, or None and add its mistakes."""
     if not isinstance(leaf.value, list) or not leaf.value:
-        return None, [leaf.mistake(FRAMES, "a list of frames, each a whole number of ticks", show(leaf.value))]
-    frames, mistakes = [], []
+        expected = "a list of frames, each a whole number of ticks"
+        return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
+    frames, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
-        frame, wrong = _frame(f"{FRAMES}[{index}]", item, leaf)
-        frames.append(frame)
-        mistakes += wrong
-    if not mistakes and sum(each.ticks for each in frames) > LONGEST_FRAME:
-        mistakes = [leaf.mistake(FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(sum(each.ticks for each in frames)))]
-    return (None if mistakes else tuple(frames)), mistakes
-
-
-def _frame(label, item, leaf):
-    """The frame of an item of the list, None with its mistakes."""
-    parts = item if isinstance(item, dict) else {"ticks": item}
-    found, mistakes = {}, []
-    for name, value in parts.items():
-        place = f"{label}.{name}" if parts is item else label
-        if name not in PARTS:
-            mistakes.append(leaf.mistake(place, f"one of {', '.join(PARTS)}", "an unknown key", nearest(name, PARTS)))
+        path, count = f"{FRAMES}[{index}]", len(mistakes)
+        if isinstance(item, dict):
+            parts = mistakes.read(PARTS, {name: Leaf(value, leaf.place) for name, value in item.items()}, path)
+            if "ticks" not in item:
+                mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
+        else:
+            parts = {"ticks": mistakes.check(PARTS["ticks"], Leaf(item, leaf.place), path)}
+        if len(mistakes) > count:
             continue
-        try:
-            found[name] = check(PARTS[name], value)
-        except Rejected as error:
-            mistakes.append(leaf.mistake(place, error.expected, error.found, error.suggestion))
-    if "ticks" not in parts:
-        mistakes.append(leaf.mistake(label, "the ticks of the frame", "none"))
-    if not mistakes and found.get("delay", 0) > found["ticks"]:
-        expected = f"a whole number <= {found['ticks']}, the ticks of the frame"
-        mistakes.append(leaf.mistake(f"{label}.delay", expected, show(found["delay"])))
-    return (None, mistakes) if mistakes else (Frame(**found), [])
+        frames.append(Frame(**parts))
+        if parts.get("delay", 0) > parts["ticks"]:
+            expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
+            mistakes.refuse(leaf, f"{path}.delay", expected, show(parts["delay"]), of_key=False)
+    ticks = sum(frame.ticks for frame in frames)
+    if len(mistakes) == before and ticks > LONGEST_FRAME:
+        mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
+    return tuple(frames) if len(mistakes) == before else None

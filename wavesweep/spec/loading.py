@@ -8,7 +8,7 @@ from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.checking import Mistakes, Rejected, check, show
 from wavesweep.spec.classes import expanded, numbers_of_blocks
 from wavesweep.spec.drawing import MARKS, RATE, is_derived, names_of, path_of
 from wavesweep.spec.drawing_tables import as_meant, read_drawing
@@ -53,7 +53,8 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
             raise UsageError(f"a spec: expected a path, or nested tables as a dict, found {source!r:.60}") from None
         tables, place = read_file(path)
         name = file_stem(path)
-    leaves, mistakes = _collect(tables, place, overrides)
+    mistakes = Mistakes()
+    leaves = _collect(tables, place, overrides, mistakes)
     return _build(name, path, leaves, place, mistakes)
 
 
@@ -80,15 +81,16 @@ def _naming(spec, names):
     return replace(named, name=spec.name, source=spec.source)
 
 
-def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict[Path, Leaf], list[Mistake]]:
+def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves of a source by path, with those of the overrides in their places."""
     leaves: dict[Path, Leaf] = {}
-    mistakes: list[Mistake] = []
     given = list(islice(leaves_of(tables, place), MOST_KEYS + 1))
     if len(given) > MOST_KEYS:
-        return leaves, [given[-1][1].mistake("", f"at most {MOST_KEYS} keys", "more", of_key=True)]
+        mistakes.refuse(given[-1][1], "", f"at most {MOST_KEYS} keys", "more")
+        return leaves
     for path, leaf in given:
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
-            mistakes.append(leaf.mistake(".".join(path), "each key once", "the same key again", of_key=True))
+            mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
         leaves[path] = leaf
     symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
     symbols |= numbers_of_blocks(leaves)
@@ -98,25 +100,19 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict
         except SpecError as error:
             mistakes += error.mistakes
         else:
-            if (*path, "value") in leaves:  # a number that has a unit keeps it
-                path = (*path, "value")
-            path, known = normal_path(path), len(leaves)
-            leaves = _override(leaves, path, {} if value == "" else dict(leaves_of(_nested(path, value), where)))
+            # A number that has a unit keeps it.
+            path, known = normal_path((*path, "value") if (*path, "value") in leaves else path), len(leaves)
+            leaves = _override(leaves, path, value, where)
             if value == "" and len(leaves) == known:
-                mistakes.append(
-                    Mistake(where.location(), ".".join(path), "a value, or a key of the spec to leave out", "neither")
-                )
-    return leaves, mistakes
+                mistakes.refuse(where, ".".join(path), "a value, or a key of the spec to leave out", "neither")
+    return leaves
 
 
-def _nested(path: Path, value: object) -> dict:
-    for name in reversed(path):
-        value = {name: value}
-    return value
-
-
-def _override(leaves: dict[Path, Leaf], replaced: Path, new: dict[Path, Leaf]) -> dict[Path, Leaf]:
-    """Replace everything at, above or below one path by `new`, in the same position, so that the order of axes is kept."""
+def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place) -> dict[Path, Leaf]:
+    """Replace everything at, above or below one path, in the same position, so that the order of axes is kept."""
+    for name in reversed(replaced):
+        value = {name: value} if value != "" else value  # an empty text leaves the key out
+    new = dict(leaves_of(value, where)) if value != "" else {}
     result: dict[Path, Leaf] = {}
     for path, leaf in leaves.items():
         if _overlap(path, replaced):
@@ -131,20 +127,28 @@ def _overlap(one: Path, other: Path) -> bool:
     return one[:length] == other[:length]
 
 
-def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
+def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
     tables = {each[0] for each in leaves}
     if tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves):
         return _drawn(name, path, leaves, place, mistakes)
-    belongs = sort_leaves(leaves)
-    given = Given(belongs.loop, place)
+    belongs = sort_leaves(leaves, mistakes)
+    given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
     values, wrong = resolve(given)
-    studies, wrong_studies = build_studies(belongs, given)
-    mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies, *unknown_ends(belongs, None)]
+    mistakes += wrong
+    studies = build_studies(belongs, given, mistakes)
+    mistakes += unknown_ends(belongs, None)
     if not wrong:
         followers = _followers(studies, values)
-        axes = (*studies.axes, ("design.for_all", followers))
-        mistakes += [m for study, some in axes for m in beyond_limits(study, some, values)]
-        mistakes += _out_of_range(followers)
+        for study, axes in (*studies.axes, ("design.for_all", followers)):
+            mistakes += beyond_limits(study, axes, values)
+        for axis in followers:
+            for end in (axis.start, axis.stop):
+                try:
+                    check(KEYS[axis.path], float(end))
+                except Rejected as error:
+                    found = f"{show(end)} of {axis.path}"
+                    mistakes.refuse(axis.place, f"design.for_all.{axis.name}", error.expected, found)
+                    break
     if not any(mistake.key.startswith("rates.") for mistake in wrong):
         mistakes += _beyond_rate(studies, values["rates.fast_hz"], "rates.fast_hz")
     if mistakes:
@@ -160,40 +164,33 @@ def _followers(studies: Studies, values: Mapping) -> tuple[Axis, ...]:
     return tuple(studies.design.followers(values, axis.stop if axis else K_VE_SPAN[1]))
 
 
-def _out_of_range(axes: Iterable[Axis]) -> Iterator[Mistake]:
-    for axis in axes:
-        for end in (axis.start, axis.stop):
-            try:
-                check(KEYS[axis.path], float(end))
-            except Rejected as error:
-                leaf = Leaf(None, axis.place)
-                yield leaf.mistake(f"design.for_all.{axis.name}", error.expected, f"{show(end)} of {axis.path}", of_key=True)
-                break
-
-
-def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
+def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
     """Return the spec of a drawn loop; its axes are checked as far as its numbers are known."""
-    leaves, unknown = as_meant(leaves)
-    leaves, of_classes = expanded(leaves)
-    drawing, values, of_loop, wrong = read_drawing(leaves, place)
-    following = frozenset(path[1] for path, leaf in leaves.items() if path[0] == "numbers" and is_derived(path, leaf))
+    leaves = expanded(as_meant(leaves, mistakes), mistakes)
+    drawing, values, of_loop = read_drawing(leaves, place, mistakes)
+    following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
     names = replace(drawing.names if drawing else names_of(leaves), following=following)
-    belongs = sort_leaves(leaves, names)
+    belongs = sort_leaves(leaves, mistakes, names)
     given = Given(of_loop, place)
     stepped = drawing is not None and drawing.hand is None and drawing.inputs
-    studies, wrong_studies = build_studies(belongs, given, names, "step" if stepped else "sine")
-    mistakes = [*mistakes, *unknown, *of_classes, *wrong, *belongs.mistakes.values(), *wrong_studies]
+    studies = build_studies(belongs, given, mistakes, names, "step" if stepped else "sine")
     hz = drawing.rate(values) if drawing else values.get(RATE)
     mistakes += _beyond_rate(studies, hz, RATE) if hz else []
     if drawing:
-        mistakes += [m for study, axes in studies.axes for m in drawing.vanishing(study, axes, values)]
-        mistakes += studies.design.unsuited(drawing) if studies.design else []
+        for study, axes in studies.axes:
+            mistakes += drawing.vanishing(study, axes, values)
+        if studies.design:
+            studies.design.refuse_unsuited(drawing, mistakes)
         mistakes += [*unknown_ends(belongs, drawing), *unmeasurable(belongs, drawing)]
     if mistakes:
         raise SpecError(_in_order(mistakes))
     if stepped:
         studies = usual_frequencies(studies, hz)
-    return Spec(name, path, values, _with_along(studies, belongs.along, drawing.wall), given, drawing=drawing)
+    if "sweep.along" not in belongs.keys:  # intervals are along the only span, or the wall's stiffness
+        spans = [axis.name for axis in studies.sweep if not axis.values]
+        along = spans[0] if len(spans) == 1 else (*(drawing.wall or ()), "")[0]
+        studies = replace(studies, along=along)
+    return Spec(name, path, values, studies, given, drawing=drawing)
 
 
 def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
@@ -207,14 +204,6 @@ def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
         yield from studies.experiment.beyond_limits(hz, rate)
     if studies.design:
         yield from studies.design.beyond_half(hz, rate)
-
-
-def _with_along(studies: Studies, given: Leaf | None, wall: tuple[str, ...] | None) -> Studies:
-    """The studies with an axis of the intervals if the spec does not name one: its only span, or the wall's stiffness."""
-    if given is not None:
-        return studies
-    spans = [axis.name for axis in studies.sweep if not axis.values]
-    return replace(studies, along=spans[0] if len(spans) == 1 else wall[0] if wall else "")
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from wavesweep.errors import Mistake, SpecError
-from wavesweep.spec.checking import show
+from wavesweep.errors import SpecError
+from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.keys import REQUIRE_KEYS
 from wavesweep.spec.reading import Leaf, Place
-from wavesweep.spec.resolving import check_each
 
 SETTLED = 0.02  # of its size, what is left of a mode after the time that it settles in
 TABLE = "sweep.require"
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
-KNOWN = ", ".join(path.rpartition(".")[2] for path in REQUIRE_KEYS)
+KEYS_BY_NAME = {path.rpartition(".")[2]: key for path, key in REQUIRE_KEYS.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,39 +31,27 @@ class Require:
     @classmethod
     def of(cls, numbers: Mapping[str, object]) -> Require:
         """The requirement given by name. Errors: SpecError with every mistake."""
-        found, mistakes = build_require(
-            {name: Leaf(value, Place()) for name, value in numbers.items()} or {"": Leaf({}, Place())}
-        )
+        mistakes = Mistakes()
+        leaves = {name: Leaf(value, Place()) for name, value in (numbers or {"": {}}).items()}
+        require = build_require(leaves, mistakes)
         if mistakes:
             raise SpecError(mistakes)
-        return found
+        return require
 
     def written(self) -> dict[str, float]:
         """Return the table as a spec could give it."""
         return {name: value for name, value in asdict(self).items() if value}
 
 
-def build_require(leaves: Mapping[str, Leaf]) -> tuple[Require | None, list[Mistake]]:
-    """Return the requirement and its mistakes; leaves: by name, "" if it is no table of keys; none: nothing is required."""
-    mistakes = list(_unknown(leaves))
-    found, wrong = check_each(REQUIRE_KEYS, {f"{TABLE}.{name}": leaf for name, leaf in leaves.items() if _is_known(name)})
-    numbers = {path.rpartition(".")[2]: value for path, value in found.items()}
+def build_require(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> Require | None:
+    """Return the requirement and add its mistakes. leaves: by name, "" if it is no table of keys; none: nothing is required."""
+    if (whole := leaves.get("")) is not None:
+        found = "an empty table" if whole.value == {} else show(whole.value)
+        return mistakes.refuse(whole, TABLE, f"a table with some of {', '.join(KEYS_BY_NAME)}", found, of_key=False)
+    numbers = mistakes.read(KEYS_BY_NAME, leaves, TABLE)
     if numbers.get("bounded") and len(numbers) > 1:
-        wrong.append(leaves["bounded"].mistake(f"{TABLE}.bounded", "true alone", "others beside it"))
-    return Require(**numbers) if any(numbers.values()) else None, mistakes + wrong
-
-
-def _is_known(name):
-    return f"{TABLE}.{name}" in REQUIRE_KEYS
-
-
-def _unknown(leaves) -> Iterator[Mistake]:
-    for name, leaf in leaves.items():
-        if not name:
-            found = "an empty table" if leaf.value == {} else show(leaf.value)
-            yield leaf.mistake(TABLE, f"a table with some of {KNOWN}", found)
-        elif not _is_known(name):
-            yield leaf.mistake(f"{TABLE}.{name}", f"one of {KNOWN}", "an unknown key", of_key=True)
+        mistakes.refuse(leaves["bounded"], f"{TABLE}.bounded", "true alone", "others beside it", of_key=False)
+    return Require(**numbers) if any(numbers.values()) else None
 
 
 def words_of(written: Mapping[str, float]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import Mistake
-from wavesweep.spec.checking import Rejected, check, expectation, show
+from wavesweep.spec.checking import Mistakes, expectation, show
 from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import (
     BAND_EDGES,
@@ -19,7 +19,6 @@ from wavesweep.spec.keys import (
     LONGEST_FRAME,
     MOST_SLOW_STEPS,
     VALUE_PATHS,
-    Key,
 )
 from wavesweep.spec.reading import Leaf, Place
 
@@ -58,7 +57,8 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
     """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes, the values are not valid."""
     of_frame = is_frame(given)
     leaves = {path: leaf for path, leaf in given.leaves.items() if not (of_frame and path == DELAY)}
-    checked, mistakes = check_each(KEYS, leaves)
+    mistakes = Mistakes()
+    checked = mistakes.read(KEYS, leaves)
     wrong = set(leaves) - set(checked)
     # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
     device = given.device()
@@ -79,17 +79,6 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
 def is_frame(given: Given) -> bool:
     """Return whether slow results are in place with the next frame, however long it is."""
     return DELAY in given.leaves and given.leaves[DELAY].value == "frame"
-
-
-def check_each(keys: Mapping[str, Key], leaves: Mapping[str, Leaf]) -> tuple[dict, list[Mistake]]:
-    """Return the checked value of every leaf by path, and the mistakes of the leaves that their keys do not accept."""
-    checked, mistakes = {}, []
-    for path, leaf in leaves.items():
-        try:
-            checked[path] = check(keys[path], leaf.value)
-        except Rejected as error:
-            mistakes.append(leaf.mistake(path, error.expected, error.found, error.suggestion))
-    return checked, mistakes
 
 
 def _without_rate(given: Given, checked: Mapping) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmic
-from wavesweep.spec.checking import Rejected, apart, check, nearest, show
+from wavesweep.spec.checking import Mistakes, apart, nearest, show
 from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.drawing import Drawing
@@ -17,7 +17,7 @@ from wavesweep.spec.frames import FRAMES, build_frames
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, MEASURED_KEYS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.require import Require, build_require
-from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
+from wavesweep.spec.resolving import LIMITS, Given, exceeds_limit
 from wavesweep.spec.sorting import FREQUENCIES, Sorted
 
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
@@ -115,61 +115,57 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
-def build_experiment(leaves: Sorted, usual: str) -> tuple[Experiment, list[Mistake]]:
-    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
+def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
+    """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
 
     usual: the input if none is given.
     """
-    found, mistakes = check_each(SIMULATE_KEYS, {path: leaf for path, leaf in leaves.simulate.items() if path != FRAMES})
-    if FRAMES in leaves.simulate:
-        found[FRAMES], wrong = build_frames(leaves.simulate[FRAMES])
-        mistakes += wrong
-    checked = {path.split(".")[1]: value for path, value in found.items()}
-    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()} | {"input": usual}
-    values = defaults | checked
-    alone = leaves.frequencies.get("")
-    none_needed = values["input"] not in INPUT_FREQUENCIES and alone and alone.value == []  # as `Experiment.written` has it
-    axis, wrong = _frequencies({} if none_needed else leaves.frequencies)
-    settled = not wrong and ("input" in checked or "simulate.input" not in leaves.simulate)
-    if settled:
+    given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
+    checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path != FRAMES})
+    if FRAMES in given:
+        checked[FRAMES] = build_frames(given[FRAMES], mistakes)
+    defaults = {path: key.default for path, key in SIMULATE_KEYS.items()} | {"simulate.input": usual}
+    values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
+    parts, before = belongs.axes["simulate"].get("frequency_hz", {}), len(mistakes)
+    alone = parts.get("")
+    if alone and alone.value == [] and values["input"] not in INPUT_FREQUENCIES:  # as `Experiment.written` has it
+        axis = None
+    elif alone and isinstance(alone.value, (int, float)):
+        axis = build_axis("simulate", "frequency_hz", {"": replace(alone, value=[alone.value])}, mistakes)
+    else:
+        axis = build_axis("simulate", "frequency_hz", parts, mistakes) if parts else None
+    if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in given):
         axis = axis or INPUT_FREQUENCIES.get(values["input"])
-        values["frequency_hz"], wrong = _fit(values["input"], axis, leaves.frequencies)
+        values["frequency_hz"] = _frequencies(values["input"], axis, parts, mistakes)
     if values["duration_s"] is None and values["input"] not in ("stepped-sine", "record"):
         values["duration_s"] = SECONDS
     if values["input"] == "record" and values["record"] is None:
-        leaf = leaves.simulate["simulate.input"]
-        mistakes.append(leaf.mistake("simulate.record", "the name of a CSV file for this input", "nothing"))
-    given = dict(leaves.simulate)
-    if leaves.frequencies:
-        given[FREQUENCIES] = Leaf(None, axis_place(leaves.frequencies))
-    return Experiment(values, axis, given), mistakes + wrong
+        expected = "the name of a CSV file for this input"
+        mistakes.refuse(given["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
+    if parts:
+        given[FREQUENCIES] = Leaf(None, axis_place(parts))
+    return Experiment(values, axis, given)
 
 
-def _frequencies(parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
-    if not parts:
-        return None, []
-    alone = parts.get("")
-    if alone and isinstance(alone.value, (int, float)):
-        parts = {"": Leaf([alone.value], alone.place)}
-    return build_axis("simulate", "frequency_hz", parts)
-
-
-def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[float, ...], list[Mistake]]:
-    """Return the frequencies of this input, and a mistake if they are too many or only a span."""
+def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...]:
+    """Return the frequencies of this input; too many of them, or only a span, are a mistake."""
+    if kind not in INPUT_FREQUENCIES:
+        return ()
+    ends = axis.values or (axis.start, axis.stop)
     if kind == "chirp":
-        ends = axis.values or (axis.start, axis.stop)
         if len(ends) <= 2 and ends[0] <= ends[-1]:
-            return (ends[0], ends[-1]), []
+            return ends[0], ends[-1]
         expected = "one or two frequencies for a chirp, the lower one first"
         found = f"{len(ends)} frequencies" if len(ends) > 2 else " and ".join(map(repr, ends))
     elif kind == "sine" and len(axis.values) != 1:
         found = f"{len(axis.values)} frequencies" if axis.values else "a span"
         expected = 'one frequency for a sine (several are for input = "stepped-sine")'
-    elif kind == "stepped-sine" and not axis.values:
-        expected, found = "num beside start and stop, or a list", "only a span"
+    elif axis.values:
+        return axis.values
     else:
-        return (axis.values if kind in INPUT_FREQUENCIES else ()), []
-    return (), [Leaf(None, axis_place(parts)).mistake(FREQUENCIES, expected, found, of_key=True)]
+        expected, found = "num beside start and stop, or a list", "only a span"
+    mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
+    return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,43 +193,41 @@ class Studies:
         return ("sweep", self.sweep), ("bode", self.bode), *designed, *ranges
 
 
-def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN, usual: str = "sine") -> tuple[Studies, list[Mistake]]:
-    """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`.
+def build_studies(belongs: Sorted, given: Given, mistakes: Mistakes, names: Names = BUILT_IN, usual: str = "sine") -> Studies:
+    """Return the studies and add their mistakes; limits that the loop's values set are checked by `beyond_limits`.
 
     usual: the input of a simulation if none is given.
     """
-    along, mistakes = _read_along(leaves.along, names)
-    require, wrong = build_require(leaves.require)
-    mistakes += wrong
+    keys, device = belongs.keys, given.device()
+    along = _read_along(keys.get("sweep.along"), mistakes, names)
+    require = build_require(belongs.below("sweep.require"), mistakes)
     axes: dict[str, list[Axis]] = {}
-    for study, named in leaves.axes.items():
-        if study == "for_all":
-            continue
-        built = [build_axis(study, name, parts, names) for name, parts in named.items()]
-        axes[study] = [axis for axis, _ in built if axis]
-        mistakes += [mistake for _, wrong in built for mistake in wrong]
-        mistakes += [*_repeated(study, named, names), *_at_odds_with_filters(study, axes[study], given)]
-    mistakes += [need_values("bode", axis) for axis in axes["bode"] if not axis.values]
+    for study in ("sweep", "bode"):
+        named = belongs.axes[study]
+        built = [build_axis(study, name, parts, mistakes, names) for name, parts in named.items()]
+        axes[study] = [axis for axis in built if axis]
+        _refuse_repeated(study, named, names, mistakes)
+        mistakes += _at_odds_with_filters(study, axes[study], given)
+    for axis in axes["bode"]:
+        if not axis.values:
+            mistakes.refuse(axis.place, f"bode.{axis.name}", "num beside start and stop, or a list", "only a span")
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
-    experiment, wrong = build_experiment(leaves, usual)
-    design, wrong_design = build_design(leaves.design, names)
+    experiment = build_experiment(belongs, usual, mistakes)
+    design = build_design(belongs.design, names, mistakes)
     if design:
-        device = given.device()
-        design, lacking = design.on((experiment.on(device) if device else experiment).values)
-        wrong_design += lacking
-    for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
-        wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)
-    frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
-    for_all, wrong_ranges = build_for_all(leaves, names)
+        design = design.on((experiment.on(device) if device else experiment).values, mistakes)
+        for section, of_design in (("vary", design.vary), ("for_all", design.for_all)):
+            mistakes += _at_odds_with_filters(f"design.{section}", of_design, given)
+    for_all = build_for_all(belongs.axes["for_all"], keys.get("for_all.lost"), mistakes, names)
     if for_all:
-        wrong_ranges += refuse_swept({axis.path: axis for axis in axes["sweep"]}, for_all)
+        mistakes += refuse_swept({axis.path for axis in axes["sweep"]}, for_all)
         design = design and replace(design, for_all=(*design.for_all, *for_all.ends(design)))
-    route = {name: str(leaf.value) for name, leaf in leaves.route.items()}
-    files, wrong_files = check_each(MEASURED_KEYS, leaves.measured)
-    measured = {path.split(".")[1]: name for path, name in files.items()}
-    found = Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all, route, measured)
-    return found, mistakes + wrong + wrong_design + wrong_ranges + wrong_files
+    route = {name: str(keys[f"bode.{name}"].value) for name in ("from", "to") if f"bode.{name}" in keys}
+    files = mistakes.read(MEASURED_KEYS, {f"measured.{name}": leaf for name, leaf in belongs.below("measured").items()})
+    measured = {path.removeprefix("measured."): name for path, name in files.items()}
+    frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
+    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design, require, for_all, route, measured)
 
 
 def usual_frequencies(studies: Studies, hz: float) -> Studies:
@@ -245,33 +239,26 @@ def usual_frequencies(studies: Studies, hz: float) -> Studies:
     return replace(studies, frequencies=usual)
 
 
-def unknown_ends(leaves: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
+def unknown_ends(belongs: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
     """Yield the mistakes of inputs and outputs that [bode] and [simulate] name, and the loop does not have.
 
     drawing: None of a controller, which has a hand alone.
     """
-    sides = {"from": drawing.inputs, "to": drawing.outputs} if drawing else {}
-    simulated = {path: leaf for path, leaf in leaves.simulate.items() if path == "simulate.from"}
-    for path, leaf in ({f"bode.{end}": leaf for end, leaf in leaves.route.items()} | simulated).items():
-        known = [each[0] for each in sides.get(path.partition(".")[2], ())]
-        if leaf.value not in known:
-            what = "an output" if path == "bode.to" else "an input"
-            expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
-            hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
-            yield leaf.mistake(path, expected, show(leaf.value), hint)
+    for path in ("bode.from", "bode.to", "simulate.from"):
+        if leaf := belongs.keys.get(path):
+            what, ports = ("an output", "outputs") if path == "bode.to" else ("an input", "inputs")
+            known = [name for name, *_ in getattr(drawing, ports, ())]
+            if leaf.value not in known:
+                expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
+                hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
+                yield leaf.mistake(path, expected, show(leaf.value), hint)
 
 
-def unmeasurable(leaves: Sorted, drawing: Drawing) -> Iterator[Mistake]:
+def unmeasurable(belongs: Sorted, drawing: Drawing) -> Iterator[Mistake]:
     """Yield the mistakes of files that [measured] names, of a wall or a hand that the drawn loop does not have."""
-    for name, port, what in (("z_width", drawing.wall, "a wall"), ("response", drawing.hand, "a hand")):
-        if port is None and (leaf := leaves.measured.get(f"measured.{name}")):
-            yield leaf.mistake(f"measured.{name}", f"{what} in [ports], of which it was measured", "none", of_key=True)
-
-
-def need_values(study: str, axis: Axis) -> Mistake:
-    """Return the mistake for an axis that has only a span but needs values."""
-    leaf = Leaf(None, axis.place)
-    return leaf.mistake(f"{study}.{axis.name}", "num beside start and stop, or a list", "only a span", of_key=True)
+    for path, port, what in (("measured.z_width", drawing.wall, "a wall"), ("measured.response", drawing.hand, "a hand")):
+        if port is None and (leaf := belongs.keys.get(path)):
+            yield leaf.mistake(path, f"{what} in [ports], of which it was measured", "none", of_key=True)
 
 
 def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
@@ -284,28 +271,23 @@ def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
     return None if key.numeric else (f"{show(name)}, which takes no number", "")
 
 
-def _read_along(leaf: Leaf | None, names: Names) -> tuple[str, list[Mistake]]:
+def _read_along(leaf: Leaf | None, mistakes: Mistakes, names: Names) -> str:
     key = STUDY_KEYS["sweep.along"]
-    if leaf is None:  # of a drawn loop, which has no K_VE, `load` finds it
-        return key.default, []
-    try:
-        name = check(key, leaf.value)
-    except Rejected as error:
-        return key.default, [leaf.mistake(key.path, error.expected, error.found)]
-    fault = axis_fault(name, names)
-    expected = "the name of a numeric key"
-    return name, [leaf.mistake(key.path, expected, *fault)] if fault else []
+    if leaf is None or (name := mistakes.check(key, leaf)) is None:  # of a drawn loop, which has no K_VE, `load` finds it
+        return key.default
+    if fault := axis_fault(name, names):
+        mistakes.refuse(leaf, key.path, "the name of a numeric key", *fault, of_key=False)
+    return name
 
 
-def _repeated(study: str, named: Mapping[str, dict[str, Leaf]], names: Names) -> Iterator[Mistake]:
+def _refuse_repeated(study: str, named: Mapping[str, Mapping[str, Leaf]], names: Names, mistakes: Mistakes) -> None:
     first: dict[str, str] = {}
     for name, parts in named.items():
         path = getattr(names.find(name), "path", name)
-        if path == "rates.slow_hz":
-            path = "rates.ratio"  # one quantity
+        path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
         if path in first:
-            leaf = Leaf(None, axis_place(parts))
-            yield leaf.mistake(f"{study}.{name}", "each key once", f"the key of the axis {first[path]} again", of_key=True)
+            found = f"the key of the axis {first[path]} again"
+            mistakes.refuse(axis_place(parts), f"{study}.{name}", "each key once", found)
         first.setdefault(path, name)
 
 
