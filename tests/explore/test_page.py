@@ -161,7 +161,7 @@ def test_a_plane_without_the_walls_numbers_is_filled_as_in_a_figure(client):
 
 def test_what_is_not_certified_is_not_drawn_as_stable():
     from wavesweep.explore.answers import plane_of
-    from wavesweep.plots.refine import KNOWN, Curve, Interval, View
+    from wavesweep.tables.regions import KNOWN, Curve, Interval, View
 
     columns = {float(x): ((Interval(0.0, 1.0 + x, True, True, x < 2),), False) for x in range(4)}
     found = plane_of(Curve(columns, {(float(x), x + 1.0): KNOWN for x in range(3)}), View("b", False, 800, 400))

@@ -15,10 +15,10 @@ from matplotlib import font_manager
 import wavesweep
 import wavesweep.sweep
 from wavesweep import plots
-from wavesweep.plots import chosen, style
+from wavesweep.plots import sampling, style
 from wavesweep.plots.files import save
 from wavesweep.plots.layout import best_of, best_row, lay_out
-from wavesweep.plots.style import about_figure, as_asked, figure, note_assumptions, symbol
+from wavesweep.plots.style import about_figure, as_asked, figure, note_below, symbol, warn_above
 from wavesweep.tables.comparison import compare
 from wavesweep.tables.intervals import intervals
 
@@ -86,7 +86,7 @@ def test_a_figure_of_a_long_table_is_the_same_in_blocks(panels, monkeypatch):
         {name: column[start : start + 1000] for name, column in panels.items()} for start in range(0, len(panels["b"]), 1000)
     ]
     for kept in (1e9, 2500):  # all of them, or none, so that they are read a second time
-        monkeypatch.setattr(chosen, "KEPT_ROWS", kept)
+        monkeypatch.setattr(sampling, "KEPT_ROWS", kept)
         picture = plots.Picture(
             {name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")}, lambda: blocks
         )
@@ -147,8 +147,7 @@ def test_the_bars_of_a_recipe_show_every_row():
     assert {text.get_text() for axes in shown for text in axes.get_yticklabels()} >= {"g = 3, n = 5 ms"}
 
 
-def test_a_single_design_is_a_list_beside_its_response():
-    """Nearly empty panels of a point each used to show it."""
+def test_a_single_design_has_a_panel_for_each_value_and_its_response():
     spec = {
         "controller": {"kind": "pmw"},
         "sweep": {"K_VE": {"start": 0, "stop": 2000}},
@@ -157,51 +156,32 @@ def test_a_single_design_is_a_list_beside_its_response():
     facts = {"spec": wavesweep.load(spec).as_designed().tables(), "own": {"z_width": 500.0, "felt": None}}
     facts["runners_up"] = [{"numbers": {"b": 90.0}, "wishes": {"z_width": 750.0, "felt": 600.0}}]
     columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
-    listed, response = plots.design(columns, facts).axes
-    cells = {at: cell.get_text().get_text() for at, cell in listed.tables[0].get_celld().items()}
-    rows = [[cells[row, column] for column in range(4)] for row in range(5)]
-    margins = ["   margin to at least 400", "25 %", "125 %", "87.5 %"]
-    assert [row[1:] for row in rows[:2]] == [["spec's own", "found", "next best"], ["500", "900", "750"]]
-    assert rows[2:] == [margins, [rows[3][0], "not known", "700", "600"], [rows[4][0], "25", "40", "90"]]
+    *panels, response = plots.design(columns, facts).axes
+    assert [text.get_text() for text in panels[0].get_yticklabels()] == ["nominal", "found", "next best"]
+    values = [[*zip(*line.get_data(), strict=True)] for axes in panels for line in axes.lines if line.get_marker() in "Xo"]
+    assert values == [[(500, 0)], [(900, 1)], [(750, 2)], [(700, 1)], [(600, 2)], [(25, 0)], [(40, 1)], [(90, 2)]]
+    texts = [[text.get_text() for text in axes.texts] for axes in panels]
+    assert texts[0] == ["500 (25 %)", "900 (125 %)", "750 (87.5 %)"]
+    assert texts[1][0] == "not known"
     for line, b in zip(response.lines, (25.0, 40.0, 90.0), strict=True):
         frequency, magnitude = line.get_data()
         expected = wavesweep.compile({"controller": {"kind": "pmw", "b": b}}).response(frequency.tolist())
         assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
-    without, _ = plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes
-    assert without.tables[0].get_celld()[4, 1].get_text().get_text() == "not known"
+    assert len(plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes) == 3
 
 
-@pytest.mark.parametrize(
-    "above", ["", "the spec's own design is not shown: its felt stiffness is not known, as where it is unstable"]
-)
 @pytest.mark.parametrize("width", [3.5, 7.0])
-def test_the_note_above_a_figure_is_not_cut_off(width, above):
-    said = wavesweep.compile({"controller": {"kind": "pmw"}}).spec
-    sentence = wavesweep.sweep.assumptions.assumes(said)
-    assert len(sentence) > 165
+def test_notes_below_a_figure_and_warnings_above_are_not_cut_off(width):
+    said = "a sentence that is longer than one line of a narrow figure, as those on what a run assumes are " * 2
     with figure(width, 3.0) as canvas:
         canvas.subplots()
-        note_assumptions(canvas, {"assumes": sentence}, above)
-    box = canvas._suptitle.get_window_extent()
-    assert box.x0 >= 0
-    assert box.x1 <= canvas.get_figwidth() * canvas.dpi
-    assert (canvas.get_figheight() > 3.0) == (canvas._suptitle.get_text().count("\n") > 1)  # room for the third line
-
-
-def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():
-    """A bar at the first and the last value of the damping is as wide as the others."""
-    table = wavesweep.zwidth(
-        {
-            "controller": {"kind": "dc-slow"},
-            "device": {"velocity": "difference"},
-            "sweep": {"K_VE": {"start": 0, "stop": 5000}, "B_VE": [1.0, 4.0]},
-        },
-        for_hands="passive",
-    )
-    (axes,) = plots.zwidth({name: table[name].to_numpy() for name in table}, {}).axes
-    left, right = axes.get_xlim()
-    assert left < 1.0
-    assert right > 4.0
+        note_below(canvas, said, said, axis="force (N)")
+        warn_above(canvas, said)
+    for text in (canvas._suptitle, canvas._supxlabel):
+        box = text.get_window_extent()
+        assert 0 <= box.x0 < box.x1 <= canvas.get_figwidth() * canvas.dpi
+        assert 0 <= box.y0 < box.y1 <= canvas.get_figheight() * canvas.dpi
+    assert canvas.get_figheight() > 3.0  # room for the lines
 
 
 def texts_of(canvas):
@@ -257,14 +237,12 @@ def test_the_legend_is_low_above_one_column_and_beside_the_panels_of_two(family,
     assert legend.get_window_extent().x0 > max(each.get_window_extent().x1 for each in wide.axes)
 
 
-def test_a_star_at_the_last_value_lies_within_the_frame():
+def test_a_star_at_the_last_value_is_at_its_coordinates_and_whole():
     loop = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
     figure = wavesweep.compile(loop).plot_zwidth(B_VE=[0.0, 5.0, 15.0])
     (axes,) = figure.axes
     (star,) = [line for line in axes.lines if line.get_marker() == "*"]
-    assert star.get_xdata() == 15.0
-    right = star.get_transform().transform((15.0, float(star.get_ydata()[0])))[0] + 3 * figure.dpi / 72
-    assert right == pytest.approx(axes.get_window_extent().x1, abs=1)
+    assert (star.get_xdata(), star.get_transform(), star.get_clip_on()) == (15.0, axes.transData, False)
 
 
 def test_the_star_of_bars_of_hands_is_at_its_hand(bars):
@@ -322,29 +300,44 @@ def test_an_axis_that_goes_by_factors_is_drawn_so():
     assert [axes.get_xscale() for axes in plots.passivity(columns, FACTS).axes] == ["log", "log"]
     rows = wavesweep.zwidth(WALL | {"sweep": damping | {"K": {"start": 0, "stop": 1e5}}})
     columns = {"spec": np.full(len(rows), "wall", object)} | {name: rows[name].to_numpy() for name in rows}
-    assert [axes.get_xscale() for axes in plots.compare(columns, FACTS).axes] == ["log", "log"]
+    assert [axes.get_xscale() for axes in plots.compare(columns, FACTS).axes] == ["log"]
 
 
 def test_the_legend_of_a_comparison_names_the_marks_that_are_there(plane):
     columns = {"spec": np.full(plane["low"].size, "one", object)} | plane
-    assert texts_of(plots.compare(columns, {})) == ["one", "lower end of a further interval", "not certified"]
+    assert texts_of(plots.compare(columns, {})) == ["one", "not certified"]
     first = {name: column[columns["interval"] == 0] for name, column in columns.items()}
     assert texts_of(plots.compare(first, {})) == ["one"]
     clipped = first | {"high_omega": np.full(first["low"].size, np.nan)}
-    assert texts_of(plots.compare(clipped, {})) == ["one", "the swept range ends it"]
+    assert texts_of(plots.compare(clipped, {})) == ["one", "beyond the swept range"]
 
 
-def test_curves_of_a_comparison_differ_by_spec_and_by_value(family):
-    """Four values of b of each of two specs used to be one colour a spec."""
+def test_specs_of_a_comparison_differ_by_their_looks_and_values_have_panels(family):
     rows = family["low"].size
     columns = {"spec": np.repeat(np.array(["one", "two"], object), rows)}
     columns |= {name: np.tile(column, 2) for name, column in family.items()}
     figure = plots.compare(columns, {})
-    lines = [line for line in figure.axes[0].lines if line.get_marker() != "." and len(line.get_xdata()) > 5]
-    looks = {(tuple(line.get_color()), line.get_linestyle()) for line in lines if line.get_linestyle() not in (":", "None")}
-    assert len(looks) == 8
-    assert len({colour for colour, _ in looks}) == 4
-    assert texts_of(figure)[:6] == ["one", "two", *(f"$b$ = {b} N·s/m" for b in (20, 40, 60, 80))]
+    panels = [axes for axes in figure.axes if axes.get_title()]
+    assert [axes.get_title() for axes in panels] == [f"$b$ = {b} N·s/m" for b in (20, 40, 60, 80)]
+    for axes in panels:
+        looks = {(str(each.get_colors()[0]), str(each.get_linestyles()[0])) for each in bars_of(axes) if len(each.get_colors())}
+        assert len(looks) == 3  # and that of what is not certified
+    assert texts_of(figure)[:2] == ["one", "two"]
+
+
+def bars_of(axes):
+    """Collections of lines at single values of x."""
+    return [each for each in axes.collections if hasattr(each, "get_segments") and each.get_segments()]
+
+
+def test_a_spec_that_does_not_read_the_damping_has_the_same_limits_everywhere(plane):
+    """Its values are missing; it is a line from side to side."""
+    one = {"spec": np.full(plane["low"].size, "one", object)} | plane
+    other = {name: column[:1] for name, column in one.items()}
+    other |= {"spec": np.array(["flat"], object), "B_VE": np.array([np.nan]), "high": np.array([1234.0])}
+    (axes,) = plots.compare({name: np.concatenate([column, other[name]]) for name, column in one.items()}, {}).axes
+    lines = [line.tolist() for each in bars_of(axes) for line in each.get_segments()]
+    assert [[0.0, 1234.0], [15.0, 1234.0]] in lines
 
 
 def test_numbers_of_margins_do_not_touch_and_nothing_is_cut_off_beside_long_names():
@@ -364,21 +357,6 @@ def test_texts_of_a_figure_are_texts_in_a_file(plane, tmp_path):
     fonts = re.findall(rb"/Subtype /(Type3|Type0|TrueType)", (tmp_path / "a.pdf").read_bytes())
     assert set(fonts) == {b"Type0"}
     assert re.search("<text [^>]*>largest", (tmp_path / "a.svg").read_text())
-
-
-def test_intervals_that_lie_apart_are_not_joined_in_a_comparison(plane):
-    """One ends where another begins, both alone at their damping."""
-    some = {name: column[plane["B_VE"] > 6] for name, column in plane.items()}  # a single interval everywhere
-    above = some["B_VE"] > 10
-    columns = {"spec": np.full(above.size, "one", object)} | some | {"low": np.where(above, 5000.0, 0.0)}
-    columns["high"] = some["high"] + 5000.0 * above
-
-    def longest(columns):
-        walls = plots.compare(columns, {}).axes[0]
-        return max(len(line.get_xdata()) for line in walls.lines if line.get_linestyle() == "-")
-
-    assert longest(columns) == max(above.sum(), (~above).sum())
-    assert longest(columns | {"low": some["low"], "high": some["high"]}) == above.size
 
 
 def test_one_thread_after_the_other_has_the_settings_of_figures():
@@ -527,13 +505,24 @@ def test_a_range_above_0_fills_its_figure_and_has_what_is_felt_only_if_that_is_i
         assert ("stiffness felt at the limit" in texts_of(figure)) == shown
 
 
-def test_the_static_limit_of_a_comparison_is_at_the_left_edge():
-    spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.0, 0.5, 5.0]}})
-    walls, responses = compare([spec])
-    figure = plots.compare(walls.columns, walls.facts, responses.columns)
-    marks = [line for axes in figure.axes[2:] for line in axes.lines if line.get_marker() == "<"]
-    assert [line.get_xdata()[0] for line in marks] == [0.5, 0.5]
-    assert marks[0].get_ydata()[0] == 1e3 * responses.columns["admittance_abs"][0]
+def test_a_comparison_has_the_figures_of_both_tables():
+    """Above what `zwidth` draws of one spec, below what `bode` draws."""
+    spec = {
+        "controller": {"kind": "pmw"},
+        "environment": {"integration": "explicit"},
+        "bode": {"frequency_hz": [0.0, 0.5, 5.0]},
+    }
+    walls, responses = compare([wavesweep.load(spec | {"sweep": {"B_VE": [0.0, 5.0]}})])
+    figure, below = plots.compare(walls.columns, walls.facts, responses.columns), plots.bode(responses.columns, responses.facts)
+    for axes, alone in zip(figure.axes[1:], below.axes, strict=True):
+        assert [line.get_xydata().tolist() for line in axes.lines] == [line.get_xydata().tolist() for line in alone.lines]
+    alone = plots.zwidth({name: column for name, column in walls.columns.items() if name != "spec"}, walls.facts)
+    above, own = (
+        {tuple(v) for each in bars_of(axes) for v in np.concatenate(each.get_segments())}
+        for axes in (figure.axes[0], alone.axes[0])
+    )
+    assert {(x, y) for x, y in own if y > 0}
+    assert own == above
 
 
 def test_a_comparison_with_a_loop_that_turns_names_both_units():
@@ -544,7 +533,7 @@ def test_a_comparison_with_a_loop_that_turns_names_both_units():
     specs = [replace(wavesweep.load(each), name=name) for name, each in (("slides", tables), ("turns", turning))]
     walls, responses = compare(specs)
     figure = plots.compare(walls.columns, walls.facts, responses.columns, responses.facts)
-    lower = [axes.get_ylabel() for axes in figure.axes[2:]]
+    lower = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel() and "phase" not in axes.get_ylabel()]
     assert lower == ["admittance\n(mm/N or mrad/(N·m))", "impedance\n(N/m or N·m/rad)"]
 
 
@@ -606,22 +595,22 @@ def test_an_eps_is_the_same_each_time_and_has_the_colours_that_shine_through(tmp
 
 
 def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
-    """Between 0 and 5 N*s/m a hole closes, which two values do not show; marks are at the values alone."""
+    """Between 0 and 5 N*s/m a hole closes, which two values do not show."""
     lp1 = {"lp1": {"order": 1, "cutoff_hz": 8.57}}
     spec = {"controller": {"kind": "pmw", "b": 25.0}, "environment": {"integration": "explicit"}, "filters": lp1}
     spec |= {"bode": {"frequency_hz": [1]}}
     walls, _ = compare([wavesweep.load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.0, 5.0]}})])
-    limits = plots.compare(walls.columns, walls.facts).axes[0]
-    lines = [line for line in limits.lines if line.get_marker() == "o" and len(line.get_xdata()) > 1]
-    tip = max(line.get_xdata().max() for line in lines if line.get_xdata().max() < 5)
-    for line in lines:
-        marked = line.get_xdata()[line.get_markevery()]
-        assert set(marked) <= {0.0, 5.0}
-        for x, y in [*zip(*line.get_data(), strict=True)][::7]:
-            row = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[float(x)])
-            assert min(abs(row.high - y)) <= 1e-9 * y
-    found = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=[0.99 * tip, 1.02 * tip])
-    assert found.intervals.tolist() == [2, 2, 1]
+    (axes,) = plots.compare(walls.columns, walls.facts).axes
+    vertices = np.concatenate([line for each in bars_of(axes) for line in each.get_segments()])
+    at = np.unique(vertices[:, 0])
+    table = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=at.tolist())
+    computed = 0
+    for x, y in vertices:
+        ends = table[x == table.B_VE][["low", "high"]].to_numpy()
+        computed += np.abs(ends - y).min() <= 1e-9 * max(y, 1.0)
+    assert computed >= len(vertices) - 8  # but for the middle of the pixel in which the hole closes
+    counts = table.groupby("B_VE").intervals.first()
+    assert (counts.max(), counts.iloc[-1]) == (2, 1)
 
 
 def test_figures_need_no_list_of_fonts_that_somebody_stored(monkeypatch):

@@ -7,6 +7,7 @@ import wavesweep
 from tests.identify.test_points import spec_of
 from wavesweep import plots
 from wavesweep.identification.points import facts_of_points
+from wavesweep.plots.style import distinct_colour
 from wavesweep.tables.comparison import compare
 
 SWEEP = {"B_VE": [0.0, 1.0, 2.0, 3.0, 4.0]}
@@ -72,6 +73,5 @@ def test_models_of_one_measurement_share_its_points_in_a_comparison(tmp_path):
     panel = figure.axes[0]
     assert [points for points in points_of(panel, "o", "white") if [2, 3500] in points] == [[[2, 3500]]]
     (limit,) = [line for line in panel.lines if line.get_marker() == "D" and line.get_linestyle() == "None"]
-    curve = next(line for line in panel.lines if line.get_label() != "" and line.get_linestyle() != "None")
     assert limit.get_xydata().tolist() == [[1, 2000]]
-    assert limit.get_color() not in ("black", curve.get_color())
+    assert limit.get_color() == distinct_colour(2)

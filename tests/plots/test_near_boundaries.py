@@ -5,11 +5,10 @@ import pytest
 
 import wavesweep
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
-from wavesweep.plots.planes import region_of
-from wavesweep.plots.refine import View, curves_of
 from wavesweep.sweep.drawn_loops import radii_of
 from wavesweep.sweep.grid import drawing_for, read_by
 from wavesweep.tables.intervals import intervals
+from wavesweep.tables.regions import View, curves_of, region_of
 
 pytestmark = pytest.mark.slow
 POINTS, AWAY = 200, 8  # of each boundary, and pixels up to which they lie away from it

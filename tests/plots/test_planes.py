@@ -2,9 +2,12 @@
 
 from itertools import pairwise
 
-from wavesweep.plots.planes import _followed, draw_region, region_of
-from wavesweep.plots.refine import KNOWN, NARROW, Curve, Interval, View, _is_straight
+import numpy as np
+import pytest
+
+from wavesweep.plots.regions import draw_region
 from wavesweep.plots.style import Look
+from wavesweep.tables.regions import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
 
 VIEW = View("B_VE", False, 500, 400)
 
@@ -13,15 +16,21 @@ def column(*intervals, incomplete=False):
     return tuple(Interval(low, high, True, True, True) for low, high in intervals), incomplete
 
 
+def area(line):
+    x, y = np.array(line).T
+    return abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+
+
 def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
     both, one = column((0, 1200), (1280, 1390)), column((1283, 1387))
     for known in (True, False):
         part = one if known else (one[0], True)
-        curve = Curve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW})
-        chains, jumps, _, bars = _followed(curve)
-        assert jumps == ([[(6.4, 1200), (6.4, 0)], [(6.5, 0), (6.5, 1200)]] if known else [])
-        assert not bars
-        assert [len(chain) for chain in chains].count(3) == 1
+        region = region_of(Curve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW}), VIEW)
+        across = [step for line in region.certain for step in pairwise(line) if step[0][0] == step[1][0]]
+        steps = [(round(x, 3), low, high) for (x, low), (_, high) in across if low in (0, 1200)]
+        assert steps == ([(6.425, 1200, 0), (6.475, 0, 1200)] if known else [])
+        assert not region.bars
+        assert sum(map(area, region.areas)) == pytest.approx(0.05 * 1310 + 0.05 * 104)
 
 
 def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
@@ -61,15 +70,21 @@ def test_bars_at_the_first_or_the_last_value_are_known_as_such():
     assert not Curve({0.0: column((0, 1))}).open_at_ends
 
 
-def test_the_outer_boundary_goes_on_where_a_hole_begins():
-    """It had a gap of a pixel there."""
+def test_a_boundary_is_one_line_where_a_hole_begins():
+    """Its steps across the gap have the unstable side at their left, as its other steps have."""
     one, two = column((100, 1200)), column((101, 600), (700, 1201))
-    for columns, lines in (
-        ({1.0: one, 2.0: two}, [[(1.0, 1200), (2.0, 1201)], [(2.0, 101), (1.0, 100)]]),
-        ({1.0: two, 2.0: one}, [[(1.0, 1201), (2.0, 1200)], [(2.0, 100), (1.0, 101)]]),
-    ):
-        _, jumps, *_ = _followed(Curve(columns, {(1.0, 2.0): NARROW}))
-        assert [line for line in jumps if line[0][0] != line[1][0]] == lines
+    region = region_of(Curve({1.0: one, 2.0: two}, {(1.0, 2.0): NARROW}), VIEW)
+    outer = [(1.0, 1200), (1.5, 1200), (1.5, 1201), (2.0, 1201)]
+    lower = [(2.0, 101), (1.5, 101), (1.5, 100), (1.0, 100)]
+    hole = [(2.0, 700), (1.5, 700), (1.5, 600), (2.0, 600)]
+    assert sorted(region.certain) == sorted([outer, lower, hole])
+    assert region.doubtful == []
+
+
+def test_a_closed_boundary_is_a_line_too():
+    island = Curve({0.0: column(), 1.0: column((5, 6)), 2.0: column()}, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW})
+    (line,) = region_of(island, VIEW).certain
+    assert (line[0], len(line), area(line)) == (line[-1], 7, 1.0)
 
 
 def test_what_is_stable_and_not_certified_is_not_filled():
@@ -79,7 +94,8 @@ def test_what_is_stable_and_not_certified_is_not_filled():
     doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), False
     columns = {0.0: column((0, 1)), 1.0: doubted, 2.0: doubted, 3.0: column((0, 1))}
     axes = Figure().subplots()
-    draw_region(axes, Curve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW, Look("#0072B2", "-"), filled=True)
+    region = region_of(Curve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW)
+    draw_region(axes, region, Look("#0072B2", "-"), filled=True)
     dotted = [each for each in axes.collections if each.get_hatch()]
     assert [each.get_facecolor()[0].tolist() for each in dotted] == [[1, 1, 1, 1]]
     corners = [tuple(corner) for path in dotted[0].get_paths() for corner in path.vertices.tolist()]

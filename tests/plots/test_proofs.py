@@ -25,9 +25,12 @@ def table(axis, values, *, settled=False, proved=True):
 
 
 def hatched(axes):
-    """Extents (left, low, right, high) of the hatches of what is not known, in data."""
-    patches = [patch for patch in axes.patches if patch.get_hatch() == "/////"]
-    return [tuple(np.round([*p.get_xy(), p.get_x() + p.get_width(), p.get_y() + p.get_height()], 9)) for p in patches]
+    """Corners of the hatches of what is not known, in data."""
+    parts = [
+        patch.get_path().transformed(patch.get_patch_transform()) for patch in axes.patches if patch.get_hatch() == "/////"
+    ]
+    parts += [path for each in axes.collections if each.get_hatch() == "/////" for path in each.get_paths()]
+    return [{tuple(np.round(corner, 9).tolist()) for corner in part.vertices} for part in parts if len(part.vertices)]
 
 
 def carets(axes):
@@ -44,8 +47,16 @@ def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(
     figure = plots.zwidth(table("B_VE", [0.0, 1.0, 2.0], settled=settled), {})
     (axes,) = figure.axes
     assert carets(axes) == [(0.0, REFUTED), (1.0, REFUTED), (2.0, REFUTED)]
-    assert [(low, high) for _, low, _, high in hatched(axes)] == 3 * [(PROVED, REFUTED)]
-    assert all(left < b < right for b, (left, _, right, _) in zip((0, 1, 2), hatched(axes), strict=True))
+    corners = {(x, y) for x in (0.0, 1.0, 2.0) for y in (PROVED, REFUTED)}
+    assert any(part == corners for part in hatched(axes))
+    (filled,) = [each for each in axes.collections if str(each.get_zorder()) == "0.6"]
+    assert {(0.0, PROVED), (2.0, PROVED), (0.0, 0.0), (2.0, 0.0)} <= {
+        tuple(v) for path in filled.get_paths() for v in path.vertices
+    }
+    dots = [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "."]
+    assert dots == [[[x, PROVED] for x in (0.0, 1.0, 2.0)]]
+    (star,) = [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "*"]
+    assert star == [[0.0, PROVED]]  # the best of what is proved, not of the nominal numbers
     assert [text for text in said(figure) if text in ("proved for all", "not known", "refuted from here")] == [
         "proved for all",
         *([] if settled else ["not known"]),
@@ -57,10 +68,11 @@ def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(
 def test_a_bar_shows_the_same_and_nothing_proved_is_said():
     (axes,) = plots.zwidth(table("b", [10.0]), {}).axes
     assert carets(axes) == [(REFUTED, 1.0)]
-    assert [(left, right) for left, _, right, _ in hatched(axes)] == [(PROVED, REFUTED)]
+    (part,) = hatched(axes)
+    assert {x for x, _ in part} == {PROVED, REFUTED}
     figure = plots.zwidth(table("b", [10.0], proved=False), {})
     (axes,) = figure.axes
     assert "nothing proved" in [text.get_text() for text in axes.texts]
     (whole,) = hatched(axes)
-    assert (whole[0], whole[2]) == (0.0, axes.get_xlim()[1])
+    assert {x for x, _ in whole} == {0.0, axes.get_xlim()[1]}
     assert {"not known", "proved for all: none"} <= set(said(figure))

@@ -65,7 +65,7 @@ def test_one_frequency_is_drawn_over_the_axis_that_varies():
     assert len(axes.lines) == 1
     assert np.array_equal(axes.lines[0].get_ydata(), 1e3 * columns["admittance_abs"])
     assert "b" in figure.axes[2].get_xlabel()
-    assert "at 5 Hz" in figure.get_suptitle()
+    assert "At 5 Hz" in figure.get_supxlabel()
 
 
 def test_points_that_no_line_joins_are_marks():
@@ -101,7 +101,7 @@ def test_the_slow_nyquist_frequency_is_marked():
 
 @pytest.mark.thorough
 def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
-    from wavesweep.plots import chosen
+    from wavesweep.plots import sampling
     from wavesweep.tables.responses import responses
 
     axes = {"b": {"start": 5, "stop": 200, "num": 40}, "B_VE": {"start": 0, "stop": 5, "num": 10}}
@@ -110,10 +110,10 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
     whole = plots.bode(table.columns, table.facts)
     curves = [line for line in whole.axes[0].lines if len(line.get_xdata()) == 3]
     assert len(curves) == 10 * 20
-    assert "Shown: 20 of 40 values of b." in whole.get_suptitle()
+    assert "Shown: 20 of 40 values of b." in whole.get_supxlabel()
     monkeypatch.setattr("wavesweep.sweep.running.BLOCK", 100)
     for kept in (10**6, 500):
-        monkeypatch.setattr(chosen, "KEPT_ROWS", kept)
+        monkeypatch.setattr(sampling, "KEPT_ROWS", kept)
         drawn = plots.drawn(table, said.append)
         assert sum(len(block["b"]) for block in drawn.blocks()) == 1200
         pictures = []
@@ -124,7 +124,7 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
 
 
 def test_a_single_frequency_has_few_places_along_its_curve_and_few_curves():
-    from wavesweep.plots.chosen import Curves
+    from wavesweep.plots.sampling import Curves
 
     columns = {"b": np.repeat(np.arange(5000.0), 3), "Kp": np.tile([0.0, 1, 2], 5000), "spec": np.full(15000, "s", object)}
     curves = Curves(lambda: (columns | {"frequency_hz": np.ones(15000)},))

@@ -79,6 +79,6 @@ def test_a_root_locus_has_the_poles_of_every_value_and_its_ends_are_on_the_circl
 def test_the_figure_of_a_root_locus_marks_certified_ends():
     own = wavesweep.compile(tomllib.loads(DRIVE))
     canvas = own.plot_root_locus("kp")
-    (legend,) = [text.get_text() for text in canvas.axes[0].get_legend().get_texts()]
+    (legend,) = [text.get_text() for text in canvas.legends[0].get_texts()]
     (row,) = own.stable_intervals("kp").itertuples()
-    assert legend == f"{row.high:.6g}, {row.high_hz:.4g} Hz"
+    assert legend == f"kp = {row.high:.6g}, {row.high_hz:.4g} Hz"

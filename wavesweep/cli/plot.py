@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
     """Have the figure drawn in this width or style, until the command ends."""
     if text is not None and not context.resilient_parsing:
-        from wavesweep.plots.asked import style_of, width_of
+        from wavesweep.plots.options import style_of, width_of
         from wavesweep.plots.style import as_asked
 
         asked = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}

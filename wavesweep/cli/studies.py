@@ -129,8 +129,8 @@ def compare(specs: tuple[str, ...], options: Options) -> None:
 
     Each SPEC is a TOML file with its own [sweep] and [bode] tables. The table compare has a row per spec and stable interval of
     K_VE: the column spec, then the columns of zwidth. The table compare-bode has the responses, as bode writes them. The
-    figure shows the ends of the stable stiffness, the stiffness that the hand feels there, admittance and impedance, with a
-    colour per spec. The results go to results/<names of all specs>, and --set applies to all specs.
+    figure has the stable walls of all specs, as zwidth draws them, above their responses, as bode draws them, with a colour
+    for each spec. The results go to results/<names of all specs>, and --set applies to all specs.
 
     \b
     Example:

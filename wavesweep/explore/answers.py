@@ -14,8 +14,6 @@ from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
 from wavesweep.explore.sliders import taken
 from wavesweep.monodromy.cut import Cut
-from wavesweep.plots.planes import region_of
-from wavesweep.plots.refine import NARROW, Curve, Interval, View, curves_of, known_gaps
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
 from wavesweep.spec import Axis, Spec
@@ -29,6 +27,7 @@ from wavesweep.sweep.response_job import doubt_of
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.tasks import FELT, LINES, radius_over
 from wavesweep.sweep.verdict import own_design
+from wavesweep.tables.regions import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
 SECONDS = 0.4  # that these may take
@@ -157,14 +156,14 @@ def plane_of(curve: Curve, view: View) -> dict:
     known: which gaps between the columns are known. partly: whether other intervals of the column may be missing. lines: the
     certified parts of the boundary. bars: (x, low, high, certified).
     """
-    slices, region = curve.slices(), region_of(curve, view)
-    places = [x for x, _, _ in slices]
+    region, places = region_of(curve, view), sorted(curve.columns)
+    columns = [curve.columns[x] for x in places]
     return {
         "how": "certified",
         "x": places,
-        "columns": [[(each.low, each.high, each.certified) for each in intervals] for _, intervals, _ in slices],
+        "columns": [[(each.low, each.high, each.certified) for each in intervals] for intervals, _ in columns],
         "known": [gap in curve.gaps for gap in pairwise(places)],
-        "partly": [partly for *_, partly in slices],
+        "partly": [partly for _, partly in columns],
         "areas": region.areas,
         "unproved": region.unproved,
         "lines": region.certain,
@@ -253,14 +252,14 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
     while factor <= widest:
         plane = Plane(x, y, x_span, (low, low + factor * (high - low)))
         try:
-            columns = _columns(spec, plane, np.linspace(*x_span, FEWEST))[0].slices()
+            columns = _columns(spec, plane, np.linspace(*x_span, FEWEST))[0].columns.values()
         except WavesweepError:  # somewhere in the range there is no loop
             return whole
-        limits = [each.high for _, column, _ in columns for each in column if each.high < plane.y_span[1]]
+        limits = [each.high for column, _ in columns for each in column if each.high < plane.y_span[1]]
         if limits:
             top = low + float(f"{ROOM * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, plane.y_span[1])))
-        if not all(column for _, column, _ in columns):
+        if not all(column for column, _ in columns):
             return whole
         factor *= WIDER
     return whole

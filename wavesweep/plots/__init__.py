@@ -61,7 +61,7 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
     if table.figure is not None:
         return table
     if table.kind in ("bode", "bode-ports", "passivity"):
-        from wavesweep.plots.chosen import Curves, Loops
+        from wavesweep.plots.sampling import Curves, Loops
 
         rows = (Loops if table.kind == "passivity" else Curves)(table.blocks)
         return with_figure(table.watched(rows.add), partial(_drawn_of, table.kind, rows, table.facts, say))
@@ -75,7 +75,7 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
 
 def _drawn_of(kind, rows, facts, say):
     if kind == "passivity":
-        from wavesweep.plots.margins import passivity_of
+        from wavesweep.plots.passive import passivity_of
 
         return passivity_of(rows, facts)
     columns, left_out = rows.chosen()

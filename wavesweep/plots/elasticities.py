@@ -7,14 +7,22 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, assumed, distinct_colour, figure, lines_of, printed, symbol, wide
+from wavesweep.plots.style import (
+    GRID,
+    TWO_COLUMNS,
+    assumption,
+    distinct_colour,
+    figure,
+    is_narrow,
+    note_below,
+    printed,
+    symbol,
+)
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8
 ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
-_BAR = 0.17  # inches of the figure's height for a number
-_ROOM = 0.95  # and for the title and the axis of a panel
-_LINE = 0.14  # and for a line of notes
+_BAR, _ROOM = 0.17, 0.95  # inches of the figure's height for a number, and for the title and the axis of a panel
 _LETTERS = 46  # of a line above a panel
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 
@@ -23,26 +31,24 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
     panels = _panels(columns)
     drawn = [rows for rows in panels if not _without_bars(rows)]
-    notes = [f"{_end(rows)}: no bars, {why}." for rows in panels if (why := _without_bars(rows))]
-    notes = list(dict.fromkeys(notes))[:PANELS]
+    notes = dict.fromkeys(f"{_end(rows)}: no bars, {why}." for rows in panels if (why := _without_bars(rows)))
+    notes = [*notes][:PANELS]
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
     notes += [_without_ends(facts)] if not panels else []
-    notes += [f"Assumes: {assumed(facts)}."] if facts.get("assumes") else []
-    notes = [line for note in notes for line in lines_of(note)]
-    shown = [_sorted(rows) for rows in drawn[:PANELS]]
-    across = min(2 if wide(TWO_COLUMNS) > ONE_COLUMN else 1, len(shown))
+    shown = [(rows, *_sorted(rows)) for rows in drawn[:PANELS]]
+    across = min(1 if is_narrow() else 2, len(shown))
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
-    heights = [_ROOM + _BAR * max(1, *(len(names) for _, names, _ in line)) for line in lines]
-    with figure(TWO_COLUMNS, 0.5 + sum(heights) + _LINE * len(notes)) as canvas:
+    heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
+    with figure(TWO_COLUMNS, 0.5 + sum(heights)) as canvas:
         if shown:
             axes = canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights)
             for axis, panel in zip(axes.ravel(), shown, strict=False):
                 _draw(axis, *panel)
             for axis in axes.ravel()[len(shown) :]:
                 axis.set_visible(False)
-            _legend(canvas, shown)
-            notes = ["elasticity: per cent of the limit per per cent of the number", *notes]
-        canvas.supxlabel("\n".join(notes), fontsize=8)
+            _legend(canvas, [rows for rows, *_ in shown])
+        elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
+        note_below(canvas, *notes, assumption(facts), axis=elasticity)
     return canvas
 
 
@@ -62,49 +68,45 @@ def _without_bars(rows: Columns) -> str:
     return f"since they are not known ({_why_missing(rows)})" if missing else "since no number moves it"
 
 
-def _panels(columns: Columns) -> list[Columns]:
-    """The rows of each combination, interval, end and crossing."""
-    names = [*list(columns)[: list(columns).index("along")], "interval", "side", "crossing"]
-    keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
-    found: dict[tuple, list[int]] = {}
-    for row, key in enumerate(keys):
-        found.setdefault(key, []).append(row)
-    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in found.values()]
-
-
-def _sorted(rows: Columns) -> tuple[Columns, list[str], str]:
-    """The rows of a panel, the numbers with bars from the largest on, and a note on those that are left out."""
-    largest: dict[str, float] = {}
-    for number, elasticity in zip(rows["number"].tolist(), rows["elasticity"].tolist(), strict=True):
-        if not np.isnan(elasticity):
-            largest[number] = max(largest.get(number, 0.0), abs(elasticity))
-    order = sorted((number for number, size in largest.items() if size > ROUNDED), key=lambda number: -largest[number])
-    shown, rest = order[:MOST], order[MOST:]
-    missing = len(set(rows["number"].tolist())) - len(largest)
-    notes = [f"{len(rest)} more, each at most {max(largest[number] for number in rest):.2g}"] if rest else []
-    still = len(largest) - len(order)
-    notes += [f"{still} without effect"] if still else []
-    notes += [f"{missing} not given ({_why_missing(rows)})"] if missing else []
-    return rows, shown, "; ".join(notes)
-
-
 def _why_missing(rows: Columns) -> str:
     words = [word for word in dict.fromkeys(rows["doubt"].tolist()) if word]
     return ", ".join(words) or "the limit is 0"
 
 
+def _panels(columns: Columns) -> list[Columns]:
+    """The rows of each combination, interval, end and crossing."""
+    names = [*list(columns)[: list(columns).index("along")], "interval", "side", "crossing"]
+    panels: dict[tuple, list[int]] = {}
+    for row, key in enumerate(zip(*(columns[name].tolist() for name in names), strict=True)):
+        panels.setdefault(key, []).append(row)
+    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in panels.values()]
+
+
+def _sorted(rows: Columns) -> tuple[list[str], str]:
+    """The numbers with bars, from the largest on, and a note on those that are left out."""
+    largest: dict[str, float] = {}
+    for number, elasticity in zip(rows["number"].tolist(), rows["elasticity"].tolist(), strict=True):
+        if not np.isnan(elasticity):
+            largest[number] = max(largest.get(number, 0.0), abs(elasticity))
+    order = sorted((number for number, size in largest.items() if size > ROUNDED), key=lambda number: -largest[number])
+    rest, missing = order[MOST:], len(set(rows["number"].tolist())) - len(largest)
+    notes = [f"{len(rest)} more, each at most {max(largest[number] for number in rest):.2g}"] if rest else []
+    notes += [f"{still} without effect"] if (still := len(largest) - len(order)) else []
+    notes += [f"{missing} not given ({_why_missing(rows)})"] if missing else []
+    return order[:MOST], "; ".join(notes)
+
+
 def _draw(axis: Any, rows: Columns, numbers: list[str], note: str) -> None:
-    places = {number: place for place, number in enumerate(numbers)}
-    kinds = _kinds(rows)
+    places, kinds = {number: place for place, number in enumerate(numbers)}, _kinds(rows)
     for index, quantity in enumerate(kinds):
-        some = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
-        at = [places[number] + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][some].tolist()]
-        axis.barh(at, rows["elasticity"][some], height=0.8 / len(kinds), **_look(quantity))
+        shown = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
+        at = [places[number] + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][shown].tolist()]
+        axis.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_look(quantity))
     axis.set_yticks(range(len(numbers)), [symbol(number) for number in numbers])
     axis.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
     axis.axvline(0, color="black", linewidth=0.6)
     axis.margins(x=0.08)
-    axis.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
+    axis.grid(**GRID, axis="x")
     axis.set_axisbelow(True)
     axis.set_title("\n".join(_title(rows)), fontsize=7, loc="left")
     if note:
@@ -115,10 +117,10 @@ def _title(rows: Columns) -> list[str]:
     """The limit, and the mode that sets it."""
     first = {name: column[0] for name, column in rows.items()}
     corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
-    damping = first["damping_ratio"]
     hz, also = first.get("hz", first["omega"] / (2 * np.pi)), first.get("second_hz", np.nan)  # a table may be an old one
-    beside = "beside it" if np.isnan(hz) or np.isclose(2 * np.pi * hz, first["omega"]) else "from frame to frame"
-    damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} {beside}"
+    next_to_it = np.isnan(hz) or np.isclose(2 * np.pi * hz, first["omega"])
+    place, damping = "beside it" if next_to_it else "from frame to frame", first["damping_ratio"]
+    damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} {place}"
     second = "" if np.isnan(also) else f" and {also:.4g} Hz"
     mode = f"{hz:.4g} Hz{second}{damped}" if hz else f"no oscillation from frame to frame{damped}"
     mode = "the mode is not known" if np.isnan(first["omega"]) else mode
@@ -135,8 +137,7 @@ def _end(rows: Columns) -> str:
 
 
 def _kinds(rows: Columns) -> list[str]:
-    present = set(rows["quantity"].tolist())
-    return [quantity for quantity in _QUANTITIES if quantity in present]
+    return [quantity for quantity in _QUANTITIES if quantity in rows["quantity"].tolist()]
 
 
 def _look(quantity: str) -> dict[str, Any]:
@@ -145,10 +146,10 @@ def _look(quantity: str) -> dict[str, Any]:
     return {"facecolor": distinct_colour(number), "edgecolor": "white", "hatch": "////" * number or None, "linewidth": 0}
 
 
-def _legend(canvas: Any, shown: list[tuple]) -> None:
+def _legend(canvas: Any, shown: list[Columns]) -> None:
     from matplotlib.patches import Patch
 
-    present = [quantity for quantity in _QUANTITIES if any(quantity in _kinds(rows) for rows, _, _ in shown)]
-    handles = [Patch(**_look(quantity)) for quantity in present]
+    present = [quantity for quantity in _QUANTITIES if any(quantity in _kinds(rows) for rows in shown)]
     if len(present) > 1:
+        handles = [Patch(**_look(quantity)) for quantity in present]
         canvas.legend(handles, [_QUANTITIES[each] for each in present], loc="outside upper center", ncols=2)

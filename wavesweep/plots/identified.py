@@ -7,7 +7,16 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.simulation import extremes
-from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, as_it_stands, distinct_colour, figure, lines_of
+from wavesweep.plots.style import (
+    GRID,
+    IDEAL,
+    TWO_COLUMNS,
+    as_it_stands,
+    distinct_colour,
+    figure,
+    note_below,
+    warn_above,
+)
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 
@@ -34,7 +43,7 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
         panels[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
         for axes in panels:
-            axes.grid(visible=True, color="0.9", linewidth=0.5)
+            axes.grid(**GRID)
             axes.margins(x=0)
         for axes in panels[:2]:
             axes.sharex(panels[2])
@@ -61,20 +70,19 @@ def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
         panels[1].set_ylabel("phase (deg)")
         panels[2].set(ylabel="apart by (%)", xlabel="frequency (Hz)")
         for axes in panels:
-            axes.grid(visible=True, color="0.9", linewidth=0.5)
+            axes.grid(**GRID)
         _title(canvas, facts, "response")
         canvas.align_ylabels()
     return canvas
 
 
-def _title(canvas, facts, what):
+def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
+    """The numbers that were found below the panels, and above them a warning if the model does not explain what was read."""
     from wavesweep.tables.identify import spoken
 
-    found = ", ".join(f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
-    said = found if facts["explained"] else f"{found}; the model does not explain the {what}"
-    canvas.suptitle(
-        "\n".join(lines_of(as_it_stands(said.replace("*", "·")))), fontsize=8, color="0.3" if facts["explained"] else DOUBTFUL
-    )
+    numbers = (f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
+    note_below(canvas, as_it_stands(", ".join(numbers).replace("*", "·")))
+    warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {what}")
 
 
 def _spectrum(columns, facts):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.columns import Columns
 from wavesweep.stability.certificate import FELT_ALIKE
 
 # What a person can still read in one figure.
@@ -48,33 +49,49 @@ class Layout:
         axes = ({self.family: self.members} if self.family else {}) | dict(self.beside)
         return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
-    def shows(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    def shows(self, columns: Columns) -> np.ndarray:
         """Flags of the rows that the figure shows."""
         roles = ((self.x, self.points), (self.panels, self.panel_values), (self.family, self.members))
         wanted = {axis: values for axis, values in roles if axis is not None}
-        wanted |= {axis: (value,) for axis, value in self.fixed.items()}
-        shown = np.ones(len(columns["along"]), dtype=bool)
-        for axis, values in wanted.items():
-            shown &= np.isin(columns[axis], values)
-        return shown
+        return having(columns, wanted | {axis: (value,) for axis, value in self.fixed.items()})
 
 
-def axes_of(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[float, ...]]:
-    """The axes of a table and their values."""
-    return {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("along")]}
+def having(columns: Columns, wanted: Mapping[str, Sequence[float]]) -> np.ndarray:
+    """Flags of the rows with these values of the axes, or whose loop does not read an axis (NaN)."""
+    flags = np.ones(len(next(iter(columns.values()))), bool)
+    for axis, values in wanted.items():
+        flags &= np.isin(columns[axis], values) | np.isnan(columns[axis])
+    return flags
+
+
+def rows_with(columns: Columns, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """The rows with one value of each of these axes."""
+    flags = having(columns, {axis: (value,) for axis, value in values.items()})
+    return {name: column[flags] for name, column in columns.items()}
+
+
+def axes_of(columns: Columns) -> dict[str, tuple[float, ...]]:
+    """The axes of a table of intervals and their values, those before `along`."""
+    names = [name for name in list(columns)[: list(columns).index("along")] if name != "spec"]
+    return {name: tuple(np.unique(columns[name][~np.isnan(columns[name])]).tolist()) for name in names}
 
 
 def lay_out(
-    axes: Mapping[str, Sequence[float]], best: Mapping[str, float], hands: bool = False, smooth: Collection[str] = ()
+    axes: Mapping[str, Sequence[float]],
+    best: Mapping[str, float],
+    hands: bool = False,
+    smooth: Collection[str] = (),
+    dampings: Sequence[str] = (),
 ) -> Layout:
     """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a family of lines, panels.
 
     The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which the
     figure goes through: values that are left out are chosen about it. hands: the family is that of the hands. smooth: axes
     between whose values the figure computes others; a single one of these is along the figure however few values it has.
+    dampings: the names of the damping of walls in drawn loops.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
-    x = along_the_figure(several)
+    x = along_the_figure(several, dampings)
     if x is None and len(several) == 1 and not hands:
         x = next((name for name in several if name in smooth and len(several[name]) > _PAIR), None)
     rest = [name for name in several if name != x]
@@ -95,9 +112,9 @@ def lay_out(
     return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
 
 
-def along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
-    """Return the axis along the figure, one of the wall's if possible; None if all axes are short."""
-    for wall in ("B_VE", "K_VE"):
+def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()) -> str | None:
+    """Return the axis along the figure, one of the wall's if possible; None if all axes are short. dampings: of drawn walls."""
+    for wall in ("B_VE", "K_VE", *dampings):
         if wall in several:
             return wall
     # A handful of values makes bars; a line needs more of them.
@@ -123,38 +140,35 @@ def evenly(
     return tuple(values[chosen].tolist())
 
 
-def best_row(columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable."""
+def best_row(columns: Columns) -> dict[str, Any]:
+    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable.
+
+    If there are any, rows proved for all numbers come first, then certified ones, then those with a known stiffness felt.
+    """
     rows = columns["intervals"] > 0
-    merit, known = _merit(columns)
-    for better in (columns["certified"], known):
-        rows = rows & better if (rows & better).any() else rows
     if not rows.any():
         return {}
+    merit, known = columns["high"], np.ones(rows.size, bool)
+    if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
+        known = ~np.isnan(columns["felt_high"])
+        merit = np.where(known, columns["felt_high"], merit)
+    ranks = (columns.get("guarantee", np.full(rows.size, "")) == "for_all", columns["certified"], known)
+    for better in ranks:
+        rows = rows & better if (rows & better).any() else rows
     merit = np.where(rows, merit, -np.inf)
     most = merit.max()
     row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
-    return {name: column[row] for name, column in columns.items()} | {"merit": merit[row], "known": known[row]}
+    best = {name: column[row] for name, column in columns.items()}
+    return best | {"merit": merit[row], "rank": tuple(bool(better[row]) for better in ranks)}
 
 
-def _merit(columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """The stiffness felt at the high end of a wall, or the high end itself, and whether it is known."""
-    felt = columns.get("felt_high")
-    if felt is None or str(columns["along"][0]) != "K_VE":
-        return columns["high"], np.ones(len(columns["high"]), bool)
-    return np.where(np.isnan(felt), columns["high"], felt), ~np.isnan(felt)
-
-
-def best_of(found: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The best of some rows, the first of those that are alike but for rounding.
-
-    Certified ones come first, and those with a stiffness felt that is known.
-    """
-    known = [row for row in found if row]
-    for better in ("certified", "known"):
-        known = [row for row in known if row[better]] or known
-    most = max((row["merit"] for row in known), default=0.0)
-    return next((dict(row) for row in known if row["merit"] >= most - FELT_ALIKE * abs(most)), {})
+def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The best of the best rows of some blocks, the first of those that are alike but for rounding."""
+    candidates = [row for row in rows if row]
+    first = max((row["rank"] for row in candidates), default=())
+    candidates = [row for row in candidates if row["rank"] == first]
+    most = max((row["merit"] for row in candidates), default=0.0)
+    return next((dict(row) for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most)), {})
 
 
 def is_logarithmic(values: np.ndarray) -> bool:

@@ -8,23 +8,25 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns, complex_columns
-from wavesweep.plots.chosen import Curves
 from wavesweep.plots.measured import coloured, draw_responses
-from wavesweep.plots.refine import spec_of
+from wavesweep.plots.sampling import Curves
 from wavesweep.plots.style import (
+    GRID,
     IDEAL,
     LINES,
     TWO_COLUMNS,
-    Look,
+    assumption,
     at_hand,
     by_factors,
     distinct_colour,
+    distinct_look,
     family_looks,
     family_map,
     figure,
     fitting,
+    is_narrow,
     label,
-    note_assumptions,
+    note_below,
     printed,
     shortened,
     valued,
@@ -32,20 +34,14 @@ from wavesweep.plots.style import (
     with_unit,
 )
 from wavesweep.stability.certificate import SPARED
+from wavesweep.tables.regions import spec_of
 
-_PANELS = (
-    ("admittance_abs", "admittance", "mm/N"),
-    ("impedance_abs", "impedance", "N/m"),
-    ("admittance_deg", "phase of admittance", "deg"),
-    ("impedance_deg", "phase of impedance", "deg"),
-)
+_AT_HAND = (("admittance", "mm/N"), ("impedance", "N/m"))
 ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
 LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
-_NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _LINEAR_POINTS = 800  # of the linear loop beside a simulation
 _MARKS = "osv^D<>p"
-_GRID = {"visible": True, "color": "0.88", "linewidth": 0.5}
 
 
 @dataclass(frozen=True)
@@ -68,8 +64,21 @@ def bode(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None
     """
     columns, left_out = _shown(columns, left_out)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
-    panels = tuple((name, at_hand(title, name, unit, facts)) for name, title, unit in _PANELS)
-    return _drawn(columns, panels, left_out, facts)
+    quantities = [
+        _Quantity(name, at_hand(name, f"{name}_abs", unit, facts), f"phase of {name} (deg)") for name, unit in _AT_HAND
+    ]
+    return _drawn(columns, quantities, left_out, facts)
+
+
+def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
+    """Draw a `bode-ports` table as `bode` draws one: a curve for each pair of input and output, and panels for each unit."""
+    columns, left_out = _shown(columns, left_out)
+    several = len(set(columns["spec"].tolist())) > 1
+    pairs = zip(*(columns[name].tolist() for name in ("spec", "from_input", "to_output")), strict=True)
+    names = [f"{shortened(spec)}: " * several + f"{source} to {output}" for spec, source, output in pairs]
+    units = list(dict.fromkeys(columns["unit"].tolist()))
+    quantities = [_Quantity("response", with_unit("magnitude", printed([unit or "1"])), "phase (deg)", unit) for unit in units]
+    return _drawn({**columns, "spec": np.array(names, object)}, quantities, left_out, facts)
 
 
 def _shown(columns: Columns, left_out: str | None) -> tuple[Columns, str]:
@@ -80,48 +89,51 @@ def _shown(columns: Columns, left_out: str | None) -> tuple[Columns, str]:
     return curves.chosen()
 
 
-def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
-    """Draw a `bode-ports` table: magnitude and phase, a curve for each pair of input and output; otherwise as `bode`."""
-    columns, left_out = _shown(columns, left_out)
-    units = sorted(set(columns["unit"].tolist()) - {""})
-    several = len(set(columns["spec"].tolist())) > 1
-    rows = zip(*(columns[name].tolist() for name in ("spec", "from_input", "to_output", "unit")), strict=True)
-    names = [
-        (f"{shortened(spec)}: " if several else "")
-        + with_unit(f"{source} to {output}", printed([unit]) if len(units) > 1 else "")
-        for spec, source, output, unit in rows
-    ]
-    magnitude = "magnitude, unit of each curve" if len(units) > 1 else with_unit("magnitude", printed(units or [""]))
-    panels = ("response_abs", magnitude), ("response_deg", with_unit("phase", "deg"))
-    return _drawn({**columns, "spec": np.array(names, object)}, panels, left_out, facts)
+@dataclass(frozen=True, eq=False)
+class _Quantity:
+    """What a pair of panels shows: the stem of its columns, the labels of magnitude and phase, and the unit of its curves.
+
+    unit: None for all curves.
+    """
+
+    stem: str
+    magnitude: str
+    phase: str
+    unit: str | None = None
 
 
-def _drawn(columns: Columns, panels: tuple[tuple[str, str], ...], left_out: str, facts: Mapping[str, Any]) -> Any:
-    """The figure with these panels, of a column and its title each, magnitudes above phases."""
+def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]) -> Any:
+    """The figure with a magnitude above a phase for each quantity; in a narrow one all panels are below each other."""
     x = _axis_of(columns)
     curves, scale = _curves(columns, x, facts)
-    named = [curve for curve in curves if curve.label]
+    named = [curve.label for curve in curves if curve.label]
     specs = dict.fromkeys(columns["spec"].tolist()) if x == "frequency_hz" else ()
     measured = {spec: distinct_colour(number) for number, spec in enumerate(specs)}
-    in_a_row = fitting([*(curve.label for curve in named), *coloured(facts, "response", measured)], wide(TWO_COLUMNS))
-    with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
-        grid = canvas.subplots(2, len(panels) // 2, sharex=True, squeeze=False)
-        for axes, (name, title) in zip(grid.flat, panels, strict=True):
-            _draw_panel(axes, curves, name, x, partial(draw_responses, axes, facts, name, measured))
-            axes.set_ylabel(title)
-            _mark_nyquist(axes, columns, x, name == panels[0][0])
-        for axes in grid[1]:
+    in_a_row = fitting([*named, *coloured(facts, "response", measured)], wide(TWO_COLUMNS))
+    shape = (2 * len(quantities), 1) if is_narrow() or len(quantities) == 1 else (2, len(quantities))
+    with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
+        grid = canvas.subplots(*shape, sharex=True, squeeze=False)
+        pairs = grid.reshape(-1, 2) if shape[1] == 1 else grid.T
+        for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=True)):
+            own = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
+            for axes, part, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
+                name = f"{quantity.stem}_{part}"
+                _draw_panel(axes, own, name, x, partial(draw_responses, axes, facts, name, measured))
+                axes.set_ylabel(title)
+                _mark_nyquist(axes, columns, x, number == 0 and axes is above)
+            _add_decibels(above)
+        for axes in grid[-1]:
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
-        for axes in grid[0]:
-            _add_decibels(axes)
         canvas.align_ylabels()
-        place = [] if x == "frequency_hz" else [f"at {columns['frequency_hz'][0]:g} Hz"]
-        note_assumptions(canvas, facts, "; ".join([*place, *filter(None, [left_out])]))
+        place = "" if x == "frequency_hz" else f"At {columns['frequency_hz'][0]:g} Hz."
+        note_below(canvas, place, left_out, assumption(facts))
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
-        handles, labels = grid[0, 0].get_legend_handles_labels()
+        shown = pairs[:1, 0] if quantities[0].unit is None else pairs[:, 0]  # all panels of the hand have the same curves
+        entries = [entry for axes in shown for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
+        handles, labels = zip(*entries, strict=True) if entries else ((), ())
         if handles:
-            canvas.legend(handles, labels, loc="outside lower center", ncols=min(in_a_row, len(handles)))
+            canvas.legend(handles, labels, loc="outside upper center", ncols=min(in_a_row, len(handles)))
     return canvas
 
 
@@ -146,7 +158,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured
     for curve in curves:
         places, values = curve.rows[x], curve.rows[name]
         order = np.argsort(places, kind="stable")
-        places, values, lost = places[order], values[order], rounded(curve.rows, name)[order]
+        places, values, lost = places[order], values[order], _rounded(curve.rows, name)[order]
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
         line = (places[~static], values[~static])
         line = _broken(*line) if name.endswith("_deg") else line
@@ -165,12 +177,12 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured
     if logarithmic:
         by_factors(axes.xaxis, positive, everywhere.max())
     if name.endswith("_abs"):
-        _by_factors(axes)
+        scale_magnitudes(axes)
     else:
         _in_degrees(axes)
     if everywhere.max() > everywhere.min():
         axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
-    axes.grid(which="major", **_GRID)
+    axes.grid(which="major", **GRID)
 
 
 def _alone(values: np.ndarray) -> list[int]:
@@ -179,7 +191,7 @@ def _alone(values: np.ndarray) -> list[int]:
     return np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()
 
 
-def rounded(rows: Columns, name: str) -> np.ndarray:
+def _rounded(rows: Columns, name: str) -> np.ndarray:
     """Flags of the rows whose doubt is about this quantity, and not about the worst gain alone."""
     return (rows["doubt"] == "rounding") & ~(rows[f"{name.partition('_')[0]}_error"] <= SPARED)
 
@@ -232,9 +244,7 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
     scale = _scale(columns[axes[0]]) if several else None
     curves = []
     for index, (spec, responses) in enumerate(zip(specs, found, strict=True)):
-        looks = (
-            family_looks(len(responses)) if len(responses) > 1 else [Look(distinct_colour(index), LINES[index % len(LINES)])]
-        )
+        looks = family_looks(len(responses)) if len(responses) > 1 else [distinct_look(index)]
         named: set[str] = set()
         for (place, rows), look in zip(responses, looks, strict=True):
             colour = scale.to_rgba(rows[axes[0]][0]) if scale is not None and len(responses) > 1 else look.colour
@@ -333,17 +343,20 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     linear = {name.removeprefix("linear_"): column for name, column in rows.items() if name.startswith("linear_")}
     linear = _linear(rows, facts) or {**linear, "frequency_hz": rows["frequency_hz"]}
     rows, linear = ({**each, "admittance_abs": 1e3 * each["admittance_abs"]} for each in (rows, linear))
-    with figure(TWO_COLUMNS, 4.0) as canvas:
-        grid = canvas.subplots(2, 2, sharex=True)
-        for axes, (name, title, unit) in zip(grid.flat, _PANELS, strict=True):
-            _draw_seen(axes, rows, linear, name)
-            _mark_nyquist(axes, rows, "frequency_hz", name == "admittance_abs")
-            axes.set_ylabel(at_hand(title, name, unit, facts))
-        for axes in grid[1]:
+    narrow = is_narrow()
+    with figure(TWO_COLUMNS, 7.0 if narrow else 4.0) as canvas:
+        grid = canvas.subplots(*((4, 1) if narrow else (2, 2)), sharex=True, squeeze=False)
+        for (above, below), (name, unit) in zip(grid.reshape(2, 2) if narrow else grid.T, _AT_HAND, strict=True):
+            for axes, column in ((above, f"{name}_abs"), (below, f"{name}_deg")):
+                _draw_seen(axes, rows, linear, column)
+                _mark_nyquist(axes, rows, "frequency_hz", column == "admittance_abs")
+            above.set_ylabel(at_hand(name, f"{name}_abs", unit, facts))
+            below.set_ylabel(f"phase of {name} (deg)")
+        for axes in grid[-1]:
             axes.set_xlabel("frequency (Hz)")
         canvas.align_ylabels()
         handles, labels = grid[0, 0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside lower center", ncols=3)
+        canvas.legend(handles, labels, loc="outside upper center", ncols=1 if narrow else 3)
     return canvas
 
 
@@ -375,63 +388,11 @@ def _draw_seen(axes: Any, columns: Columns, linear: Columns, name: str) -> None:
     if name.endswith("_deg"):
         _in_degrees(axes)
     else:
-        _by_factors(axes)
-    axes.grid(**_GRID)
+        scale_magnitudes(axes)
+    axes.grid(**GRID)
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
-    """One curve: its label (empty for none), frequency (rad/sample), magnitude and style.
-
-    ideal: dashed black. shade: place in an ordered family. hue: place in a set without an order. dots: no line.
-    """
-
-    label: str
-    omega: np.ndarray
-    magnitude: np.ndarray
-    ideal: bool = False
-    shade: int | None = None
-    hue: int = 0
-    dots: bool = False
-
-
-@dataclass(frozen=True)
-class Panel:
-    """The band of frequencies that a panel shows (rad/sample), and whether its magnitudes have a logarithmic scale."""
-
-    band: tuple[float, float]
-    logarithmic: bool
-
-
-def draw_magnitudes(lines: Sequence[Line], panels: Sequence[Panel], title: str, level: tuple[float, str] | None = None) -> Any:
-    """Draw the lines, a panel per band, each scaled to its contents; `level` is a value to compare with."""
-    with figure(TWO_COLUMNS, 2.6) as canvas:
-        for axes, panel in zip(np.atleast_1d(canvas.subplots(1, len(panels))), panels, strict=True):
-            _draw_band(axes, lines, panel)
-            if level is not None:
-                axes.axhline(level[0], color="0.6", linewidth=0.8, linestyle=":", label=level[1])
-            axes.set_xlabel("normalised frequency (rad/sample)")
-        canvas.axes[0].set_ylabel(title)
-        handles, labels = canvas.axes[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside lower center", ncols=fitting(labels, wide(TWO_COLUMNS)))
-    return canvas
-
-
-def _draw_band(axes: Any, lines: Sequence[Line], panel: Panel) -> None:
-    looks = family_looks(max(1, sum(line.shade is not None for line in lines)))
-    for line in lines:
-        # Only what the band shows, so that the vertical axis fits it.
-        chosen = (line.omega >= panel.band[0]) & (line.omega <= panel.band[1] * (1 + 1e-9))
-        axes.plot(line.omega[chosen], line.magnitude[chosen], **_look(line, looks), label=line.label or None)
-    axes.set_xlim(panel.band)
-    if panel.logarithmic:
-        _by_factors(axes)
-    elif axes.dataLim.ymin < _NEAR_ZERO * axes.dataLim.ymax:
-        axes.set_ylim(bottom=0)
-    axes.grid(visible=True, color="0.9", linewidth=0.5)
-
-
-def _by_factors(axes: Any) -> None:
+def scale_magnitudes(axes: Any) -> None:
     """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few.
 
     Values that are much alike have a linear one.
@@ -453,16 +414,3 @@ def _at_least(axes: Any, span: float) -> None:
     if high - low < span:
         axes.set_ylim((low + high - span) / 2, (low + high + span) / 2)
     axes.ticklabel_format(axis="y", useOffset=False)
-
-
-def _look(line: Line, looks: list[Look]) -> dict[str, Any]:
-    if line.ideal:
-        look = Look(IDEAL, "--")
-    elif line.shade is None:
-        look = Look(distinct_colour(line.hue), LINES[0 if line.hue == 0 else line.hue % len(LINES)])
-    else:
-        look = looks[line.shade]
-    if line.dots:
-        marker = "^" if line.ideal else _MARKS[line.hue % len(_MARKS)]
-        return {"color": look.colour, "linestyle": "none", "marker": marker, "markersize": 3}
-    return {"color": look.colour, "linestyle": look.line, "zorder": 3 if line.ideal else 2}

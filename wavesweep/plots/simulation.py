@@ -10,15 +10,17 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.style import (
-    DOUBTFUL,
+    GRID,
     IDEAL,
     LINES,
     TWO_COLUMNS,
+    assumption,
     at_hand,
     distinct_colour,
     figure,
-    note_assumptions,
+    note_below,
     printed,
+    warn_above,
     with_unit,
 )
 from wavesweep.tables.columns import signals_of
@@ -45,18 +47,18 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for row, (_, title, draw) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
                 draw(axes, {name: column[span] for name, column in columns.items()}, facts)
-                axes.grid(visible=True, color="0.9", linewidth=0.5)
+                axes.grid(**GRID)
                 axes.margins(x=0)
             row[0].set_ylabel(title)
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
-            _mark(grid[0, 0], columns["time_s"][spans[1]])
+            grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color="0.75", alpha=0.6, linewidth=0)
             grid[0, 1].set_title("the shaded stretch in detail")
         for row in grid:
             _legend(row[-1])
-        said = _unstable(facts)
-        note_assumptions(canvas, facts, said, DOUBTFUL if said else "0.3")
+        warn_above(canvas, _unstable(facts))
+        note_below(canvas, assumption(facts))
         canvas.align_ylabels()
     return canvas
 
@@ -114,10 +116,6 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
         return int(later[0] if len(later) else changes[-1])
     options = facts["spec"]["simulate"]
     return int(np.searchsorted(columns["time_s"], options["at_s"])) if options["input"] in ("step", "pulse") else rows
-
-
-def _mark(axes: Any, times: np.ndarray) -> None:
-    axes.axvspan(times[0], times[-1], color="0.75", alpha=0.6, linewidth=0)
 
 
 def _forces_of_the_hand(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:

@@ -1,5 +1,6 @@
-"""The common style of all figures: sizes for a paper, fonts, colours for the colour-blind, and names of axes."""
+"""The common style of all figures: sizes for a paper, fonts, colours for the colour-blind, notes, and names of axes."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -10,17 +11,15 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-import numpy as np
-
 from wavesweep.errors import UsageError
 from wavesweep.results import fields
 from wavesweep.tables.columns import at_port, unlike_units
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
+NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the other; its texts have the same size
 DOTS_PER_INCH = 200
-_NOTE = 14  # letters of 8 points in an inch
-SMALLEST = 0.75  # of the usual size, of texts in a narrow figure: 6 points
+NOTE = 16  # letters of a note in an inch
 LONGEST_NAME = 48  # letters of a spec in a legend
 WIDE = 5.0  # times its least value, up to which a logarithmic axis has ticks at equal steps
 NARROW = 1.5  # points, at least, between two numbers below a panel
@@ -28,10 +27,12 @@ IDEAL = "black"
 DOUBTFUL = "#d62728"
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
+GRID = {"visible": True, "color": "0.9", "linewidth": 0.5}
+LINES = ("-", (0, (7, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (3, 1)), (0, (8, 1.2, 1, 1.2, 1, 1.2)), (0, (1.5, 0.8)))
 
 # Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
-_EDGES = ("cutoff", "passband", "stopband")
+_FILTERS = ("lp1", "hp", "lp2")
 _SYMBOLS = {
     "K_VE": r"$K_\mathrm{VE}$",
     "B_VE": r"$B_\mathrm{VE}$",
@@ -39,18 +40,19 @@ _SYMBOLS = {
     "B_LM": r"$B_\mathrm{LM}$",
     "Kp": r"$K_p$",
     "b": r"$b$",
-}
-_NAMES = {
     "rates.fast_hz": "fast rate",
     "rates.slow_hz": "slow rate",
     "rates.tick_hz": "rate of the ticks",
     "rates.ratio": "ratio of the rates",
     "environment.delay": "delay",
     "local_model.delay": "delay of the local model",
-    **{f"filters.{name}.{part}_hz": f"{name.upper()} {part}" for name in ("lp1", "hp", "lp2") for part in _EDGES},
-    **{f"filters.{name}.order": f"{name.upper()} order" for name in ("lp1", "hp", "lp2")},
+    **{
+        f"filters.{name}.{part}_hz": f"{name.upper()} {part}"
+        for name in _FILTERS
+        for part in ("cutoff", "passband", "stopband")
+    },
+    **{f"filters.{name}.order": f"{name.upper()} order" for name in _FILTERS},
 }
-_ALONE = RLock()  # held while the settings are those of a figure
 _STYLE = {
     "font.size": 8,
     "axes.labelsize": 8,
@@ -71,20 +73,10 @@ _STYLE = {
     "svg.fonttype": "none",  # texts that can be searched, and changed by hand
     "svg.hashsalt": "wavesweep",
 }
-_SIZES = [name for name in _STYLE if name.endswith(("size", "linewidth"))]
 _COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
-
-
-def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Rows of slices that are only partly known; figures hatch them outside the known stable intervals."""
-    from wavesweep.stability.certificate import INCOMPLETE
-
-    whose = columns.get("hand", columns.get("guarantee"))
-    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", "port", "for_all"))
-    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
-
-
+_ALONE = RLock()  # held while the settings are those of a figure
 _ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked", default=(None, {}))
+_INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes or a part of a figure, in whose place the next one is drawn
 
 
 @contextmanager
@@ -102,17 +94,20 @@ def wide(width: float) -> float:
     return _ASKED.get()[0] or width
 
 
-_INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes in whose place the next figure is drawn
+def is_narrow() -> bool:
+    """Whether a figure of two columns has to fit into one."""
+    return wide(TWO_COLUMNS) < NARROW_BELOW
 
 
 def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
     """The figure that `draw` makes or, with `ax`, that of these axes, in whose place it is drawn as a `SubFigure`.
 
-    Errors: UsageError for axes that are no part of a grid of panels.
+    ax: a `SubFigure` is drawn in. Errors: UsageError for axes that are not part of a grid of panels.
     """
     if ax is None:
         return draw()
-    if not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None:
+    part = hasattr(ax, "add_subfigure")
+    if not part and (not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None):
         raise UsageError(f"ax: expected axes of a grid, as matplotlib.pyplot.subplots gives them, found {ax!r:.60}")
     before = _INTO.set(ax)
     try:
@@ -123,9 +118,11 @@ def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
 
 
 def _in_place_of(ax: Any) -> Any:
-    """A `SubFigure` in place of axes, with the few methods of a `Figure` that a part of one lacks."""
-    part = ax.figure.add_subfigure(ax.get_subplotspec())
-    ax.set_axis_off()
+    """A `SubFigure`, or one in place of axes, with the few methods of a `Figure` that a part of one lacks."""
+    part = ax
+    if not hasattr(ax, "add_subfigure"):
+        part = ax.figure.add_subfigure(ax.get_subplotspec())
+        ax.set_axis_off()
     part.get_figwidth, part.get_figheight = (lambda: part.bbox.width / part.dpi), (lambda: part.bbox.height / part.dpi)
     part.set_figheight = part.set_layout_engine = lambda *_: None  # its size and layout are those of the whole
     return part
@@ -135,10 +132,8 @@ def _in_place_of(ax: Any) -> Any:
 def figure(width: float, height: float) -> Iterator[Any]:
     """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
 
-    A width that was asked for, see `as_asked`, is taken in place of `width`. A wider figure is higher too; a narrower one is
-    not lower, and has smaller texts.
-
-    It belongs to no window, and leaves no settings behind. A notebook shows it. Within `drawn_into` it is a part of another.
+    A width that was asked for, see `as_asked`, is taken in place of `width`; a wider figure is higher too. The figure belongs
+    to no window, and leaves no settings behind. A notebook shows it. Within `drawn_into` it is a part of another.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -147,7 +142,7 @@ def figure(width: float, height: float) -> Iterator[Any]:
         with style():
             yield _in_place_of(ax)
         return
-    with style(max(SMALLEST, min(1.0, wide(width) / width))):
+    with style():
         height *= max(1.0, wide(width) / width) ** 0.5
         canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
         FigureCanvasAgg(canvas)
@@ -163,11 +158,10 @@ def _png(canvas: Any) -> bytes:
 
 
 @contextmanager
-def style(scale: float = 1.0) -> Iterator[None]:
+def style() -> Iterator[None]:
     """The settings of every figure, with those that were asked for. No matplotlibrc is read, so that it looks alike everywhere.
 
-    scale: of the sizes of texts. The settings are those of the process, so one thread after the other draws, and the user's
-    are there again afterwards.
+    The settings are those of the process, so one thread after the other draws, and the user's are there again afterwards.
     """
     import matplotlib
     from matplotlib.font_manager import fontManager
@@ -175,22 +169,19 @@ def style(scale: float = 1.0) -> Iterator[None]:
     if not any(font.name == "DejaVu Sans" for font in fontManager.ttflist):  # its stored list of fonts is empty
         for path in Path(matplotlib.get_data_path(), "fonts", "ttf").glob("*.ttf"):
             fontManager.addfont(path)
-    settings = {**_STYLE, **_ASKED.get()[1]}
-    settings |= {name: scale * size for name, size in settings.items() if name in _SIZES and not isinstance(size, str)}
-    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **settings, "backend": "agg"}):
+    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, **_ASKED.get()[1], "backend": "agg"}):
         yield
 
 
 def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
     """The texts of a figure's metadata: title, program, command, and the spec with its digest."""
-    made = {"Title": f"wavesweep {kind}", "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip()}
-    made["Command"] = f"wavesweep {_COMMANDS.get(kind, kind)}"
+    texts = {"Title": f"wavesweep {kind}", "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip()}
+    texts["Command"] = f"wavesweep {_COMMANDS.get(kind, kind)}"
     if "spec_name" in facts:
-        made["Title"] = f"{kind} of {facts['spec_name']}"
-        made["Spec"] = str(facts["spec_name"])
+        texts |= {"Title": f"{kind} of {facts['spec_name']}", "Spec": str(facts["spec_name"])}
     if "spec_sha256" in facts:
-        made["Spec SHA-256"] = str(facts["spec_sha256"])
-    return made
+        texts["Spec SHA-256"] = str(facts["spec_sha256"])
+    return texts
 
 
 def _settle(canvas: Any) -> None:
@@ -216,7 +207,7 @@ def _cut_off(axes: Any) -> bool:
 
 
 def _thinned(axes: Any) -> bool:
-    """Whether the numbers below a panel touched each other; they are fewer then."""
+    """Whether the numbers below a panel touched each other; there are fewer then."""
     boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_visible() and label.get_text()]
     boxes = sorted((box.x0, box.x1) for box in boxes)
     narrow = NARROW * axes.figure.dpi / 72
@@ -234,19 +225,12 @@ class Look:
     line: Any = "-"
 
 
-LINES = ("-", (0, (7, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (3, 1)), (0, (8, 1.2, 1, 1.2, 1, 1.2)), (0, (1.5, 0.8)))
-
-
 def family_looks(number: int) -> list[Look]:
     """Return the looks of an ordered family, dark to light; the yellow end of the map is left out, as it is faint on white."""
-    return [Look(colour, LINES[index % len(LINES)]) for index, colour in enumerate(family_colours(number))]
-
-
-def family_colours(number: int) -> list[Any]:
-    """Return colours for an ordered family, dark to light."""
     if number == 1:
-        return [_DISTINCT[0]]
-    return [family_map()(index / (number - 1)) for index in range(number)]
+        return [Look(_DISTINCT[0])]
+    colours = family_map()
+    return [Look(colours(index / (number - 1)), LINES[index % len(LINES)]) for index in range(number)]
 
 
 def family_map() -> Any:
@@ -262,32 +246,37 @@ def distinct_colour(index: int) -> str:
     return _DISTINCT[index % len(_DISTINCT)]
 
 
-def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", colour: str = "0.3") -> None:
-    """Write above the panels, in small letters, which wall, delay and velocity a figure is for.
+def distinct_look(index: int) -> Look:
+    """Return that colour with a style of line of its own."""
+    return Look(distinct_colour(index), LINES[index % len(LINES)])
 
-    facts: of the run; those without `assumes` say nothing. above: a line of usual size before it. The figure grows with the
-    lines beyond two.
+
+def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
+    """Write notes below the panels, and above them the name of an axis that they share. The figure grows with the lines.
+
+    The notes are lines of the label of an axis: the layout makes room for that, and for nothing that is placed by hand.
     """
-    from textwrap import fill
-
-    size = 7 if above else 5.5
-    letters = int(130 * canvas.get_figwidth() / size)
-    lines = [fill(line, letters) for line in f"assumes: {assumed(facts)}".splitlines()] if facts.get("assumes") else []
-    above = fill(above, int(130 * canvas.get_figwidth() / 8)) if above else ""
-    more = sum(1 + line.count("\n") for line in (*lines, *filter(None, [above]))) - 2
-    if more > 0:
-        canvas.set_figheight(canvas.get_figheight() + more * size / 60)
-    if above and not lines:
-        canvas.suptitle(above, fontsize=8, color=colour)
-    elif lines:
-        canvas.suptitle("\n".join([above, *lines] if above else lines), fontsize=size, color=colour)
-
-
-def lines_of(note: str) -> list[str]:
-    """A note below a figure of two columns in lines that fit into it."""
     from textwrap import wrap
 
-    return wrap(note, int(_NOTE * wide(TWO_COLUMNS)))
+    width = int(NOTE * canvas.get_figwidth())
+    lines = [line for text in sentences for part in text.splitlines() for line in wrap(part, width)]
+    if axis or lines:
+        canvas.set_figheight(canvas.get_figheight() + 0.12 * len(lines))
+        canvas.supxlabel("\n".join([axis, *lines] if axis else lines), fontsize=8 if axis else 7)
+
+
+def warn_above(canvas: Any, text: str) -> None:
+    """Write a warning above the panels."""
+    from textwrap import fill
+
+    if text:
+        canvas.suptitle(fill(text, int(NOTE * canvas.get_figwidth())), fontsize=8, color=DOUBTFUL)
+
+
+def assumption(facts: Mapping[str, Any]) -> str:
+    """The sentence on wall, delay and velocity that a run is for; empty if there is none."""
+    said = assumed(facts)
+    return f"Assumes: {said}." if said else ""
 
 
 def by_factors(axis: Any, low: float, high: float) -> None:
@@ -303,15 +292,13 @@ def by_factors(axis: Any, low: float, high: float) -> None:
 
 def fitting(texts: Sequence[str], width: float) -> int:
     """How many columns a legend with these texts has room for in `width` inches."""
-    import re
-
     longest = max((len(re.sub(r"\\mathrm|[$_{}^\\]", "", text)) for text in texts), default=0)
     return max(1, min(len(texts), int(width * 72 / (4.2 * longest + 40))))
 
 
 def symbol(name: str) -> str:
     """The name of an axis as a paper prints it; that of a number of a drawn loop as its spec has it."""
-    return _SYMBOLS.get(name) or _NAMES.get(name) or (name.replace(".", " ").replace("_", " ") if "." in name else name)
+    return _SYMBOLS.get(name) or (name.replace(".", " ").replace("_", " ") if "." in name else name)
 
 
 def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
@@ -330,16 +317,14 @@ def shortened(name: str) -> str:
 
 
 def assumed(facts: Mapping[str, Any]) -> str:
-    """The sentences on wall, delay and velocity that a run is for, which name specs; empty if there are none."""
+    """What a run assumes of wall, delay and velocity, with the names of specs; empty if it assumes nothing."""
     return as_it_stands(str(facts.get("assumes") or ""))
 
 
 def printed(units: Iterable[str]) -> str:
-    """Units as a paper prints them, those of several specs with "or" between them; empty for a single one that is none."""
-    import re
-
-    found = [re.sub(r"\^\((.*?)\)", r"$^{\1}$", as_it_stands(each).replace("*", "·")) if each != "1" else "" for each in units]
-    return found[0] if len(found) == 1 else " or ".join(each or "no unit" for each in found)
+    """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
+    texts = [re.sub(r"\^\((.*?)\)", r"$^{\1}$", as_it_stands(each).replace("*", "·")) if each != "1" else "" for each in units]
+    return texts[0] if len(texts) == 1 else " or ".join(each or "no unit" for each in texts)
 
 
 def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
@@ -355,9 +340,9 @@ def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) 
     return f"{text}{across}({printed(thousandth + each for each in units)})"
 
 
-def with_unit(text: str, found: str) -> str:
+def with_unit(text: str, printed_unit: str) -> str:
     """The text with a printed unit behind it, if there is one."""
-    return f"{text} ({found})" if found else text
+    return f"{text} ({printed_unit})" if printed_unit else text
 
 
 def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:

@@ -8,7 +8,7 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.wiring import Part, Terms, Wiring, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
-from wavesweep.plots.style import as_it_stands, distinct_colour, family_colours, figure
+from wavesweep.plots.style import as_it_stands, distinct_look, family_looks, figure
 from wavesweep.spec import Spec
 
 WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
@@ -79,8 +79,8 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
 def _colours(loop):
     """Colour of each rate; ports are grey."""
     rates = sorted({part.every for part in loop.parts} - {0})
-    many = family_colours(len(rates)) if len(rates) > 5 else [distinct_colour(n) for n in range(len(rates))]
-    return {0: NO_RATE} | dict(zip(rates, many, strict=True))
+    looks = family_looks(len(rates)) if len(rates) > 5 else [distinct_look(n) for n in range(len(rates))]
+    return {0: NO_RATE} | {rate: look.colour for rate, look in zip(rates, looks, strict=True)}
 
 
 def _legend(loop):

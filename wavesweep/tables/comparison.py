@@ -82,7 +82,7 @@ KINDS = (
         "compare",
         (BODE[0], *COLUMNS),
         lambda table: SpecTally(table.facts),
-        figure="comparison.compare",
+        figure="intervals.compare",
         before=1,
     ),
     Kind("compare-bode", BODE, lambda _: BodeTally(), figure="responses.bode", study="bode"),

@@ -254,7 +254,7 @@ KINDS = (
         "passivity",
         PASSIVITY,
         lambda table: PassivityTally(table.facts),
-        figure="margins.passivity",
+        figure="passive.passivity",
         again=from_spec(
             partial(passivity, jobs=1), "tolerance", rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep)
         ),
@@ -263,7 +263,7 @@ KINDS = (
         "passivity-filters",
         PASSIVITY_FILTERS,
         lambda _: Whole(_filter_numbers, _filter_lines),
-        figure="margins.passivity_filters",
+        figure="passive.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
     ),
 )

@@ -12,13 +12,12 @@ import numpy as np
 
 from reproduce import open_choices, passive_bank, verdicts
 from reproduce.documents import bank_text, choices_text, statements_text
+from reproduce.drawing import Line, Panel, Plane, draw_magnitudes, draw_planes
 from reproduce.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE_2, METHODS, WHOLE, joined, respond
 from reproduce.paper_loops import PaperLoops
 from reproduce.specs import load_paper
 from reproduce.statements import STATEMENTS
 from wavesweep.plots import with_figure
-from wavesweep.plots.planes import Plane, draw_planes
-from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.plots.style import symbol, valued
 from wavesweep.results import fields_of
 from wavesweep.tables.intervals import intervals

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly
+from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having
 
 KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer one is read a second time
 MOST_DRAWN = 200  # curves of all specs together: more of them are an area
@@ -60,7 +60,7 @@ class Curves(Kept):
         def shown(columns: Columns, _: int) -> np.ndarray:
             flags = np.zeros(len(columns["spec"]), bool)
             for spec, axes in wanted.items():
-                flags |= _rows_with(columns, axes) & (columns["spec"] == spec)
+                flags |= having(columns, axes) & (columns["spec"] == spec)
             return flags
 
         notes = dict.fromkeys(
@@ -94,14 +94,6 @@ def _few(values: Mapping[str, np.ndarray], along: str, most: int) -> dict[str, t
             found[name] = evenly(values, name, share)
         left = max(1, left // min(len(values[name]), share))
     return found | ({along: evenly(values, along, MOST_PLACES)} if len(values[along]) > MOST_PLACES else {})
-
-
-def _rows_with(columns: Columns, wanted: Mapping[str, tuple[float, ...]]) -> np.ndarray:
-    """Flags of the rows with these values of the axes."""
-    flags = np.ones(len(next(iter(columns.values()))), bool)
-    for name, values in wanted.items():
-        flags &= np.isin(columns[name], values)
-    return flags
 
 
 class Loops(Kept):
@@ -141,7 +133,7 @@ class Loops(Kept):
         """The rows that are shown."""
         roles = self.roles
         if roles:
-            return self.where(lambda columns, _: _rows_with(columns, roles))
+            return self.where(lambda columns, _: having(columns, roles))
         # Axes that have one value, or that are not read, repeat nothing here: a row is a dot.
         dots = np.linspace(0, self.rows - 1, min(self.rows, 2 * MOST_BARS)).round().astype(int)
         return self.where(lambda columns, before: np.isin(before + np.arange(len(columns["channel_norm"])), dots))

@@ -1,0 +1,186 @@
+"""Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's port, and filter orders."""
+
+from collections.abc import Mapping
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from wavesweep.columns import Columns
+from wavesweep.plots.layout import is_logarithmic, rows_with
+from wavesweep.plots.sampling import Loops
+from wavesweep.plots.style import (
+    DOUBTFUL,
+    GRID,
+    TWO_COLUMNS,
+    assumption,
+    at_hand,
+    by_factors,
+    distinct_colour,
+    family_looks,
+    figure,
+    fitting,
+    is_narrow,
+    label,
+    note_below,
+    symbol,
+    valued,
+    wide,
+)
+
+_TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
+_LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
+_PASSIVE, _COLOUR = {"color": "#009E73", "alpha": 0.2, "linewidth": 0}, distinct_colour(0)  # the shade, and the dots
+_UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
+_NAME = 40  # letters of the name of a dot with those of its axes
+_PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
+
+
+def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity` table: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
+
+    If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
+    """
+    loops = Loops(lambda: (columns,))
+    loops.add(columns)
+    return passivity_of(loops, facts)
+
+
+def passivity_of(loops: Loops, facts: Mapping[str, Any]) -> Any:
+    """The same for a table that need not fit into memory."""
+    columns = loops.chosen()
+    # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
+    margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
+    columns = {**columns, "port_margin": 1e3 * margin}
+    return _draw_lines(columns, loops, facts) if loops.roles else _draw_dots(columns, loops, facts)
+
+
+def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
+    x, family, *_ = [*loops.roles, None]
+    members = loops.roles[family] if family else (None,)
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
+        channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
+        for look, value in zip(family_looks(len(members)), members, strict=True):
+            rows = rows_with(columns, {family: value} if family else {})
+            order = np.argsort(rows[x], kind="stable")
+            name = valued(family, value, facts) if family else None
+            style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
+            for panel, values in ((channel, _excess(rows["channel_norm"])), (port, rows["port_margin"])):
+                panel.plot(rows[x][order], values[order], label=name, **style)
+        _mark_unstable(port, columns[x], columns["port_margin"], columns["stable"])
+        for panel in (channel, port):
+            if is_logarithmic(columns[x]):
+                by_factors(panel.xaxis, columns[x].min(), columns[x].max())
+            panel.set_xlim(columns[x].min(), columns[x].max())
+        _scale(channel.yaxis, port.yaxis, columns, facts)
+        _legend(canvas, port, "passive")
+        note_below(canvas, _left_out(loops), assumption(facts), axis=label(x, facts))
+    return canvas
+
+
+def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
+    count = len(columns["channel_norm"])
+    places, axes = np.arange(count), ""
+    names = [", ".join(valued(name, columns[name][row], facts) for name in loops.several) for row in range(count)]
+    if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
+        axes = "\n".join(wrap(", ".join(symbol(name) for name in loops.several), 12 * (2 + count // 3)))
+        names = [", ".join(part.partition(" = ")[2] for part in name.split(", ")) for name in names]
+    note = f"Shown: {count} of {loops.rows} combinations." if count < loops.rows else ""
+    with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() else 1)) as canvas:
+        channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
+        panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")
+        for panel, values, verdict in panels:
+            # Filled where passive: a margin just below zero looks like zero.
+            for passes, face, name in ((True, _COLOUR, "passive"), (False, "white", "not passive")):
+                drawn = (columns[verdict] == passes) & (columns["stable"] | (panel is channel))
+                of_both = (columns["port_passive"] == passes) | (columns["channel_passive"] == passes)
+                said = name if panel is port and of_both.any() else None
+                panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4, label=said)
+            panel.grid(**GRID, axis="y")
+        _mark_unstable(port, columns["port_margin"], places, columns["stable"])
+        channel.set_yticks(places, names)
+        channel.set_ylabel(axes)
+        channel.set_ylim(count - 0.4, -0.6)
+        _scale(channel.xaxis, port.xaxis, columns, facts)
+        _legend(canvas, port, "range of what is passive")
+        note_below(canvas, note, assumption(facts))
+    return canvas
+
+
+def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> None:
+    """Cross out the margins of unstable loops: they are not passive, also if the margin is positive."""
+    if not stable.all():
+        port.plot(x[~stable], y[~stable], label="unstable, not passive", **_UNSTABLE)
+
+
+def _excess(norm: np.ndarray) -> np.ndarray:
+    """Norm less 1, or 0 below the tolerance."""
+    return np.maximum(norm - 1, _TOLERANCE)
+
+
+def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
+    """Scale, shade and label the axes of values of both panels, in either direction."""
+    known = columns["channel_norm"][~np.isnan(columns["channel_norm"])]
+    if known.size:
+        _set(channel, "log", (_TOLERANCE / 10, max(3 * _excess(known).max(), 1e-2)), (_TOLERANCE / 10, _TOLERANCE))
+    else:  # without a channel there is nothing that could generate energy
+        channel.axes.text(0.5, 0.5, "no wave channel", ha="center", va="center", transform=channel.axes.transAxes)
+        channel.set_ticks([])
+    channel.set_label_text("channel norm - 1")
+    margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
+    largest = float(np.abs(margin).max(initial=0.0)) or 1.0
+    linear = _LINEAR * largest
+    bottom, top = min(float(margin.min(initial=0.0)) * 2, -linear), max(float(margin.max(initial=0.0)) * 2, linear)
+    _set(port, "symlog", (bottom, top), (0.0, top), linthresh=linear)
+    # Decades next to the linear part would stand on the 0. Side by side there is room for every other one.
+    every = -1 if port.axis_name == "y" else -2
+    decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, np.ceil(np.log10(largest)) + 1))[::every][::-1]
+    port.set_ticks([tick for tick in (*-decades[::-1], 0.0, *decades) if bottom <= tick <= top])
+    port.set_label_text(at_hand("port margin", "port_margin", "mm/N", facts))
+
+
+def _set(axis: Any, scale: str, limits: tuple[float, float], passive: tuple[float, float], **options: float) -> None:
+    """Give an axis a scale and limits, and shade the range of what is passive."""
+    upright, axes = axis.axis_name == "y", axis.axes
+    (axes.set_yscale if upright else axes.set_xscale)(scale, **options)
+    (axes.set_ylim if upright else axes.set_xlim)(limits)
+    (axes.axhspan if upright else axes.axvspan)(*passive, **_PASSIVE)
+
+
+def _legend(canvas: Any, panel: Any, shaded: str) -> None:
+    from matplotlib.patches import Patch
+
+    handles, labels = panel.get_legend_handles_labels()
+    handles, labels = [*handles, Patch(**_PASSIVE)], [*labels, shaded]
+    canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)))
+
+
+def _left_out(loops: Loops) -> str:
+    parts = [
+        f"{name} at {values[0]:g} alone, of {len(loops.several[name])} values"
+        if len(values) == 1
+        else f"{len(values)} of {len(loops.several[name])} values of {name}"
+        for name, values in loops.roles.items()
+        if len(values) < len(loops.several[name])
+    ]
+    return f"Shown: {'; '.join(parts)}." if parts else ""
+
+
+def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity-filters` table: without the local model at the left, with it at the right."""
+    del facts
+    orders = np.unique(columns["lp1_order"]).tolist()
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
+        panels = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
+        for panel, (name, title) in zip(panels, _PANELS, strict=True):
+            for look, order in zip(family_looks(len(orders)), orders, strict=True):
+                rows = columns["lp1_order"] == order
+                style = {"color": look.colour, "linestyle": look.line, "marker": ".", "linewidth": 1}
+                panel.plot(columns["lp1_cutoff_hz"][rows], _excess(columns[name][rows]), label=f"{order}", **style)
+            panel.set(yscale="log", xlabel="LP1 cutoff (Hz)", ylabel=title)
+            panel.grid(**GRID)
+        panels[0].set_ylim(_TOLERANCE / 3, 1)
+        handles, labels = panels[0].get_legend_handles_labels()
+        columns_of_legend = min(8, fitting(labels, wide(TWO_COLUMNS)))
+        canvas.legend(handles, labels, title="order of LP1", loc="outside upper center", ncols=columns_of_legend)
+    return canvas
