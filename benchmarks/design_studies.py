@@ -17,8 +17,7 @@ import numpy as np
 import pandas
 from joblib import Parallel, delayed
 
-from wavesweep.search.genes import designs_of
-from wavesweep.search.search import hypervolume
+from wavesweep.search.search import designs_of
 from wavesweep.search.study import design, job_of
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Axis, load
@@ -26,6 +25,14 @@ from wavesweep.sweep.interval_job import at_points
 
 BETTER, PART = 1.02, 512
 REFERENCE = np.array([-np.log(100.0), 1.5])
+
+
+def hypervolume(objectives, reference):
+    """The area that two objectives, to be made small, dominate up to a reference point."""
+    kept = objectives[(objectives < reference).all(axis=1)]
+    kept = kept[np.argsort(kept[:, 0], kind="stable")]
+    ends = np.append(kept[:, 0], reference[0])
+    return float((np.diff(ends) * (reference[1] - np.minimum.accumulate(kept[:, 1]))).sum())
 
 
 def worth(source, seed, count, least):

@@ -13,8 +13,7 @@ from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.passive import HAND as OPERATOR
 from wavesweep.passive import HandBox
 from wavesweep.search.family import Scenario, count_of, described, scenarios_of
-from wavesweep.search.genes import designs_of, differing, genes_of
-from wavesweep.search.search import Judged, generations, spread, undominated
+from wavesweep.search.search import Judged, designs_of, differing, generations, genes_of, spread, undominated
 from wavesweep.search.verdicts import judged, miss
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Spec

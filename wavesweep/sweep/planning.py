@@ -26,7 +26,7 @@ MANY = 30_000_000  # rows: some 5 GB of CSV
 
 
 def plan(spec: Spec) -> list[str]:
-    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped and why."""
+    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped."""
     if spec.drawing:
         return _drawn_plan(spec)
     lines = [f"{spec.source or spec.name}: valid, controller {spec.kind}"]
@@ -63,22 +63,22 @@ def _interval_lines(spec, command, along):
     workers = choose(None, None, None, len(job.chunks), expected)
     repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
     slices = f"{_count(job.slices, 'slice')}{repeated}"
-    span = f"({axis.start:g}, {axis.stop:g})"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
-        f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
+        f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: {slices}",
         f"    method: {method(job)}",
         f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
-        *_parts_lines(job),
+        *_advice([job]),
     ]
 
 
-def _parts_lines(job):
-    """The advice for a table that few programs can read as a single CSV."""
-    rows = round(job.rows * job.size)
-    if rows > MANY:
-        yield f"    about {rows:.2g} rows: --partition 10000000 writes Parquet files of so many rows each, and no single CSV"
+def _advice(jobs):
+    """The advice for tables that few programs can read as a single CSV."""
+    for rows in (round(job.rows * job.size) for job in jobs):
+        if rows > MANY:
+            advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
+            yield f"    about {rows:.2g} rows: {advice}"
 
 
 def _size(count):
@@ -120,20 +120,19 @@ def _passivity_lines(spec):
     norm = f", norm of {_count(channels, 'wave channel')}" if channels else ""
     what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *_long_lines(jobs.values())]
+    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *_long_lines([*jobs.values()])]
 
 
 def _long_lines(jobs):
     """The chunks, the time and the disk of a table of several chunks; otherwise it is there at once, and nothing is kept."""
-    advice = [line for job in jobs for line in _parts_lines(job)]
     if all(len(job.chunks) == 1 for job in jobs):
-        return advice
+        return [*_advice(jobs)]
     chunks, size, seconds = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs))), 0.0
     for job in jobs:
         expected = cache(partial(expected_seconds, job, PATIENCE))
         seconds += expected() / choose(None, None, None, len(job.chunks), expected).count
     work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
-    return [f"    work: {work}; disk: about {size} until the results are in place", *advice]
+    return [f"    work: {work}; disk: about {size} until the results are in place", *_advice(jobs)]
 
 
 def _drawn_plan(spec):
