@@ -14,10 +14,10 @@ from wavesweep.errors import WavesweepError
 from wavesweep.passive import HandBox
 from wavesweep.results import read
 from wavesweep.search import study
+from wavesweep.search.best import miss
 from wavesweep.search.family import Scenario, scenarios_of
 from wavesweep.search.search import designs_of
 from wavesweep.search.study import DesignTask, box_of, job_of
-from wavesweep.search.verdicts import miss
 from wavesweep.spec import load
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint
 from wavesweep.sweep import running, workers

@@ -11,9 +11,9 @@ import wavesweep
 from wavesweep.errors import SpecError
 from wavesweep.search import study
 from wavesweep.search import wishes as measures
+from wavesweep.search.best import judged
 from wavesweep.search.family import points_of, scenarios_of
 from wavesweep.search.search import Judged
-from wavesweep.search.verdicts import judged
 from wavesweep.search.wishes import Worst, evaluate
 from wavesweep.spec import SYMBOLS, Axis, load
 from wavesweep.sweep.grid import keys_of

@@ -12,9 +12,9 @@ import numpy as np
 from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.passive import HAND as OPERATOR
 from wavesweep.passive import HandBox
+from wavesweep.search.best import judged, miss
 from wavesweep.search.family import Scenario, count_of, described, scenarios_of
 from wavesweep.search.search import Judged, designs_of, differing, generations, genes_of, spread, undominated
-from wavesweep.search.verdicts import judged, miss
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
