@@ -18,7 +18,7 @@ STEP = re.compile(
 
 
 def test_the_tutorials_are_among_the_pages():
-    assert {"first-hour.md", "first-drawing.md", "first-design.md", "check.md", "limits.md"} <= SHOWN.keys()
+    assert {"first-hour.md", "first-drawing.md", "first-design.md", "check.md", "margins.md"} <= SHOWN.keys()
 
 
 @pytest.mark.slow
