@@ -55,13 +55,6 @@ def test_the_examples_in_the_helps_are_valid(example, tmp_path):
         load(source, settings).as_simulated()
 
 
-@pytest.mark.parametrize("name", ["simulate", "why", "margins", "paper", "bench", "check", "export"])
-@pytest.mark.parametrize("option", ["--jobs=2", "--backend=loky", "--scheduler=a", "--restart"])
-def test_workers_are_options_only_of_the_commands_that_use_them(name, option, wavesweep, spec):
-    code, _, err = wavesweep(name, *([] if name in ("paper", "bench") else [spec]), option)
-    assert (code, option.partition("=")[0] in err, "No such option" in err) == (2, True, True)
-
-
 @pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2)])
 def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(option, asked, wavesweep, sweep, spec, tmp_path):
     (tmp_path / "results/wall").mkdir(parents=True)
@@ -69,12 +62,6 @@ def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(opt
     code, _, err = wavesweep("zwidth", spec, "--no-plot", option)
     assert (code, "give --overwrite to replace them" in err) == ((0, False) if asked & 1 else (2, True))
     assert [given["force"] for _, given in sweep.seen] == ([asked > 1] if asked & 1 else [])
-
-
-@pytest.mark.parametrize("name", WITH_TABLES)
-def test_the_commands_whose_tables_can_be_long_write_them_in_parts(name):
-    options = {option.name for option in group.get_command(None, name).params}
-    assert ("partition" in options) == (name in ("zwidth", "stability-region", "bode", "passivity"))
 
 
 @pytest.mark.sample(2)
@@ -116,54 +103,6 @@ def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
     assert sweep.seen[0][1]["along"] is None
 
 
-def test_a_setting_overrides_the_spec(wavesweep, sweep, spec):
-    code, out, _ = wavesweep("check", spec, "--set", 'controller.kind="dc"', "--set", "b=40")
-    assert code == 0
-    assert out.startswith("assumes: ideal wall at the fast rate, exact velocity; kind default of device.velocity: ")
-    assert "\nwall, dc: stable (spectral radius " in out
-    assert out.endswith("\nkind dc\n2 slices\n")
-    assert [name for name, _ in sweep.seen] == ["plan"]
-
-
-def test_no_plot_draws_nothing(wavesweep, sweep, spec, tmp_path):
-    wavesweep("zwidth", spec, "--no-plot")
-    assert not (tmp_path / "results/wall/zwidth.png").exists()
-    assert len(sweep.seen) == 1
-
-
-def test_quiet_says_nothing(wavesweep, sweep, spec):
-    assert wavesweep("zwidth", spec, "--no-plot", "--quiet") == (0, "", "")
-    assert wavesweep("check", spec, "--quiet") == (0, "", "")
-    assert len(sweep.seen) == 2
-
-
-def test_the_summary_names_intervals_holes_and_the_largest_stiffness(wavesweep, sweep, spec):
-    _, _, err = wavesweep("zwidth", spec, "--no-plot")
-    assert "2 slices: 3 stable intervals, 1 slice with a hole" in err
-    assert "largest stable K_VE: 4448.82 N/m (stable from 2523.34 on) at B_VE = 1 N*s/m (the edge of that axis)\n" in err
-    assert "\nevery K_VE from 0 on stable up to 799.713 N/m at B_VE = 1 N*s/m (the edge of that axis)\n" in err
-    assert "stiffest wall as the hand feels it: 90 N/m (" in err
-    assert ") with K_VE = 700 N/m at B_VE = 0.5 N*s/m (the edge of that axis)\n" in err
-    assert "all 3 rows certified" in err
-    assert len(sweep.seen) == 1
-
-
-@pytest.mark.parametrize(
-    ("name", "override", "said"),
-    [
-        ("zwidth", "B_VE=2", "--set B_VE=2 has no effect here: B_VE is swept; --set sweep.B_VE=... changes its values\n"),
-        ("zwidth", "environment.K_VE=2", "--set environment.K_VE=2 has no effect here"),
-        ("zwidth", "environment.B_VE=2", "has no effect here: B_VE is swept; --set sweep.B_VE=... changes its values\n"),
-        ("zwidth", "device.mass=2", ""),
-        ("bode", "B_VE=2", ""),
-    ],
-)
-def test_a_value_of_a_number_that_is_swept_is_said_to_have_no_effect(name, override, said, wavesweep, sweep, spec):
-    code, _, err = wavesweep(name, spec, "--no-plot", "--set", override)
-    assert (code, said in err, "no effect" in err) == (0, True, bool(said))
-    assert len(sweep.seen) == 1
-
-
 def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     code, out, err = wavesweep("zwidth", spec, "--no-plot", "--json")
     assert (code, err) == (0, "")
@@ -180,36 +119,9 @@ def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)
 
 
-@pytest.mark.parametrize("name", SWEEPS)
-def test_json_and_the_table_cannot_both_go_to_stdout(name, wavesweep, sweep, spec):
-    code, out, err = wavesweep(name, spec, "--json", "--out", "-")
-    assert (code, json.loads(out)["exit_code"], sweep.seen) == (2, 2, [])
-    assert "--json and --out - would both write to stdout" in err
-
-
-@pytest.mark.parametrize("option", ["--format=svg", "--width=3in", "--style=ggplot", "--force"])
-@pytest.mark.parametrize("name", ["zwidth", "check", "identify"])
-def test_an_option_that_moved_is_named_with_what_does_the_same(name, option, wavesweep, spec):
-    code, out, err = wavesweep(name, spec, option)
-    assert (code, out) == (2, "")
-    assert ("--overwrite" if option == "--force" else "`wavesweep plot TABLE`") in err
-
-
 @pytest.mark.parametrize("words", [("-q", "check", "SPEC"), ("check", "-q", "SPEC"), ("check", "SPEC", "--quiet")])
 def test_how_the_program_speaks_may_stand_anywhere_in_the_line(words, wavesweep, spec):
     assert wavesweep(*(spec if word == "SPEC" else word for word in words)) == (0, "", "")
-
-
-def test_a_command_without_a_summary_has_no_json(wavesweep):
-    code, out, err = wavesweep("plot", "t.csv", "--json")
-    assert (code, json.loads(out)["exit_code"], "plot prints no summary" in err) == (2, 2, True)
-
-
-@pytest.mark.parametrize("name", SWEEPS)
-def test_a_figure_that_stdout_cannot_have_is_refused(name, wavesweep, sweep, spec):
-    code, out, err = wavesweep(name, spec, "--plot", "--out", "-")
-    assert (code, out, sweep.seen) == (2, "", [])
-    assert "--plot draws a figure, and --out - writes none" in err
 
 
 def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep, sweep, spec, tmp_path):
@@ -279,41 +191,6 @@ def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wa
     monkeypatch.chdir(tmp_path / "two")
     assert wavesweep("zwidth", spec, "--no-plot", "--set", "b=40", "--out", "results/wall")[0] == 0
     assert len(sweep.seen) == 2
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ([], 'device.velocity: engines usually have "explicit", 20 and "difference"\n'),
-        (["environment.delay=0"], "kind defaults of environment.integration and device.velocity: engines usually have"),
-        (
-            ["environment.integration=explicit", "environment.delay=1", "device.velocity=difference"],
-            "assumes: explicit integration of the wall, delay of 1 of 20 ticks, velocity from differences of position\n",
-        ),
-        (["controller.kind=dc", "device.velocity=exact"], "assumes: ideal wall at the fast rate, exact velocity\n"),
-        (
-            ["environment.integration=explicit", "device.velocity=exact", "sweep.environment.delay=[0, 20]"],
-            "wall, delay swept, exact velocity\n",
-        ),
-    ],
-)
-def test_the_summary_says_which_wall_it_is_for_and_what_the_defaults_are(settings, said, wavesweep, spec):
-    words = (word for setting in settings for word in ("--set", setting))
-    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "results/wall", *words)
-    assert code == 0
-    assert said in err
-    facts = json.loads(Path("results/wall/zwidth.datapackage.json").read_text())["wavesweep"]
-    assert f"assumes: {facts['assumes']}\n" in err
-    assert err.startswith("assumes: ") == ("kind default" in err)
-
-
-def test_a_table_of_several_specs_goes_to_a_folder_of_all_their_names(wavesweep, sweep, spec, tmp_path):
-    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text())
-    code, _, err = wavesweep("bode", spec, "other.toml", "--no-plot")
-    assert code == 0
-    assert (tmp_path / "results/wall+other/bode.csv").exists()
-    assert "2 curves of 2 frequencies" in err
-    assert len(sweep.seen) == 1
 
 
 @pytest.mark.parametrize("wait", [False, True])

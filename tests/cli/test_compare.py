@@ -133,20 +133,6 @@ def test_the_summary_as_json_has_the_extremes_of_each_spec(compare):
     assert found["tables"]["compare-bode"]["curves"] == 2
 
 
-def test_a_dash_writes_the_table_of_walls_to_stdout(compare):
-    code, out, _ = compare("--out", "-")
-    assert code == 0
-    assert not Path("results").exists()
-    compare("--no-plot", "--quiet")
-    assert out == Path("results/waves+direct/compare.csv").read_text()
-
-
-def test_equal_names_are_refused(compare):
-    code, _, err = compare(specs=("waves.toml", "./waves.toml"))
-    assert code == 2
-    assert "two specs are called waves" in err
-
-
 @pytest.fixture
 def figures(monkeypatch):
     """The figures of a run, as they are written."""
@@ -183,29 +169,6 @@ def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(waveswee
     table = results.read(tmp_path / "both/compare.csv")
     assert np.isnan(table["n"][table["spec"] == "plain"]).all()
     assert np.isfinite(table["n"][table["spec"] != "plain"]).all()
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("axis", "built_in", "places"),
-    [
-        ("B = [1, 2]", 'kind = "pmw"\nb = 25\n[sweep]\nB_VE = [1, 2]', [1, 2]),
-        ("B = [0.5, 2]", 'kind = "pmw"\nb = 25', [1]),
-        ("", 'kind = "pmw"\nb = 25\n[sweep]\nB_VE = [0.5, 2]', [0.5, 2]),
-    ],
-)
-def test_a_drawn_loop_is_shown_over_the_same_axis(compare, figures, axis, built_in, places):
-    """Its wall's damping has a name of its own."""
-    drawing = Path(library.__file__).parents[1] / "sweeps" / "recipes" / "controllers" / "pmw.toml"
-    Path("drawn.toml").write_text(f"{drawing.read_text().split('[sweep]')[0]}[sweep]\n{axis}\n")
-    Path("built-in.toml").write_text(f"[controller]\n{built_in}\n")
-    assert compare("--quiet", specs=("drawn.toml", "built-in.toml"))[0] == 0
-    rows = results.read("results/drawn+built-in/compare.csv")
-    vertices = set.union(*map(limits_of, figures))
-    for spec, own in (("drawn", json.loads(axis.partition(" = ")[2] or "[1]")), ("built-in", places)):
-        for place, value in zip(own, np.broadcast_to(rows["high"][rows["spec"] == spec], len(own)), strict=True):
-            assert (place, value) in vertices
 
 
 def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
@@ -273,16 +236,6 @@ def test_equal_units_and_a_controller_that_does_not_read_the_name_need_no_word(c
     for name, kind, unit in (("direct", "dc-slow", "N*m*s/rad"), ("waves", "pmw", "")):
         Path(f"{name}.toml").write_text(f'[controller]\nkind = "{kind}"\n[bode]\nfrequency_hz = [1]\n')
         assert library.bode("turned.toml", f"{name}.toml").attrs["units"]["b"] == unit
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_figure_names_all_units_of_an_axis(compare, both, figures):
-    for specs, units in ((both, ("N·m·s/rad or N·s/m", "N·m/rad or N/m")), (both[:1], ("N·m·s/rad", "N·m/rad"))):
-        figures.clear()
-        assert compare("--quiet", specs=specs)[0] == 0
-        texts = {text.get_text() for figure in figures for text in figure.findobj(lambda part: hasattr(part, "get_text"))}
-        assert {f"B ({units[0]})", f"K ({units[1]})"} <= texts
 
 
 @pytest.mark.thorough

@@ -23,7 +23,6 @@ from wavesweep.store.checkpoint import DamagedError, FileCheckpoint
 from wavesweep.sweep import running, workers
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.tasks import HAND_RECORD
-from wavesweep.tables.design import design_lines
 
 SPEC = """
 [environment]
@@ -100,16 +99,6 @@ def test_every_design_of_the_front_can_be_taken_to_the_other_commands(run, capfd
             flags = [flag for key, value in point.items() for flag in ("--set", f"{key}={float(value)!r}")]
             assert main(["simulate", str(name), "--no-plot", *flags]) == 0
             assert ("unstable" in "".join(capfd.readouterr())) == unstable, (name, point)
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize("table", ["csv", "parquet"])
-def test_the_figure_can_be_drawn_again(run, tmp_path, table):
-    assert run()[0] == 0
-    assert (tmp_path / "results/mine/design.png").stat().st_size > 10_000
-    assert main(["plot", f"results/mine/design.{table}", "--out", "again"]) == 0
-    assert (tmp_path / "again/design.png").read_bytes() == (tmp_path / "results/mine/design.png").read_bytes()
 
 
 @pytest.mark.thorough
@@ -222,40 +211,6 @@ def test_all_bounds_give_the_design_that_keeps_them_best(run):
         places.append(place)
 
 
-@pytest.mark.parametrize(
-    ("free", "margins", "said"),
-    [
-        ([], {"felt": 0.1, "port": 0.105}, "felt 10 %, port 10.5 %; felt and port decide: no design found has"),
-        (["felt"], {"port": 0.5}, "margins to the bounds: port 50 %; felt decides"),
-        (["felt"], {"port": 0.002}, "felt decides, held back by the bound of port"),
-    ],
-)
-def test_one_design_is_told_once_with_the_wish_that_decides(free, margins, said):
-    counts = dict.fromkeys(("designs", "certified", "bounds_hold_between", "searched", "scenarios"), 1)
-    values, numbers = {"felt": 500.0, "port": 0.1}, {"b": 20.0}
-    best = {
-        "best": dict.fromkeys(values, values),
-        "numbers": dict.fromkeys(values, numbers),
-        "units": {"felt": "N/m", "port": "1"},
-    }
-    found = counts | best | {"own": {}, "files": [], "walls_to": 1.0, "margins": dict.fromkeys(values, margins)}
-    lines = [line for line, _ in design_lines(found | {"near": {}, "free": free, "runners_up": []})]
-    assert [line for line in lines if "best" in line][:1] == ["best of 1 design tried: felt 500 N/m, port 0.1, with b = 20"]
-    assert sum("felt 500" in line for line in lines) == 1
-    assert any(said in line for line in lines)
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_library_has_the_same_table(run, tmp_path):
-    assert run("--no-plot")[0] == 0
-    table = wavesweep.design(tmp_path / "mine.toml")
-    rows = read(tmp_path / "results/mine/design.csv")
-    assert list(table) == list(rows)
-    assert table.z_width.tolist() == rows["z_width"].tolist()
-    assert table.attrs["units"]["z_width"] == "N/m"
-
-
 @pytest.mark.slow
 def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     """Between the ends of the hand's mass walls are less stiff: designs judged before that was known are no misses."""
@@ -271,28 +226,6 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     assert 0 < float(place) < 0.08
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        (["design.vary={}"], "design.vary: expected at least one number to vary"),
-        (["design.for_all={rates.fast_hz=[1000, 2000]}"], "design for one rate"),
-        (
-            ["design.wish={z_width={at_least=50000, B_VE=[1]}}"],
-            "design.wish.z_width.at_least: expected <= 20000 N/m, the stiffest wall that is searched; raise it: sweep.K_VE = ",
-        ),
-    ],
-)
-def test_what_cannot_be_designed_is_refused(run, change, text):
-    code, printed, _ = run(*(part for each in change for part in ("--set", each)))
-    assert (code, text in printed, "Traceback" in printed) == (2, True, False)
-
-
-def test_a_spec_without_a_design_is_refused(run, tmp_path):
-    (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n', encoding="utf-8")
-    code, text, _ = run()
-    assert (code, "expected the tables [design.vary] and [design.wish], found none" in text) == (2, True)
-
-
 def test_bounds_that_no_design_meets_are_refused_before_any_search(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "far.toml").write_text(
@@ -304,30 +237,6 @@ def test_bounds_that_no_design_meets_are_refused_before_any_search(wavesweep, tm
     assert "far.toml:6:12: design.wish.damping_ratio.at_least: expected <= 1, found 2\n" in err
     assert "far.toml:8:12: design.wish.delay_margin.at_least: expected <= 20, found 50\n" in err
     assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.parametrize(("designs", "said"), [(42, "2 of them as specs: "), (2, "as specs: ")])
-def test_the_summary_says_how_many_designs_are_written_as_specs(designs, said):
-    counts = dict.fromkeys(("designs", "certified", "bounds_hold_between", "searched"), designs)
-    found = counts | {
-        "scenarios": 1,
-        "best": {},
-        "own": {},
-        "units": {},
-        "files": ["best/design-01.toml", "best/design-42.toml"],
-        "walls_to": 300.0,
-        "numbers": {},
-        "margins": {},
-        "near": {"felt": 2},
-        "free": [],
-        "runners_up": [],
-    }
-    lines = [line for line, _ in design_lines(found)]
-    assert not any("no further" in line for line in lines)
-    assert f"felt is within 1 % of its bound in 2 of {designs} designs" in lines
-    capped = found | {"own": {"z_width": 300.0}, "units": {"z_width": "N/m"}}
-    assert any(line.startswith("walls are searched up to 300 N/m and no further") for line, _ in design_lines(capped))
-    assert f"{said}best/design-01.toml ... best/design-42.toml" in [line for line, _ in design_lines(found)]
 
 
 def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():
@@ -467,18 +376,6 @@ def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, m
     assert damaged
 
 
-def test_check_says_what_the_search_would_do(tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
-    assert main(["check", "mine.toml"]) == 0
-    text = capfd.readouterr().out
-    assert (
-        "\n  design: 48 designs, each over 2 combinations that it has to hold for; the front over 65\n    work: about " in text
-    )
-    assert main(["check", "mine.toml", "--set", "rates.slow_hz=60"]) == 0
-    assert "\n  design: 48 designs" in capfd.readouterr().out
-
-
 JOINT = """
 [rates]
 tick_hz = 1000
@@ -546,29 +443,6 @@ def test_a_drawn_loop_that_misses_its_wishes_says_so_in_its_own_units(run, tmp_p
     assert code == 1
     assert re.search(r"port \S+ rad/\(N\*m\) \(at least 1\) with n=\d, I=", text)
     assert "never met by itself: port" in text
-
-
-def test_a_wish_or_a_hand_that_is_no_table_is_told_so_where_it_stands(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    spec = """
-[controller]
-kind = "pmw"
-[design.vary]
-b = { start = 5, stop = 50 }
-[design.wish]
-z_width = 1000
-[design.for_all]
-b = [5, 10]
-hand = 0.3
-"""
-    (tmp_path / "mine.toml").write_text(spec)
-    code, _, err = wavesweep("design", "mine.toml")
-    assert code == 2
-    assert err.splitlines() == [
-        "mine.toml:7:1: design.wish.z_width: expected a table such as { at_least = ... }, found 1000",
-        "mine.toml:9:1: design.for_all.b: expected a number that is not varied, found controller.b, one of [design.vary]",
-        "mine.toml:10:1: design.for_all.hand: expected a table such as { damping = [0, 5] }, found 0.3",
-    ]
 
 
 @pytest.mark.parametrize(("wish", "said"), [("channel", True), ("damping_ratio", False)])

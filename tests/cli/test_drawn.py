@@ -113,15 +113,6 @@ def test_a_run_of_a_drawn_loop_and_its_figures(run):
     assert "stopped after tick 2060" in text
 
 
-def test_check_lists_the_loop_and_every_mistake(run):
-    code, text, _ = run("check", "arm.toml")
-    assert (code, "runs every 20 ticks from tick 10: net (delay)" in text) == (0, True)
-    code, text, _ = run("check", "arm.toml", "--set", "block.net.phase=20", "--set", "kq=1")
-    assert code == 2
-    assert "--set block.net.phase=20: block.net.phase: expected a whole number < every = 20, found 20" in text
-    assert "--set kq=1: kq: expected kp, kd, c of [numbers], or" in text
-
-
 @pytest.mark.slow
 def test_check_draws_the_loop_and_says_where(run):
     code, text, _ = run("check", "arm.toml", "--plot", "--out", "loop.svg")
@@ -129,50 +120,6 @@ def test_check_draws_the_loop_and_says_where(run):
     assert "<dc:title>diagram of arm</dc:title>" in Path("loop.svg").read_text(encoding="utf-8")
     code, text, _ = run("check", "arm.toml", "--plot", "--json", "--out", "there")
     assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("steps", "states"), [(40, "net u1 to net u40"), (3, "net u1 to net u3"), (2, "net u1, net u2"), (1, "net u1")]
-)
-def test_check_lists_the_states_of_a_long_delay_by_the_first_and_the_last(run, steps, states):
-    code, text, _ = run("check", "arm.toml", "--set", f"block.net.steps={steps}")
-    assert (code, f": arm velocity, arm position, {states}, net y held\n" in text) == (0, True)
-
-
-@pytest.mark.parametrize(
-    "words", [["arm.toml", "--out", "there"], ["arm.toml", "--plot", "--root-locus", "kp", "--out", "a.svg"]]
-)
-def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
-    code, text, _ = run("check", *words)
-    assert (code, "Error: --" in text, ": expected " in text) == (2, True, True)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (("simulate", "arm.toml", "--set", "simulate.wall=0.1"), "option wall: expected a wall in [ports] whose numbers only"),
-        (("simulate", "arm.toml", "--set", "simulate.duration_s=200"), "at most 100 s (1000000 ticks at rates.tick_hz)"),
-        (
-            ("simulate", "arm.toml", "--set", "ports.hand.displacement=net.y"),
-            'found "net.y": net.y changes every 20 ticks only',
-        ),
-        (("bode", "arm.toml", "--set", "ports.hand.displacement=arm.v + hand"), 'found "arm.v + hand": the force itself'),
-        (("passivity", "arm.toml", "--filters"), "found a drawn loop"),
-        (("bode", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
-        (("stability-region", "arm.toml", "--set", "sweep={}"), "the number whose stable intervals are wanted"),
-    ],
-)
-def test_what_a_drawn_loop_does_not_have_is_refused_in_a_sentence(run, arguments, text):
-    code, printed, _ = run(*arguments)
-    assert (code, text in printed, "Traceback" in printed) == (2, True, False)
-
-
-def test_the_figure_names_the_number_with_its_unit(run):
-    code, _, results = run("stability-region", "arm.toml", "--plot")
-    assert code == 0
-    assert (results / "arm" / "stability-region.png").stat().st_size > 5000
 
 
 def test_what_is_not_known_is_not_called_unstable():
@@ -207,12 +154,6 @@ def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, b
     over = band and {"hz": [1.0, 3.0], "impedance": band[0], "holds_to_hz": band[1], "outweighed_hz": band[2]}
     felt = {"stiffness": stiffness, "damping": damping, "rigid": rigid, "over_band": over}
     assert verdict._felt(felt, "N/m", "N*s/m") == text
-
-
-def test_a_folder_that_begins_with_a_tilde_is_taken_as_it_is(run, tmp_path):
-    code, _, _ = run("stability-region", "arm.toml", "--out", "~/zz")
-    assert code == 0
-    assert sorted(each.suffix for each in (tmp_path / "~" / "zz").iterdir()) == [".csv", ".json", ".parquet"]
 
 
 DIVIDED = """
@@ -287,25 +228,6 @@ hand = { force = "hand", displacement = "arm.x" }
 along = "k"
 k = { start = 1, stop = 100 }
 """
-
-
-def test_a_loop_that_is_not_known_to_be_stable_is_not_called_unstable(run, tmp_path):
-    (tmp_path / "m.toml").write_text(MARGINAL, encoding="utf-8")
-    said = {
-        "bode": "1 of 1 loop not known to be stable, see the column doubt",
-        "passivity": "not stable in the first place, or not known to be: 1 row",
-        "simulate": "the loop is not known to be stable, and may have no steady response",
-    }
-    for command, words in said.items():
-        code, text, results = run(command, "m.toml")
-        assert (code, words in text) == (0, True), text
-        assert "nstable loop" not in text
-        assert "1 loop unstable" not in text
-    table = read(results / "m" / "bode.csv")
-    (label,) = {
-        line.get_label() for axes in figure_of("bode")(table, {}).axes for line in axes.lines if "m" in line.get_label()[:1]
-    }
-    assert label == "m, not known to be stable"
 
 
 def test_the_figure_of_ends_that_are_not_known_says_so(run, tmp_path):

@@ -34,29 +34,6 @@ def test_existing_files_are_replaced_only_with_force(wavesweep, spec, tmp_path):
     assert "check:" in (tmp_path / "mine" / "Makefile").read_text()
 
 
-def test_the_summary_as_json(wavesweep, spec):
-    code, out, err = wavesweep("export", spec, *SHORT, "--json", "--out", "mine")
-    summary = json.loads(out)
-    assert (code, err, summary["command"], summary["specs"], summary["ticks"]) == (0, "", "export", ["wall"], 50)
-    assert summary["files"] == [f"mine/{name}" for name in FILES]
-    assert summary["notices"] == []
-    preset = ("--set", "device.preset=touch", "--set", "device.mass=0.1", "--overwrite")
-    said = "the spec takes precedence over the preset touch: device.mass = 0.1 and not 0.045"
-    assert said in wavesweep("export", spec, *SHORT, *preset)[2]
-    assert json.loads(wavesweep("export", spec, *SHORT, *preset, "--json")[1])["notices"] == [said]
-
-
-def test_an_unstable_loop_and_vectors_that_end_early_are_told(wavesweep, spec):
-    change = ("--set", "b=1e300")
-    code, out, err = wavesweep("export", spec, *SHORT, *change, "--out", "mine")
-    assert (code, out) == (0, "")
-    assert err.startswith("the linear loop is not known to be stable")
-    assert "the vectors end after 2 of 50 ticks, where the run stops" in err
-    summary = json.loads(wavesweep("export", spec, *SHORT, *change, "--json", "--out", "mine", "--overwrite")[1])
-    assert (summary["ticks"], summary["wanted_ticks"], summary["linear_loop"]["stable"]) == (2, 50, False)
-    assert "UNSTABLE" in wavesweep("export", spec, *SHORT, "--set", "b=1e4", "--out", "other")[2]
-
-
 @pytest.mark.parametrize("settings", [(), ("--set", "simulate.wall=0.01", "--set", "controller.kind=dc-lm")])
 def test_the_vectors_are_the_rows_of_simulate(settings, wavesweep, spec):
     from wavesweep import results

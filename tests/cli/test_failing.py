@@ -77,35 +77,6 @@ def test_a_signal_while_python_shuts_down_ends_it_without_a_word(number, tmp_pat
     assert (code, out.startswith("wavesweep "), err) == (-number, True, "")
 
 
-def test_mistakes_of_a_spec_are_lines_that_begin_with_their_place(wavesweep, sweep, spec, tmp_path):
-    (tmp_path / spec).write_text('[controller]\nkind = "pmw"\n[rates]\nratio = 20.5\n[device]\nmas = 1.0\n')
-    code, out, err = wavesweep("zwidth", spec)
-    assert (code, out) == (2, "")
-    assert err.splitlines()[0].startswith("wall.toml:4:9: rates.ratio: ")
-    assert err.splitlines()[1].startswith("wall.toml:6:")
-    assert sweep.seen == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["zwidth"], "Missing argument 'SPEC'"),
-        (["zwdith", "wall.toml"], "No such command 'zwdith'"),
-        (["zwidth", "wall.toml", "--jobs", "0"], "0 is not in the range x>=1"),
-        (["zwidth", "wall.toml", "--scheduler", "tcp://there:8786"], "--scheduler needs --backend dask"),
-        (["zwidth", "nowhere.toml"], "nowhere.toml"),
-        (["bode", "wall.toml", "wall.toml"], "two specs are called wall"),
-        (["bode", "a\x1b[2J.toml", "a\x1b[2J.toml"], "two specs are called a\\x1b[2J"),
-    ],
-)
-def test_what_cannot_be_asked_is_a_usage_error(arguments, message, wavesweep, sweep, spec):
-    assert spec == "wall.toml"
-    code, out, err = wavesweep(*arguments)
-    assert (code, out) == (2, "")
-    assert message in err
-    assert sweep.seen == []
-
-
 def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, spec, tmp_path):
     (tmp_path / "other.toml").write_text((tmp_path / spec).read_text() + "[device]\nmass = 0.2\n")
     wavesweep("zwidth", spec, "--no-plot", "--out", "here")
@@ -118,14 +89,6 @@ def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, s
     code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--out", "here", "--overwrite")
     assert code == 0
     assert "replaced" not in err
-
-
-def test_results_of_several_other_specs_are_refused_before_the_work(wavesweep, sweep, spec, tmp_path):
-    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text())
-    wavesweep("bode", spec, "--no-plot", "--out", "here")
-    code, _, err = wavesweep("bode", spec, "other.toml", "--no-plot", "--out", "here")
-    assert (code, len(sweep.seen)) == (2, 1)
-    assert "--overwrite" in err
 
 
 def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
@@ -148,34 +111,6 @@ def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / spec]
 
 
-def test_a_folder_that_is_a_file_is_named(wavesweep, sweep, spec, tmp_path):
-    (tmp_path / "taken").write_text("")
-    code, _, err = wavesweep("zwidth", spec, "--out", "taken", "--no-plot")
-    assert code == 2
-    assert err.strip().startswith("Error: taken: ")
-    assert sweep.seen == []  # said before the work
-
-
-@pytest.mark.parametrize(
-    ("typed", "line"),
-    [
-        ("zwdth", "No such command 'zwdth'. Did you mean zwidth?"),
-        ("stability_region", "No such command 'stability_region'. Did you mean stability-region?"),
-        ("frobnicate", "No such command 'frobnicate'."),
-    ],
-)
-def test_a_mistyped_command_gets_the_nearest_one(typed, line, wavesweep):
-    code, out, err = wavesweep(typed, "a.toml")
-    assert (code, out) == (2, "")
-    assert err.splitlines()[-1] == f"Error: {line}"
-
-
-def test_a_mistyped_option_gets_the_nearest_one(wavesweep, spec):
-    code, _, err = wavesweep("zwidth", spec, "--overwrit3")
-    assert code == 2
-    assert "--overwrite" in err.splitlines()[-1]
-
-
 def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command_is_not(wavesweep, sweep, spec):
     with results.at_work(["zwidth"], "here"):
         code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--overwrite")
@@ -187,18 +122,6 @@ def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0
 
 
-@pytest.mark.parametrize(
-    "words", [("check", "wall.toml", "--plot"), ("export", "wall.toml", "--to", "c"), ("plot", "zwidth.csv")]
-)
-@pytest.mark.parametrize(("out", "says"), [("-", "writes no table to stdout"), ("", "found an empty text")])
-def test_files_need_a_folder(words, out, says, wavesweep, tmp_path):
-    before = sorted(tmp_path.iterdir())
-    code, _, err = wavesweep(*words, "--out", out)
-    assert code == 2
-    assert says in err
-    assert sorted(tmp_path.iterdir()) == before
-
-
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("words", [("zwidth",), ("bode",), ("check", "--plot")])
 def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words, wavesweep, spec, tmp_path):
@@ -207,24 +130,6 @@ def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words
     assert (code, out) == (2, "")
     assert err.startswith("Error: matplotlibrc: expected text in UTF-8")
     assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.thorough
-def test_a_backend_of_matplotlib_that_is_not_there_does_not_matter(spec, tmp_path):
-    """A notebook sets this for the commands that it calls, and its package may be in another environment."""
-    words = [sys.executable, "-m", "wavesweep", "check", str(tmp_path / spec), "--plot", "--out", str(tmp_path)]
-    done = subprocess.run(
-        words, env=os.environ | {"MPLBACKEND": "module://nowhere"}, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr.startswith("Wrote ")) == (0, True), done.stderr
-    done = subprocess.run(words, env=os.environ | {"MPLBACKEND": "nonsense"}, capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-
-
-def test_an_override_is_one_line(wavesweep, spec):
-    code, _, err = wavesweep("check", spec, "--set", "[device]\nmass=2")
-    assert code == 2
-    assert "found an unknown key" in err
 
 
 @pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
@@ -288,54 +193,6 @@ def test_a_folder_that_cannot_be_used_is_refused_before_the_work(wavesweep, spec
         assert "may not be written to" in err
 
 
-def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, monkeypatch):
-    spec = '[controller]\nkind = "pmw"\n[simulate]\ninput = "stepped-sine"\nfrequency_hz = [1, 2]\n'
-    (tmp_path / "own.toml").write_text(spec)
-    monkeypatch.chdir(tmp_path)
-    code, out, err = wavesweep("simulate", "own.toml", "--out", "-")
-    assert code == 0
-    assert out.startswith("tick,")
-    assert "the table simulate-response is left out, since --out - takes one" in err
-    assert "left out" not in wavesweep("simulate", "own.toml", "--out", "-", "--quiet")[2]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["zwidth", "wall.toml", "--for-hands", "box:mass=1..2,mass=3..4"], "one range of mass, found two"),
-        (["init", "--out", " "], "--out: expected the name of a file, found an empty text"),
-        (["explore", "wall.toml", "--save", ""], "--save: expected the name of a file, found an empty text"),
-        (["plot", "t.csv", "--width", "3ft"], "--width: expected a width from 2 to 20 inches, such as 3.5in"),
-        (["plot", "t.csv", "--width", "300"], "or 8.9cm, found 300"),
-        (["plot", "t.csv", "--style", "gplot"], "found gplot (did you mean ggplot?)"),
-        (["plot", "t.csv", "--style", "wall.toml"], ": expected a setting of matplotlib, found [controller]"),
-        (["bench", "--quick", "--out", "wall.toml"], "wall.toml is a file; name another folder"),
-        (["plot", "."], "expected the CSV or Parquet file of a table, found a folder"),
-        (["plot", "there"], "there: expected the CSV or Parquet file of a table, found a folder"),
-        (["passivity", "wall.toml", "--tolerance", "nan"], "tolerance: expected a finite number >= 0"),
-        (["passivity", "wall.toml", "--tolerance", "inf", "--filters"], "tolerance: expected a finite number >= 0"),
-        (
-            ["simulate", "wall.toml", "--set", "simulate={input='stepped-sine', frequency_hz=[]}"],
-            "simulate.frequency_hz: expected",
-        ),
-        (["zwidth", "wall.toml", "--out", "nothing"], "is a link to nothing"),
-        (
-            ["export", "wall.toml", "--to", "c", "--out", "there", "--overwrite"],
-            "vectors.csv: expected a file or none, found",
-        ),
-    ],
-)
-def test_what_would_fail_later_or_be_ignored_is_refused_first(arguments, message, wavesweep, spec, tmp_path):
-    assert spec == "wall.toml"
-    (tmp_path / "nothing").symlink_to("nowhere")
-    (tmp_path / "there" / "vectors.csv").mkdir(parents=True)
-    before = sorted(tmp_path.rglob("*"))
-    code, out, err = wavesweep(*arguments)
-    assert (code, out) == (2, "")
-    assert message in err
-    assert sorted(tmp_path.rglob("*")) == before
-
-
 @pytest.mark.parametrize("damage", ['"spec": null, "x": {', '"spec": [1], "x": {'])
 def test_a_package_that_somebody_has_changed_costs_no_finished_run(damage, wavesweep, spec, tmp_path):
     again = ("zwidth", spec, "--no-plot", "--out", "here", "--set", "sweep.B_VE=[1]")
@@ -362,14 +219,6 @@ def test_numbers_next_to_the_largest_double_are_judged(wavesweep, spec):
     code, out, _ = wavesweep("check", spec, "--set", "K_VE=1e308", "--json")
     assert code == 0
     assert json.loads(out)["verdict"]["limits"][0]["to"] < float("inf")
-
-
-def test_a_loop_whose_numbers_overflow_is_not_called_unstable(wavesweep, spec):
-    code, out, _ = wavesweep("check", spec, "--set", "controller.Kp=1e308")
-    said = "not known whether it is stable (numbers overflow, or rounding hides them)" in out
-    assert (code, said, "unstable" in out.lower()) == (0, True, False)
-    verdict = json.loads(wavesweep("check", spec, "--set", "controller.Kp=1e308", "--json")[1])["verdict"]
-    assert (verdict["stable"], verdict["spectral_radius"]) == (False, None)
 
 
 def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path):
@@ -438,8 +287,3 @@ def test_a_unit_that_a_terminal_or_a_spreadsheet_would_run_is_refused(unit, wave
     (drawn := tmp_path / "drawn.toml").write_text(text + '[block]\nm = { type = "mass" }\n[wire]\n"m.f" = "-k*m.x"\n')
     code, _, err = wavesweep("check", str(drawn))
     assert (code, "numbers.k.unit: expected a string that is printable" in err) == (2, True)
-
-
-def test_a_mass_in_grams_is_asked_about(wavesweep, spec):
-    _, out, _ = wavesweep("check", spec, "--set", "device.mass=60")
-    assert "device.mass = 60 kg is unusual (usual: 0.001 to 20 kg); is it given in kg?" in out

@@ -80,57 +80,6 @@ def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     assert facts["for_hands"] == ["box:mass=0.1..0.4,damping=2..10,stiffness=100..100"]
 
 
-@pytest.mark.parametrize(
-    ("flag", "said"),
-    [
-        ("--for-hands=port", "(port): nowhere passive in the swept range"),
-        ("--for-hands=passive", "(passive): nowhere stable with every passive hand in the swept range"),
-    ],
-)
-def test_where_nothing_is_passive_it_is_not_called_unstable(flag, said, wavesweep, held):
-    """The wall has more damping than the device, and a heavy operator keeps the loop stable."""
-    settings = ("sweep.B_VE=[14]", "operator.mass=1", "operator.damping=0")
-    code, _, err = wavesweep("zwidth", held, flag, "--no-plot", *(word for each in settings for word in ("--set", each)))
-    assert code == 0
-    assert said in err
-    assert "(operator): largest stable K_VE: " in err
-    assert "no stable" not in err
-
-
-def test_a_dash_writes_the_same_table_to_stdout(wavesweep, held, tmp_path):
-    code, out, _ = wavesweep("zwidth", held, "--for-hands", "passive", "--out", "-")
-    assert code == 0
-    wavesweep("zwidth", held, "--for-hands", "passive", "--no-plot")
-    assert out == (tmp_path / "results/held/zwidth-hands.csv").read_text()
-
-
-@pytest.mark.slow
-def test_a_figure_without_a_plane_has_a_bar_per_hand(wavesweep, held, tmp_path):
-    (tmp_path / "bars.toml").write_text(SPEC.replace("B_VE = [0, 1]", "rates.fast_hz = [500, 1000]"))
-    assert wavesweep("zwidth", "bars.toml", "--for-hands", "passive")[0] == 0
-    assert (tmp_path / "results/bars/zwidth-hands.png").stat().st_size > 5000
-    assert held
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--for-hands", "strong"], "hands: expected passive, box, port or box:RANGES, found 'strong'"),
-        (["--for-hands", "port:mass=1..2"], "found 'port:mass=1..2'"),
-        (["--for-hands", "box", "--for-hands", "box:mass=1..2"], "expected box once"),
-        (["--for-hands", "box:mass=1"], "expected ranges such as mass=0.1..0.5"),
-        (["--for-hands", "box:"], "expected ranges such as mass=0.1..0.5"),
-        (["--for-hands", "box:weight=1..2"], "found 'weight=1..2'"),
-        (["--for-hands", "box:mass=2..1"], "mass expected 0 <= low <= high, found (2.0, 1.0)"),
-        (["--for-hands", "passive", "--set", "device.velocity=exact"], 'expected device.velocity = "difference"'),
-    ],
-)
-def test_what_makes_no_sense_is_a_usage_error(arguments, said, wavesweep, held):
-    code, out, err = wavesweep("zwidth", held, *arguments)
-    assert (code, out) == (2, "")
-    assert said in err
-
-
 def test_the_columns_of_hands_have_units():
     fields = {field.name: field for field in results.fields("zwidth-hands", ["B_VE"], "K_VE", [*ENDS, "settled"])}
     assert (fields["hand"].kind, fields["hand"].unit) == ("string", "")

@@ -72,15 +72,3 @@ def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pu
         "--friction fits it" in err
     )
     assert "# The model does NOT explain the log" in Path("results/pushed/device.toml").read_text()
-
-
-def test_options_that_are_none_are_one_message(wavesweep, pushed):
-    for words, said in (
-        (["--column", "position"], "--column position: expected NAME=VALUE, e.g. position=enc"),
-        (["--scale", "position=two"], "--scale position=two: expected a number, found two"),
-        (["--scale", "place=2"], "--scale place: expected one of time, force, position, found place"),
-        (["--column", "force=current"], "expected a column current, found time, force, position"),
-    ):
-        code, out, err = wavesweep("identify", pushed, *words)
-        assert (code, out, said in err) == (2, "", True), err
-    assert not Path("results").exists()

@@ -11,7 +11,6 @@ from wavesweep.controllers import CONTROLLERS
 from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
 from wavesweep.spec.devices import DEVICES
-from wavesweep.sweep import planning
 
 KINDS = list(CONTROLLERS)
 KEY_LINE = re.compile(r"^(#?)(\w+) = (.+)$")
@@ -114,24 +113,9 @@ def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
     assert wavesweep("check", "first-hour.toml", "--exit-code", "-q", "--set", "K_VE=1000")[0] == 1
 
 
-def test_a_number_that_is_not_published_is_marked(written):
-    _, text = written("pmw", "sigma")
-    assert text.count("A GUESS, none is published for sigma: put your own") == 2
-    assert "ASSUMED, put your own" in written("pmw", "touch")[1]
-
-
 def test_a_controller_from_outside_has_its_spec_too(written, monkeypatch):
     monkeypatch.setitem(CONTROLLERS, "mine", CONTROLLERS["dc-slow"])
     assert load(written("mine")[0]).values["controller.kind"] == "mine"
-
-
-def test_other_commands_take_the_file(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert wavesweep("init", "pmw", "--device", "touch") == (0, "", "pmw.toml\n")
-    code, out, _ = wavesweep("check", "pmw.toml")
-    assert code == 0
-    assert "pmw.toml: valid, controller pmw" in out
-    assert planning.plan(load("pmw.toml"))
 
 
 def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeypatch):
@@ -156,16 +140,3 @@ def test_the_file_may_be_named_or_go_to_stdout(wavesweep, tmp_path, monkeypatch)
     code, _, err = wavesweep("init", "--out", "nowhere/wall.toml")
     assert code == 2
     assert "found no folder nowhere; make it first" in err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (("pmv",), "Error: pmv is no controller; expected one of dc, dc-slow, dc-lm, pmw, pmw-lm; did you mean pmw?\n"),
-        (("pmw", "--device", "tuch"), f"Error: tuch is no device; expected one of {', '.join(DEVICES)}; did you mean touch?\n"),
-    ],
-)
-def test_an_unknown_name_is_a_usage_error(arguments, line, wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert wavesweep("init", *arguments) == (2, "", line)
-    assert list(tmp_path.iterdir()) == []

@@ -31,15 +31,6 @@ def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep, monkeypatc
     assert {"[sweep]", "[bode]", "[simulate]", "[device]"} <= set(tables)
 
 
-@pytest.mark.parametrize("path", EVERY)
-def test_each_key_is_explained_with_its_values(path, wavesweep):
-    code, out, _ = wavesweep("keys", path)
-    assert code == 0
-    key = EVERY[path]
-    assert key.description in out
-    assert all(str(choice) in out and meaning in out for choice, meaning in key.meanings.items())
-
-
 @pytest.mark.parametrize("key", [*EVERY.values(), *AXIS_KEYS.values()], ids=lambda key: key.path)
 def test_every_word_that_a_key_takes_has_a_meaning(key):
     if key.type == "string" and key.choices and key.path != "controller.kind":
@@ -68,16 +59,6 @@ def test_devices_are_listed_with_numbers_and_sources(wavesweep):
             mark = "assumed" if number.assumed else "source"
             assert f"{path} = {number.value:g} {EVERY[path].unit}; {mark}: {number.source}" in out
     assert out.count("device.mass: not known") == 3
-
-
-@pytest.mark.parametrize(
-    ("name", "meant"),
-    [("controler.kind", "controller.kind"), ("k_ve", "K_VE"), ("lp1", "filters.lp1"), ("simulat", "simulate")],
-)
-def test_an_unknown_key_is_a_usage_error_with_the_nearest_one(name, meant, wavesweep):
-    code, out, err = wavesweep("keys", name)
-    assert (code, out) == (2, "")
-    assert err == f"Error: {name} is no key of a spec; did you mean {meant}?\n"
 
 
 def test_the_same_as_json(wavesweep):
@@ -115,14 +96,6 @@ def test_the_tables_of_a_drawn_loop_are_explained(capfd):
         assert ("phase" in said, "counterexample" in said) == (name == "ports", name in ("numbers", "ports"))
     assert main(["keys", "block.buterworth"]) == 2
     assert capfd.readouterr().err.strip().endswith("did you mean block.butterworth?")
-
-
-def test_the_limits_of_a_blocks_key_are_both_told(capfd):
-    assert main(["keys", "block.lowpass"]) == 0
-    assert "(a number > 0 and <= 1; " in capfd.readouterr().out
-    assert main(["keys", "block.lowpass", "--json"]) == 0
-    share = json.loads(capfd.readouterr().out)["block.lowpass"]["keys"]["a"]
-    assert (share["minimum"], share["above_minimum"], share["maximum"]) == (0.0, True, 1.0)
 
 
 def test_the_tables_of_design_are_explained(wavesweep):

@@ -40,19 +40,3 @@ def test_a_row_for_each_margin_in_files_with_a_figure(wavesweep, arm):
     assert rows["value"][rows["margin"] == "gain_down"].tolist() == [0]
     assert rows["margin"][~rows["limited"]].tolist() == ["gain_down"]
     assert wavesweep("verify", "results/arm")[0] == 0
-
-
-def test_bad_input_is_one_message(wavesweep, arm):
-    for words, said in (
-        (
-            ("--cut", "arm.x"),
-            r"cut: .*\(camera\.y, speed\.y\), found 'arm\.x': 20 times in a frame\. .*slower blocks \(camera, ",
-        ),
-        (("--cut", "camera"), "an output of no block, or one that no wire reads; did you mean `camera.y`"),
-        (("--cut", "camera.y", "--set", "K=200"), "expected a loop that is stable, found one that is not"),
-        ((), "Missing option '--cut'"),
-    ):
-        code, out, err = wavesweep("margins", arm, *words, "--no-plot")
-        assert (code, out) == (2, "")
-        assert re.search(said, err)
-    assert not Path("results").exists()

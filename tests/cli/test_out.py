@@ -48,22 +48,6 @@ def test_what_did_not_change_keeps_its_time(wavesweep, spec):
     assert Path("results/wall/zwidth.csv").stat().st_mtime_ns != 10**18
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["--out", "t.xlsx"], "expected a folder, or a file whose name ends in one of .csv, .parquet, .png"),
-        (["--out", "t.png", "--no-plot"], "is a figure; leave --no-plot out"),
-        (["--out", "t.csv", "--partition", "10"], "and --out t.csv none; leave one of them out"),
-        (["--out", "folder.csv/t.csv"], "Not a directory"),
-    ],
-)
-def test_what_no_single_file_can_be_is_refused(wavesweep, spec, words, says):
-    Path("folder.csv").write_text("a file")
-    code, out, err = wavesweep("zwidth", spec, *words)
-    assert (code, out, says in err or "is a file" in err) == (2, "", True)
-    assert left() == ["folder.csv", spec]
-
-
 def test_a_link_in_place_of_the_file_is_left_alone(wavesweep, spec):
     Path("mine").write_text("of somebody else")
     Path("t.csv").symlink_to("mine")

@@ -8,7 +8,6 @@ import pytest
 from reproduce import figures, open_choices, passive_bank
 from reproduce.specs import load_paper
 from reproduce.statements.stability import STATEMENTS
-from wavesweep.cli.entry import group
 from wavesweep.results import read
 
 pytestmark = pytest.mark.slow
@@ -64,21 +63,6 @@ def test_a_dash_writes_the_statements_to_stdout_and_no_file(wavesweep, tmp_path)
     code, out, _ = wavesweep("paper", "--out", "-")
     assert code == 0
     assert out.startswith("number,where,statement,verdict,")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_common_options_are_those_of_the_other_commands():
-    options = [
-        {option.name for option in group.get_command(None, name).params if option.param_type_name == "option"}
-        for name in ("paper", "simulate")
-    ]
-    assert options[0] == options[1]
-
-
-def test_the_papers_values_cannot_be_overridden(wavesweep, tmp_path):
-    code, out, err = wavesweep("paper", "--set", "b=30")
-    assert (code, out) == (2, "")
-    assert "the paper's values are its own" in err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -7,7 +7,7 @@ import pytest
 from support.held import more_damping, port_margin
 from support.specs import values_of
 
-from wavesweep import results, sweep
+from wavesweep import results
 
 pytestmark = pytest.mark.slow
 
@@ -53,40 +53,6 @@ def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
     assert "no damping of the device makes it passive in 3 rows" in err
 
 
-def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
-    code, out, err = wavesweep("passivity", filters, "--set", "controller.kind=dc", "--out", "-")
-    assert code == 0
-    lines = out.splitlines()
-    assert lines[0] == HEADER
-    assert all(line.split(",")[2:4] == ["", ""] for line in lines[1:])
-    assert all(line.split(",")[6] == "1" for line in lines[1:])
-    assert "dc has no wave channel" in err
-
-
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("kind", "said"), [("pmw-lm", "take its other filters and its local model too"), ("dc", "dc sends no waves"), ("pmw", "")]
-)
-def test_the_orders_of_filters_are_said_to_be_those_of_pmw(wavesweep, filters, kind, said):
-    _, _, err = wavesweep("passivity", filters, "--filters", "--no-plot", "--set", f"controller.kind={kind}")
-    assert "adds at most 0.1 % of energy to the waves of pmw: " in err
-    assert said in err
-    assert ("not enough" in err, "needs no LP1" in err) == (kind == "pmw-lm", kind == "dc")
-
-
-@pytest.mark.thorough
-def test_rates_that_do_not_divide_have_no_filter_choices_but_a_norm(wavesweep, filters, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "passivity", None)  # the refusal comes before the work
-    code, _, err = wavesweep("passivity", filters, "--filters", "--set", "rates.slow_hz=60")
-    assert (code, err.startswith("Error: filters: expected a [controller] whose rates divide")) == (2, True)
-    assert not (tmp_path / "results").exists()
-    _, out, _ = wavesweep("check", filters, "--set", "rates.slow_hz=60")
-    assert "hand's port of 6 loops, norm of 3 wave channels; method" in out
-    assert "norm of 3 wave channels" in out
-    out = wavesweep("check", filters, "--set", "sweep.rates.slow_hz=[50,60]")[1]
-    assert "hand's port of 12 loops, norm of 6 wave channels; method" in out
-
-
 def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
     code, _, err = wavesweep("passivity", filters, "--filters")
     assert code == 0
@@ -114,24 +80,6 @@ def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp
     assert wavesweep("passivity", filters, "--filters", "--no-plot", "--out", "there", *settings)[0] == 0
     table = results.read(tmp_path / "there/passivity-filters.csv")
     assert set(table["lp1_cutoff_hz"].tolist()) == {1.2, 3.0, 5.14, 6.0, 9.0, 12.0}
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    "axes",
-    [
-        "Kp = [10]",
-        "B_VE = { start = 0, stop = 5, num = 12 }\nb = [20, 40]\ndevice.mass = [0.1, 0.2, 0.3]",
-        "b = { start = 20, stop = 40, num = 5 }\nKp = { start = 0, stop = 40, num = 5 }",
-    ],
-)
-@pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
-def test_every_shape_of_table_has_a_figure(wavesweep, filters, tmp_path, axes, kind):
-    text = f'[controller]\nkind = "{kind}"\n[sweep]\n{axes}\n'
-    (tmp_path / "other.toml").write_text(text)
-    assert wavesweep("passivity", "other.toml")[0] == 0
-    assert (tmp_path / "results/other/passivity.png").stat().st_size > 5000
-    assert filters
 
 
 @pytest.mark.parametrize(("tolerance", "enough"), [(1e-3, 3), (0.2, 1)])

@@ -10,7 +10,6 @@ import pytest
 from PIL import Image
 
 from wavesweep.cli import main
-from wavesweep.results import read_table
 from wavesweep.tables.responses import responses
 
 pytestmark = pytest.mark.slow
@@ -123,13 +122,6 @@ def spoilt(made, case):
     return made / "table.txt", "expected .csv or .parquet"
 
 
-def test_a_figure_does_not_go_to_stdout(wavesweep, tmp_path):
-    code, out, err = wavesweep("plot", "zwidth.parquet", "--out", "-")
-    assert (code, out) == (2, "")
-    assert "--out -: expected a folder" in err
-    assert not (tmp_path / "-").exists()
-
-
 @pytest.mark.parametrize("case", ["missing", "alone", "torn", "torn parquet", "other program", "other suffix"])
 def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")
@@ -232,22 +224,6 @@ def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path)
     assert "found one of wavesweep paper, which draws it" in err
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["explore", "SPEC", "--save", "page.html", "--port", "99"], "--save: expected no --port beside it"),
-        (["explore", "SPEC", "--save", "page.html", "--no-browser"], "--save: expected no --no-browser beside it"),
-        (["explore", "SPEC", "--save", "-"], "--save -: expected the name of a file"),
-    ],
-)
-def test_options_that_would_do_nothing_are_refused(wavesweep, spec, tmp_path, monkeypatch, words, message):
-    monkeypatch.chdir(tmp_path)
-    code, out, err = wavesweep(*(spec if word == "SPEC" else word for word in words))
-    assert (code, out) == (2, "")
-    assert message in err
-    assert not (tmp_path / "page.html").exists()
-
-
 def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesweep, spec, tmp_path):
     assert wavesweep("zwidth", spec, "--out", tmp_path / "made")[0] == 0
     table = pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet")
@@ -255,18 +231,6 @@ def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesw
     pyarrow.parquet.write_table(changed.replace_schema_metadata(table.schema.metadata), tmp_path / "zwidth.parquet")
     assert wavesweep("plot", tmp_path / "zwidth.parquet", "--out", tmp_path / "again")[0] == 0
     assert (tmp_path / "again/zwidth.png").read_bytes() == (tmp_path / "made/zwidth.png").read_bytes()
-
-
-def test_the_name_of_a_spec_in_a_legend_is_not_longer_than_the_figure(wavesweep, spec, tmp_path):
-    from wavesweep.plots import figure_of
-
-    long = spec.with_name(f"{'many-words-' * 17}.toml")
-    spec.rename(long)
-    assert wavesweep("bode", long, "--no-plot", "--out", tmp_path / "made")[0] == 0
-    _, columns, facts = read_table(tmp_path / "made" / "bode.parquet")
-    texts = [text.get_text() for legend in figure_of("bode")(columns, facts).legends for text in legend.get_texts()]
-    assert max(map(len, texts)) < 70
-    assert any(text.startswith("many-words-many") and "..." in text for text in texts)
 
 
 def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):

@@ -36,26 +36,6 @@ def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(r
     assert code == 0, text
 
 
-def test_specs_with_and_without_a_hand_have_no_table_in_common(run):
-    code, text, _ = run("bode", "drive.toml", "wall.toml", "--no-plot")
-    assert (code, "expected responses at the hand of all specs, or between inputs and outputs of all" in text) == (2, True)
-
-
-def test_a_loop_without_ports_has_no_response(run):
-    code, text, _ = run("bode", "network.toml", "--no-plot")
-    assert (code, "network.toml" in text, "found no input" in text) == (2, True, True)
-
-
-def test_simulate_says_where_a_step_settles(run):
-    code, text, results = run("simulate", "drive.toml", "--set", "simulate.duration_s=1", "--out", "results/drive")
-    assert code == 0
-    assert "drawn, ref: step: 1000 ticks, 1 s\nspeed settles at 1, peak 1." in text
-    assert "s after the step, within 2 % from" in text
-    assert "energy" not in text
-    assert (results / "simulate.png").exists()
-    assert not (results / "simulate-response.csv").exists()
-
-
 def test_check_draws_a_root_locus_and_lists_the_pairs(run):
     code, text, results = run("check", "drive.toml", "--root-locus", "kp")
     assert (code, "bode: 8 curves (ref to speed, " in text, "passivity: not possible" in text) == (0, True, True)

@@ -9,7 +9,6 @@ import pytest
 
 import wavesweep as library
 from wavesweep import results
-from wavesweep.tables import kind_named
 from wavesweep.tables.simulation import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
@@ -47,24 +46,6 @@ def test_a_sine_gives_two_tables_and_their_figures(simulate):
     assert "Wrote there/simulate-response.csv, .parquet, .png, .datapackage.json in " in err
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_the_table_reads_back_with_missing_signals(simulate, suffix):
-    simulate()
-    columns = results.read(f"there/simulate{suffix}")
-    assert list(columns) == [field.name for field in kind_named("simulate").fields]
-    assert len(columns["tick"]) == 500
-    assert np.isnan(columns["v_2"]).all()
-    assert columns["touching"].dtype == bool
-
-
-def test_both_formats_hold_the_same_bits(simulate):
-    simulate("jitter=0.1")
-    for kind in ("simulate", "simulate-response"):
-        csv, parquet = (results.read(f"there/{kind}{suffix}") for suffix in (".csv", ".parquet"))
-        for name, column in csv.items():
-            assert list(map(repr, column.tolist())) == list(map(repr, parquet[name].tolist())), name
-
-
 @pytest.mark.slow
 def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
     simulate("input=stepped-sine", "frequency_hz=[3, 11]", "settle_s=5", "duration_s=20")
@@ -75,41 +56,6 @@ def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
         np.testing.assert_allclose(columns[name], columns[f"linear_{name}"], rtol=1e-3)
 
 
-@pytest.mark.parametrize(("hz", "left"), [("1, 2", ""), ("1, 2, 4", "4"), ("1, 2, 4, 5, 6, 7, 8, 9", "4, ..., 9")])
-def test_sines_that_are_not_measured_are_named(simulate, hz, left):
-    simulate("input=stepped-sine", f"frequency_hz=[{hz}]", "settle_s=0.1", "periods=1", "duration_s=2.5")
-    assert results.read("there/simulate-response.csv")["frequency_hz"].tolist() == [1.0, 2.0]
-    facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
-    assert [text for text in facts["notices"] if "not measured" in text] == [
-        f"not measured at {left} Hz: the input ends before they have settled; a longer simulate.duration_s measures them"
-    ] * bool(left)
-
-
-@pytest.mark.parametrize(
-    ("given", "unread"),
-    [
-        (["record=r.csv"], "simulate.record"),
-        (["input=step", "width_s=3", "frequency_hz=4"], "simulate.frequency_hz, simulate.settle_s, simulate.width_s"),
-        (["input=pulse", "width_s=3", "at_s=0.1"], "simulate.settle_s"),
-        (["frequency_hz=4"], ""),
-    ],
-)
-def test_keys_that_the_input_does_not_read_are_named(simulate, given, unread):
-    _, _, err = simulate(*given)
-    lines = [line for line in err.splitlines() if "not read" in line]
-    assert [line.partition(":")[0] for line in lines] == [unread] * bool(unread)
-
-
-def test_the_facts_hold_the_whole_spec_and_its_digest(simulate):
-    simulate("wall=0.002")
-    for kind in ("simulate", "simulate-response"):
-        facts = json.loads(Path(f"there/{kind}.datapackage.json").read_text())["wavesweep"]
-        assert facts["spec"]["simulate"]["wall"] == 0.002
-        assert len(facts["spec_sha256"]) == 64
-        assert facts["methods"]
-    assert facts["spec"]["controller"]["b"] == 25.0
-
-
 @pytest.mark.slow
 def test_other_forces_have_no_response_and_leave_none_behind(simulate):
     simulate(plot=True)
@@ -117,20 +63,6 @@ def test_other_forces_have_no_response_and_leave_none_behind(simulate):
     assert code == 0
     assert "replaced the results of this spec; changed: simulate.input sine -> step" in err
     assert files("there") == {f"simulate{suffix}" for suffix in SUFFIXES} - {"simulate.png"}
-
-
-def test_results_of_other_commands_do_not_depend_on_it(wavesweep, sweep, spec):
-    for seed in (1, 2):
-        assert wavesweep("zwidth", spec, "--no-plot", "--out", "there", "--set", f"simulate.seed={seed}")[0] == 0
-    assert len(sweep.seen) == 2
-
-
-def test_a_dash_writes_the_time_series_to_stdout(simulate):
-    code, out, err = simulate("duration_s=0.02", out="-")
-    assert (code, len(out.splitlines())) == (0, 21)
-    assert out.startswith("tick,frame,phase,time_s,f_h,x,")
-    assert "Wrote" not in err
-    assert not Path("there").exists()
 
 
 def test_equal_runs_give_equal_bytes(simulate):
@@ -170,28 +102,6 @@ def test_a_loop_that_diverges_slowly_is_compared_with_no_steady_response(simulat
     assert missing == [name for name in columns if name.startswith("linear_")]
 
 
-def test_a_force_of_zero_has_no_response_to_compare(simulate):
-    code, _, err = simulate("frequency_hz=10", "amplitude=0")
-    assert code == 0
-    assert "not known, so there is nothing to compare with the linear loop" in err
-    assert "at most 0 (admittance)" not in err
-
-
-def test_what_happened_is_told(simulate):
-    _, _, err = simulate("wall=0.0005", "late=3", "dropped=0.2", "amplitude=8", "jitter=0.1", device="omni")
-    assert "contact made " in err
-    assert "motors at their limit of 3.3 N for " in err
-    assert "of 25 slow results " in err
-    assert 'device.velocity = "exact" does not see the encoder' in err
-    assert "energy: the hand gave " in err
-
-
-def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
-    _, _, err = simulate("friction=0.1", device="omni")
-    assert "the spec takes precedence over the preset omni: simulate.friction = 0.1 and not 0.26\n" in err
-    assert "the preset omni adds to the linear loop: resolution = 5.5e-05, max_force = 3.3\n" in err
-
-
 def test_at_rates_that_do_not_divide_a_device_has_its_effects_too(simulate):
     code, _, err = simulate("friction=0.1", "wall=0.001", "late=3", device="omni", **{"rates.slow_hz": 60})
     assert code == 0
@@ -208,12 +118,6 @@ def test_a_recorded_force_is_read_and_vouched_for(simulate):
     assert results.read("there/simulate.csv")["f_h"].tolist() == [1.5] * 50
     facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
     assert len(facts["record_sha256"]) == 64
-
-
-def test_a_record_that_is_not_there_is_a_usage_error(simulate):
-    code, _, err = simulate("input=record", "record=push.csv")
-    assert (code, err) == (2, "Error: push.csv: cannot be read: No such file or directory\n")
-    assert not Path("there").exists()
 
 
 @pytest.mark.slow
@@ -245,14 +149,6 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     assert (rows == 4000) == (not facts["ticks"]["stopped"])
     assert rows == 4000 or not facts["linear_loop"]["stable"]
     assert example.read_text().startswith("# ")
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_a_minute_with_everything_on_runs_as_it_stands(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    _, _, err = wavesweep("simulate", str(EXAMPLES / "rig.toml"))
-    assert "pmw-lm, force of the hand sine: 60000 ticks, 60 s" in err
 
 
 @pytest.mark.parametrize("kind", ["dc", "pmw"])

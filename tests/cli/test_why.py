@@ -139,21 +139,3 @@ def test_a_table_without_a_certificate_is_drawn_and_says_so(wavesweep, tmp_path,
     code, _, err = wavesweep("why", "corner.toml")
     assert code == 0
     assert "k: not certified (counts), so no derivatives are given" in err
-
-
-def test_another_axis_needs_no_values_of_those_that_are_not_swept(wavesweep, tmp_path, monkeypatch):
-    """The example of the help, on the spec that `init` writes."""
-    monkeypatch.chdir(tmp_path)
-    assert wavesweep("init", "pmw", "--out", "mine.toml")[0] == 0
-    code, _, err = wavesweep("why", "mine.toml", "--along", "b", "--set", "sweep.b={start=5, stop=80}")
-    assert code == 0
-    assert "K_VE is not swept here, held at the spec's 50\n" in err
-
-
-@pytest.mark.parametrize("along", ["rates.ratio", "environment.delay", "filters.lp1.order"])
-def test_a_number_that_decides_how_the_loop_is_built_is_no_axis_of_intervals(along, wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n')
-    code, _, err = wavesweep("why", "mine.toml", "--along", along)
-    assert code == 2
-    assert err.startswith(f"Error: intervals along {along}: expected a number that the loop varies with smoothly")

@@ -1,0 +1,44 @@
+"""What commands say, word for word: `said/*.txt` have command lines and, below each, what is printed.
+
+WAVESWEEP_SAID=write in the environment writes the files anew, for changes of wording; read the difference before it is kept.
+"""
+
+import os
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from wavesweep.cli import main
+
+HERE = Path(__file__).parent / "said"
+ROOT = Path(__file__).parents[2]
+SECTION = re.compile(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
+SAID = {path.stem: SECTION.findall(path.read_text(encoding="utf-8")) for path in sorted(HERE.glob("*.txt"))}
+# What differs from run to run: times, and what rounding leaves of nothing.
+LOOSE = (
+    (r"[\d.]+e-1[5-9]\b", "...e-16"),
+    (r"\bin \d+\.\d\d s\b", "in ... s"),
+    (r"about [\d.]+ (m?s|kB|MB|min)\b", "about ... \\1"),
+)
+
+
+@pytest.mark.parametrize("page", [page if page == "refusals" else pytest.param(page, marks=pytest.mark.slow) for page in SAID])
+def test_commands_say_what_the_page_shows(page, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    Path("sweeps").symlink_to(ROOT / "sweeps")
+    for spec in HERE.glob("*.toml"):
+        Path(spec.name).write_bytes(spec.read_bytes())
+    said, before = [], sorted(tmp_path.iterdir())
+    for line, _ in SAID[page]:
+        code = main(shlex.split(line.partition("  # ")[0]))
+        streams = capfd.readouterr()
+        text = (streams.out + streams.err).replace(str(tmp_path), "/here") + (f"exit code {code}\n" if code else "")
+        for pattern, shown in LOOSE:
+            text = re.sub(pattern, shown, text, flags=re.MULTILINE)
+        said.append((line, text))
+    if os.environ.get("WAVESWEEP_SAID") == "write":
+        (HERE / f"{page}.txt").write_text("".join(f"$ {line}\n{text}" for line, text in said), encoding="utf-8")
+    assert said == SAID[page]
+    assert page != "refusals" or sorted(tmp_path.iterdir()) == before
