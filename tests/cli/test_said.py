@@ -21,6 +21,7 @@ LOOSE = (
     (r"[\d.]+e-1[5-9]\b", "...e-16"),
     (r"\bin \d+\.\d\d s\b", "in ... s"),
     (r"about [\d.]+ (m?s|kB|MB|min)\b", "about ... \\1"),
+    (r"(    work: .*); .*", "\\1; ..."),
 )
 
 
