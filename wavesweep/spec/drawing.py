@@ -32,6 +32,11 @@ LEAST = 1e-300  # size of a number that others are divided by
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
+def _remembered(function):
+    """Make a property of a drawing, computed once for all that are equal: a compiled loop is asked again and again."""
+    return property(lru_cache(maxsize=64)(function))
+
+
 @dataclass(frozen=True, slots=True)
 class DrawnBlock:
     """A block: its keys hold trees of numbers, tuples of these, or words.
@@ -221,24 +226,37 @@ class Drawing:
         """The signals from outside: the hand's force first, then those of the inputs."""
         return tuple(dict.fromkeys([*(self.hand or ())[:1], *(signal for _, signal, _ in self.inputs)]))
 
-    @property
+    @_remembered
     def plants(self) -> tuple[Plant, ...]:
         """The plants that are made of several blocks, which couplings connect, and those that a dead time acts on or reads."""
-        return _plants(self)
+        arriving, sensed = _between_ticks(self)
+        plants: list[set[str]] = []
+        for joined in ({_block_of(name) for name in (port, *dict(terms))} for port, terms in self.couplings):
+            whole = joined.union(*(each for each in plants if each & joined))
+            plants = [each for each in plants if not each & whole] + [whole]
+        for name in dict.fromkeys(_block_of(name) for name, _ in (*arriving, *sensed)):
+            plants += [] if any(name in whole for whole in plants) else [{name}]
+        found = []
+        for names in plants:
+            parts = ([each for each in some if _block_of(each[0]) in names] for some in (self.couplings, arriving, sensed))
+            found.append(Plant(tuple(block for block in self.blocks if block.name in names), *map(tuple, parts)))
+        return tuple(sorted(found, key=lambda plant: self.blocks.index(plant.members[0])))
 
-    @property
+    @_remembered
     def dead_times(self) -> dict[str, Tree]:
         """The dead time (s) of each delay that has one."""
-        return _dead_times(self)
+        return {block.name: block.dead_time for block in self.blocks if block.dead_time}
 
-    @property
+    @_remembered
     def building(self) -> dict[str, tuple[str, ...]]:
         """Paths of the whole numbers by which dead times decide how the loop is built, each with the dead times that it is of.
 
         Those of one are its number of ticks. Those of two say whether what the first one brings to a plant has arrived before
         the second one, or the same, reads the plant; see `wavesweep.loops.dead_time`.
         """
-        return _building(self)
+        pairs = {(one, other) for plant in self.plants for _, one in plant.arriving for _, other in plant.sensed}
+        ticks = {f"block.{name}.ticks": (name,) for name in self.dead_times}
+        return ticks | {f"block.{one}.before.{other}": (one, other) for one, other in sorted(pairs)}
 
     @property
     def alone(self) -> list[DrawnBlock]:
@@ -251,30 +269,40 @@ class Drawing:
         """The signal of a plant for each port of its members."""
         return {port: signal for plant in self.plants for port, signal in plant.signals.items()}
 
-    @property
+    @_remembered
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
-        return _shaping(self)
+        return frozenset(name for path, tree in self.trees() if decides(path) for name, _ in names_in(tree))
 
-    @property
+    @_remembered
     def cores(self) -> tuple[DrawnBlock, ...]:
-        """The blocks, with its transfer function in place of each word."""
-        return _cores(self)
+        """The blocks, with its transfer function in place of each block of firmware."""
+        return tuple(block.core(self.tick_hz) for block in self.blocks)
 
-    @property
+    @_remembered
     def reads(self) -> frozenset[str]:
         """Paths of the keys whose numbers the loop reads."""
-        return _reads(self)
+        return frozenset(path_of(name) for _, tree in self.trees() for name, _ in names_in(tree))
 
     @property
     def rating(self) -> frozenset[str]:
         """Names of the numbers that the rate of the tick follows from."""
         return frozenset(name for name, _ in names_in(self.tick_hz))
 
-    @property
+    @_remembered
     def names(self) -> Names:
         """The keys that may be axes, and the short names of numbers."""
-        return _names(self)
+        keys = {RATE: replace(TICK_HZ, path=RATE, required=False)} if RATE in self.rating else {}
+        for name, unit, description in self.numbers:
+            kind = "integer" if name in self.whole else "number"
+            keys[path_of(name)] = Key(path_of(name), kind, None, unit, description, shaping=name in self.shaping)
+        for block in self.blocks:
+            of_type = keys_of_block(block.type)
+            for name, tree in block.trees():
+                path = f"block.{block.name}.{name}"
+                if any(path == each for each, _ in names_in(tree)):
+                    keys[path] = replace(of_type[name], path=path, required=False, shaping=path in self.shaping)
+        return Names(keys, {name: path_of(name) for name, _, _ in self.numbers})
 
     def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
@@ -353,34 +381,6 @@ def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
     return tree if part[:2] == leaf else tuple(_replaced(each, leaf, tree) for each in part)
 
 
-@lru_cache(maxsize=64)
-def _plants(drawing: Drawing) -> tuple[Plant, ...]:
-    plants: list[set[str]] = []
-    arriving, sensed = _between_ticks(drawing)
-    alone = [{_block_of(name)} for name, _ in (*arriving, *sensed)]
-    for joined in ({_block_of(name) for name in (port, *dict(terms))} for port, terms in drawing.couplings):
-        whole = joined.union(*(each for each in plants if each & joined))
-        plants = [each for each in plants if not each & whole] + [whole]
-    plants += [each for at, each in enumerate(alone) if each not in alone[:at] and not any(each <= whole for whole in plants)]
-    found = []
-    for names in plants:
-        parts = ([each for each in some if _block_of(each[0]) in names] for some in (drawing.couplings, arriving, sensed))
-        found.append(Plant(tuple(block for block in drawing.blocks if block.name in names), *map(tuple, parts)))
-    return tuple(sorted(found, key=lambda plant: drawing.blocks.index(plant.members[0])))
-
-
-@lru_cache(maxsize=64)
-def _dead_times(drawing: Drawing) -> dict[str, Tree]:
-    return {block.name: block.dead_time for block in drawing.blocks if block.dead_time}
-
-
-@lru_cache(maxsize=64)
-def _building(drawing: Drawing) -> dict[str, tuple[str, ...]]:
-    pairs = {(one, other) for plant in drawing.plants for _, one in plant.arriving for _, other in plant.sensed}
-    found = {f"block.{name}.ticks": (name,) for name in drawing.dead_times}
-    return found | {f"block.{one}.before.{other}": (one, other) for one, other in sorted(pairs)}
-
-
 def _between_ticks(drawing):
     """Ports of plants with the dead times that arrive there, and outputs of plants with the dead times that read them."""
     plants, delays, arriving, sensed = {block.name for block in drawing.blocks if block.plant}, drawing.dead_times, {}, {}
@@ -397,40 +397,6 @@ def _between_ticks(drawing):
 
 def _block_of(name):
     return name.rpartition(".")[0]
-
-
-@lru_cache(maxsize=64)  # a compiled loop is asked again and again
-def _shaping(drawing: Drawing) -> frozenset[str]:
-    keys = [tree for path, tree in drawing.trees() if decides(path)]
-    return frozenset(name for tree in keys for name, _ in names_in(tree))
-
-
-@lru_cache(maxsize=256)
-def _cores(drawing: Drawing) -> tuple[DrawnBlock, ...]:
-    return tuple(block.core(drawing.tick_hz) for block in drawing.blocks)
-
-
-@lru_cache(maxsize=256)
-def _reads(drawing: Drawing) -> frozenset[str]:
-    return frozenset(path_of(name) for _, tree in drawing.trees() for name, _ in names_in(tree))
-
-
-@lru_cache(maxsize=64)
-def _names(drawing: Drawing) -> Names:
-    keys = {}
-    if RATE in drawing.rating:
-        keys[RATE] = replace(TICK_HZ, path=RATE, required=False)
-    for name, unit, description in drawing.numbers:
-        kind = "integer" if name in drawing.whole else "number"
-        path = path_of(name)
-        keys[path] = Key(path, kind, None, unit, description, shaping=name in drawing.shaping)
-    for block in drawing.blocks:
-        of_type = keys_of_block(block.type)
-        for name, tree in block.trees():
-            path = f"block.{block.name}.{name}"
-            if any(path == each for each, _ in names_in(tree)):
-                keys[path] = replace(of_type[name], path=path, required=False, shaping=path in drawing.shaping)
-    return Names(keys, {name: path_of(name) for name, _, _ in drawing.numbers})
 
 
 def keys_of_block(kind: str) -> dict[str, Key]:

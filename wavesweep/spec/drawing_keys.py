@@ -62,10 +62,13 @@ class KeyReader:
     def leaf(self, path: str) -> Leaf:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
 
-    def refuse(self, leaf: Leaf, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = True) -> None:
+    def refuse(
+        self, leaf: Leaf | Place, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = True
+    ) -> None:
         self.mistakes.refuse(leaf, key, expected, found, suggestion, of_key=of_key)
 
     def fault(self, path: str, leaf: Leaf, fault: Fault) -> None:
+        """Add the mistake in an expression, at its place in the text."""
         self.mistakes.append(Mistake(leaf.place.inside(fault.offset), path, fault.expected, fault.found, fault.suggestion))
 
     def word(self, path: str, leaf: Leaf | None) -> str:
@@ -74,8 +77,7 @@ class KeyReader:
         if isinstance(leaf.value, str) and leaf.value.isprintable() and not leaf.value[:-1].startswith(FORMULA):
             return leaf.value
         expected = "a string that is printable and does not begin with = + - @, which spreadsheets run as formulas"
-        self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
-        return ""
+        return self.refuse(leaf, path, expected, show(leaf.value), of_key=False) or ""
 
     def read_number(self, path: str, key: Key, leaf: Leaf) -> Tree | None:
         """Read a number or an expression in numbers."""
@@ -85,10 +87,8 @@ class KeyReader:
         try:
             return self.number(path, check(key, leaf.value))
         except Rejected as error:
-            self.mistakes.append(
-                leaf.mistake(path, error.expected.replace("number", "number, or an expression,", 1).rstrip(","), error.found)
-            )
-            return None
+            expected = error.expected.replace("number", "number, or an expression,", 1).rstrip(",")
+            return self.refuse(leaf, path, expected, error.found, of_key=False)
 
     def number(self, path: str, value: float) -> Tree:
         """The tree of a key that is a number and no expression."""
@@ -103,35 +103,35 @@ class KeyReader:
             tree = parse(leaf.value)
             check_extent(tree, self.extents)
         except Fault as fault:
-            self.fault(path, leaf, fault)
             self.read.update(re.findall(r"\w+", leaf.value))
-            return None
+            return self.fault(path, leaf, fault)
         self.read.update(name for name, _ in names_in(tree))
-        known = {*self.numbers, *(self.signals if signals else ())}
-        meanings = self.meanings if PERIOD in known or self.period is None else {**self.meanings, PERIOD: self.period}
-        known |= {PERIOD} if self.period else set()
-        expected = (
-            "the output of a block, a number, or a signal from outside that [ports] names"
-            if signals
-            else "the name of a number in [numbers]"
-        )
-        faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
+        known, meanings = {*self.numbers, *(self.signals if signals else ())}, self.meanings
+        if self.period:
+            meanings = meanings if PERIOD in known else {**meanings, PERIOD: self.period}
+            known.add(PERIOD)
+        expected = "the output of a block, a number, or a signal from outside that [ports] names"
+        faults = unknown(tree, known, expected if signals else "the name of a number in [numbers]")
+        faults = [fault for fault in faults if not (signals and self.is_broken(leaf.value[fault.offset :]))]
         for fault in faults:
             block = _block_of(leaf.value[fault.offset :])
             if signals and (own := [each for each in sorted(self.signals) if each.startswith(f"{block}.")]):
                 fault.expected = f"an output of {block}: {' or '.join(own)}"
             self.fault(path, leaf, fault)
-        return None if faults else self.with_registers(path, leaf, with_trees(tree, meanings))
-
-    def with_registers(self, path: str, leaf: Leaf, tree: Tree) -> Tree | None:
-        """The tree that reads registers where the text has `prev(...)`."""
-        try:
-            tree, found = remembered(tree, self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)})
+        if faults:
+            return None
+        try:  # registers in place of `prev(...)`
+            tree = with_trees(tree, meanings)
+            tree, registers = remembered(tree, self.signals_of(tree))
         except Fault as fault:
             return self.fault(path, leaf, fault)
-        self.registers |= found
-        self.signals |= {*found}
+        self.registers |= registers
+        self.signals |= {*registers}
         return tree
+
+    def signals_of(self, tree: Tree) -> set[str]:
+        """The signals, among them those in the tree of blocks that have a mistake themselves."""
+        return self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
 
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
@@ -148,9 +148,8 @@ class KeyReader:
                     del self.meanings[name]  # it is a signal like any other, so that its mistake is one
         for name in rest:
             path, leaf = texts[name]
-            self.refuse(
-                leaf, path, "an expression whose names do not stand for each other in a circle", show(leaf.value), of_key=False
-            )
+            expected = "an expression whose names do not stand for each other in a circle"
+            self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
 
     def is_broken(self, text: str) -> bool:
         """Whether a text begins with a port of a block that has a mistake itself."""
@@ -162,29 +161,23 @@ class KeyReader:
         if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
             leaf = Leaf(str(leaf.value), leaf.place)
         if not isinstance(leaf.value, str):
-            self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
-            return None
+            return self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
         tree = self.read_text(path, leaf, signals=True)
         return None if tree is None else self.terms_of(path, leaf, tree, within)
 
     def terms_of(self, path: str, leaf: Leaf, tree: Tree, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
         """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a mistake."""
-        signals = self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
         try:
-            return within(tree, signals)
+            return within(tree, self.signals_of(tree))
         except Fault as fault:
-            self.fault(path, leaf, fault)
-            return None
+            return self.fault(path, leaf, fault)
 
     def read_block(self, name: str, given: Mapping[str, Leaf]) -> DrawnBlock | None:
         path, before = f"block.{name}", len(self.mistakes)
         if "" in given and given[""].value != {}:
-            self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
-            return None
+            return self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
         if not is_dotted(name):
-            first = next(iter(given.values()))
-            self.refuse(Leaf(None, first.place.parent()), path, NAME, show(name))
-            return None
+            return self.refuse(next(iter(given.values())).place.parent(), path, NAME, show(name))
         kind = self.read_type(path, given.get("type"))
         if kind is None:  # its numbers are not known to be unread
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
@@ -208,8 +201,7 @@ class KeyReader:
         block = DrawnBlock(name, kind, tuple((key, value) for key, value in found.items() if value is not None), every, phase)
         wrong = _shape_fault(block)
         if wrong:
-            self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
-            return None
+            return self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
         return block
 
     def as_meant(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
@@ -226,24 +218,24 @@ class KeyReader:
         return found
 
     def read_type(self, path: str, leaf: Leaf | None) -> str | None:
-        key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES))
-        if leaf is None:
-            self.refuse(self.leaf(path), key.path, expectation(key), "nothing (it has no default)")
-            return None
-        self.leaves[key.path] = leaf
-        return self.mistakes.check(key, leaf)
+        key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES), required=True)
+        return self.read_key(key.path, key, leaf)
 
     def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
+        """Read the value of a key by its type: trees of numbers, a word, true or false, or names of ports."""
         if leaf is None:
             return self.default(path, key)
-        self.leaves[path] = leaf
+        self.leaves[path], value = leaf, leaf.value
         if key.type in ("number", "integer"):
             return self.read_number(path, key, leaf)
         if key.type in ("list", "rows"):
             return self.read_numbers_of(path, key, leaf)
-        if key.type != "string":
-            return self.read_other(path, key, leaf)
-        return self.mistakes.check(key, leaf, path)
+        if key.type != "ports":
+            return self.mistakes.check(key, leaf, path)
+        if isinstance(value, list) and all(map(is_name, value)) and len(set(value)) == len(value):
+            return tuple(value)
+        names = ", ".join(map(str, value)) if isinstance(value, list) else show(value)
+        return self.refuse(leaf, path, "a list of different names", names or "none", of_key=False)
 
     def default(self, path: str, key: Key) -> object:
         if key.required:
@@ -253,33 +245,20 @@ class KeyReader:
             return self.number(path, key.default)
         return key.default
 
-    def read_other(self, path: str, key: Key, leaf: Leaf) -> object:
-        """Read a boolean, or names of ports."""
-        value = leaf.value
-        if key.type == "boolean" and isinstance(value, bool):
-            return value
-        if key.type == "ports" and isinstance(value, list) and all(map(is_name, value)) and len(set(value)) == len(value):
-            return tuple(value)
-        expected = "true or false" if key.type == "boolean" else "a list of different names"
-        found = ", ".join(map(str, value)) if isinstance(value, list) else show(value)
-        self.refuse(leaf, path, expected, found or "none", of_key=False)
-        return None
-
     def read_numbers_of(self, path: str, key: Key, leaf: Leaf) -> tuple | None:
         """Read a list of numbers, or of rows of them."""
         deep = key.type == "rows"
-        expected = "a list of rows, each a list of numbers" if deep else "a list of numbers"
         rows = leaf.value if deep else [leaf.value]
         if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows) or (not deep and not rows[0]):
-            self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
-            return None
-        entry = Key(path, "number", None, "", "")
-        trees = tuple(
-            tuple(self.read_number(_at(path, i, j, deep), entry, Leaf(item, leaf.place)) for j, item in enumerate(row))
-            for i, row in enumerate(rows)
-        )
+            expected = "a list of rows, each a list of numbers" if deep else "a list of numbers"
+            return self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
+        entry, trees = Key(path, "number", None, "", ""), []
+        for i, row in enumerate(rows):
+            at = f"{path}[{i}]" if deep else path
+            items = enumerate(Leaf(item, leaf.place) for item in row)
+            trees.append(tuple(self.read_number(f"{at}[{j}]", entry, item) for j, item in items))
         self.leaves[path] = leaf
-        return trees if deep else trees[0]
+        return tuple(trees) if deep else trees[0]
 
 
 def is_name(name: object) -> bool:
@@ -295,10 +274,6 @@ def is_dotted(name: str) -> bool:
 def _block_of(text):
     """The block of the port that a text begins with."""
     return re.match(r"[\w.]*", text)[0].rpartition(".")[0]
-
-
-def _at(path: str, i: int, j: int, deep: bool) -> str:
-    return f"{path}[{i}][{j}]" if deep else f"{path}[{j}]"
 
 
 def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
@@ -320,9 +295,6 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
             continue
         if len(rows) != height or any(len(row) != width for row in rows):
             widths = ", ".join(dict.fromkeys(str(len(row)) for row in rows)) or "0"
-            return (
-                name,
-                f"{height} rows of {width} numbers (states, inputs, outputs: {n}, {m}, {p})",
-                f"{len(rows)} of {widths}",
-            )
+            expected = f"{height} rows of {width} numbers (states, inputs, outputs: {n}, {m}, {p})"
+            return name, expected, f"{len(rows)} of {widths}"
     return None

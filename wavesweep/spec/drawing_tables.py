@@ -6,7 +6,7 @@ from functools import partial
 from types import MappingProxyType
 
 from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ
-from wavesweep.spec.checking import Mistakes, expectation, nearest, show
+from wavesweep.spec.checking import Mistakes, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
@@ -22,6 +22,7 @@ TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")
 PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
 OPTIONAL = ("reaction", "turns")
+TURNS = Key("ports.hand.turns", "boolean", False, "", "whether force and displacement of the hand are a torque and an angle")
 NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
 PORT_PARTS = ("signal", "unit")
 LISTED = 8  # ports that a message lists
@@ -139,7 +140,7 @@ class _TableReader(KeyReader):
         if not self.mistakes:  # which may be all that keeps a number from being read
             self.unread(tables["signals"])
         values |= self.own
-        turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
+        turns = bool(self.read_key(TURNS.path, TURNS, tables["ports"].get("hand", {}).get("turns")))
         ports = (hand, wall, turns, couplings, inputs, outputs, named)
         drawing = Drawing(tick, numbers, frozenset(), blocks, wires, *ports)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
@@ -151,7 +152,7 @@ class _TableReader(KeyReader):
         numbers, values, derived = [], {}, {}
         for name, parts in table.items():
             path, first = path_of(name), next(iter(parts.values()))
-            place = Leaf(None, first.place if "" in parts else first.place.parent())
+            place = first.place if "" in parts else first.place.parent()
             if name in COLUMNS:
                 self.refuse(place, path, *_column("numbers", name))
             elif not is_name(name) or name in RESERVED:
@@ -194,14 +195,9 @@ class _TableReader(KeyReader):
     def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
         for name, leaf in table.items():
             if name != "tick_hz":
-                self.refuse(
-                    leaf, f"rates.{name}", "tick_hz, the rate that all others divide", "an unknown key", "rates.tick_hz"
-                )
-        leaf = table.get("tick_hz")
-        if leaf is None:
-            self.refuse(self.leaf(RATE), RATE, expectation(TICK_HZ), "nothing (it has no default)")
-            return None
-        return self.read_number(RATE, TICK_HZ, leaf)
+                expected = "tick_hz, the rate that all others divide"
+                self.refuse(leaf, f"rates.{name}", expected, "an unknown key", "rates.tick_hz")
+        return self.read_key(RATE, TICK_HZ, table.get("tick_hz"))
 
     def read_wire(
         self, port: str, leaf: Leaf, plants: Mapping[str, str], periods: Mapping[str, Tree]
@@ -238,76 +234,66 @@ class _TableReader(KeyReader):
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
         for port in (*self.inputs, *self.needed):
             if port not in wires and port not in self.optional:
-                block = self.leaf(f"block.{port.rpartition('.')[0]}")
-                self.refuse(
-                    block, f"block.{port}", f'a wire to this input, "{port}" = "..." in [wire]', "none (0 leaves it at rest)"
+                block, expected = (
+                    self.leaf(f"block.{port.rpartition('.')[0]}"),
+                    f'a wire to this input, "{port}" = "..." in [wire]',
                 )
+                self.refuse(block, f"block.{port}", expected, "none (0 leaves it at rest)")
 
     def read_ports(self, table: Mapping[str, dict[str, Leaf]]) -> tuple:
+        """Read the hand and the wall."""
         for name, parts in table.items():
-            first = next(iter(parts.values()))
-            path = f"ports.{name}"
+            path, first = f"ports.{name}", next(iter(parts.values()))
             if name not in PORTS:
-                place = Leaf(None, first.place if "" in parts else first.place.parent())
+                place = first.place if "" in parts else first.place.parent()
                 self.refuse(place, path, "hand, wall, inputs or outputs", "an unknown port", nearest(name, (*PORTS, *NAMED)))
                 continue
+            expected = "{ " + ", ".join(PORTS[name]) + " }"
             for part, leaf in parts.items():
-                if part not in PORTS[name]:
-                    self.refuse(
-                        leaf,
-                        f"{path}.{part}" if part else path,
-                        "{ " + ", ".join(PORTS[name]) + " }",
-                        "another key" if part else show(leaf.value),
-                        nearest(part, PORTS[name]) if part else "",
-                    )
+                if not part:
+                    self.refuse(leaf, path, expected, show(leaf.value))
+                elif part not in PORTS[name]:
+                    self.refuse(leaf, f"{path}.{part}", expected, "another key", nearest(part, PORTS[name]))
             missing = [part for part in PORTS[name] if part not in parts and part not in OPTIONAL]
             if missing and "" not in parts:
-                self.refuse(
-                    Leaf(None, first.place.parent()),
-                    path,
-                    "both " + " and ".join(PORTS[name][:2]) + WITHOUT * (missing == ["damping"]),
-                    f"no {' and no '.join(missing)}",
-                )
+                expected = f"both {' and '.join(PORTS[name][:2])}{WITHOUT * (missing == ['damping'])}"
+                self.refuse(first.place.parent(), path, expected, f"no {' and no '.join(missing)}")
         return self.read_hand(table.get("hand", {})), self.read_wall(table.get("wall", {}))
 
     def named_ports(self, side: str, table: Mapping[str, Leaf]) -> dict[str, dict[str, Leaf]]:
         """Sort leaves of inputs or outputs: for each name `signal`, and perhaps `unit`; those without a signal are left out."""
-        found: dict[str, dict[str, Leaf]] = {}
+        ports: dict[str, dict[str, Leaf]] = {}
         for key, leaf in table.items():
             name, _, part = key.partition(".")
             path = f"ports.{side}.{name}".rstrip(".")
-            if not name or part not in ("", *PORT_PARTS):
-                expected = "one of " + ", ".join(PORT_PARTS) if part else f"a table, NAME = {NAMED[side]}"
-                found_text = "an unknown key" if part else show(leaf.value)
-                if name or leaf.value != {}:
-                    self.refuse(leaf, f"{path}.{part}" if part else path, expected, found_text, nearest(part, PORT_PARTS))
-                continue
-            found.setdefault(name, {})[part or "signal"] = leaf
-            self.leaves[f"{path}.unit" if part == "unit" else path] = leaf
-        for name, parts in found.items():
+            if name and not part:
+                ports.setdefault(name, {})["signal"] = leaf
+            elif part and self.mistakes.is_known(part, PORT_PARTS, leaf, f"{path}.{part}"):
+                ports.setdefault(name, {})[part] = leaf
+            elif not name and leaf.value != {}:
+                self.refuse(leaf, path, f"a table, NAME = {NAMED[side]}", show(leaf.value))
+        for name, parts in ports.items():
             path, first = f"ports.{side}.{name}", next(iter(parts.values()))
+            self.leaves |= {path if part == "signal" else f"{path}.unit": leaf for part, leaf in parts.items()}
             if name in (*COLUMNS, *RUN_COLUMNS):
                 self.refuse(first, path, *_column("ports", name))
             elif not is_name(name) or name in (*RESERVED, *self.numbers):
                 self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
             if "signal" not in parts:
-                self.refuse(Leaf(None, first.place.parent()), path, f"a signal, {NAMED[side]}", "none")
-        return {name: parts for name, parts in found.items() if "signal" in parts}
-
-    def unit_of(self, side: str, name: str, parts: Mapping[str, Leaf]) -> str:
-        return self.word(f"ports.{side}.{name}.unit", parts.get("unit"))
+                self.refuse(first.place.parent(), path, f"a signal, {NAMED[side]}", "none")
+        return {name: parts for name, parts in ports.items() if "signal" in parts}
 
     def read_inputs(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple[str, str, str], ...]:
-        found = []
+        """Read name, signal and unit of each input."""
+        inputs = []
         for name, parts in table.items():
             path, leaf = f"ports.inputs.{name}", parts["signal"]
-            signal = leaf.value
-            fault = self.fault_from_outside(signal)
-            if fault or signal in [each for _, each, _ in found]:
-                self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(signal)} again")), of_key=False)
+            fault = self.fault_from_outside(leaf.value)
+            if fault or leaf.value in [signal for _, signal, _ in inputs]:
+                self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(leaf.value)} again")), of_key=False)
             else:
-                found.append((name, signal, self.unit_of("inputs", name, parts)))
-        return tuple(found)
+                inputs.append((name, leaf.value, self.word(f"{path}.unit", parts.get("unit"))))
+        return tuple(inputs)
 
     def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
         """Return expected and found text of a value that is no signal from outside that a wire reads; what: it should be."""
@@ -320,14 +306,16 @@ class _TableReader(KeyReader):
     def read_outputs(
         self, table: Mapping[str, dict[str, Leaf]], inputs: Mapping[str, object]
     ) -> tuple[tuple[str, Terms, str], ...]:
-        found = []
+        """Read name, terms and unit of each output."""
+        outputs = []
         for name, parts in table.items():
+            path = f"ports.outputs.{name}"
             if name in inputs:
-                self.refuse(parts["signal"], f"ports.outputs.{name}", "another name than that of an input", show(name))
-            terms = self.read_terms(f"ports.outputs.{name}", parts["signal"])
+                self.refuse(parts["signal"], path, "another name than that of an input", show(name))
+            terms = self.read_terms(path, parts["signal"])
             if terms is not None:
-                found.append((name, terms, self.unit_of("outputs", name, parts)))
-        return tuple(found)
+                outputs.append((name, terms, self.word(f"{path}.unit", parts.get("unit"))))
+        return tuple(outputs)
 
     def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
         force = parts.get("force")
@@ -340,14 +328,6 @@ class _TableReader(KeyReader):
         )
         return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
 
-    def read_turns(self, leaf: Leaf | None) -> bool:
-        if leaf is None:
-            return False
-        self.leaves["ports.hand.turns"] = leaf
-        if not isinstance(leaf.value, bool):
-            self.refuse(leaf, "ports.hand.turns", "true or false", show(leaf.value), of_key=False)
-        return leaf.value is True
-
     def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
         found = []
         for part in PORTS["wall"]:
@@ -355,13 +335,12 @@ class _TableReader(KeyReader):
             if leaf is None:
                 continue
             self.leaves[f"ports.wall.{part}"] = leaf
+            expected, hint = "another number than the stiffness" if leaf.value in found else "", ""
             if leaf.value not in self.numbers or leaf.value in self.meanings:
+                expected = "the name of a number in [numbers]"
                 hint = nearest(leaf.value, self.numbers) if isinstance(leaf.value, str) else ""
-                self.refuse(
-                    leaf, f"ports.wall.{part}", "the name of a number in [numbers]", show(leaf.value), hint, of_key=False
-                )
-            elif leaf.value in found:
-                self.refuse(leaf, f"ports.wall.{part}", "another number than the stiffness", show(leaf.value), of_key=False)
+            if expected:
+                self.refuse(leaf, f"ports.wall.{part}", expected, show(leaf.value), hint, of_key=False)
             found.append(str(leaf.value))
         return tuple(found) or None
 
