@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
+from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key, number, whole, word
 
 BODIES = MappingProxyType({"mass": "mass", "inertia": "inertia"})  # types with a position x and a velocity v: key of the mass
 LONGEST_DELAY = 1000  # of a delay, each of which is a state
@@ -45,19 +45,8 @@ class BlockType:
         return not keys["discrete"] if self.plant == "continuous" else bool(self.plant)
 
 
-def _number(
-    name: str, unit: str, description: str, default: float | None = None, *, positive: bool = False, low: float | None = None
-) -> Key:
-    low = 0.0 if positive else low
-    return Key(name, "number", default, unit, description, low=low, above_low=positive, required=default is None)
-
-
-def _whole(name: str, description: str, low: int, high: int, default: int | None = None, unit: str = "1") -> Key:
-    return Key(name, "integer", default, unit, description, low=low, high=high, required=default is None)
-
-
-def _word(name: str, description: str, choices: Iterable[str], default: str) -> Key:
-    return Key(name, "string", default, "", description, choices=tuple(choices))
+def _number(name: str, unit: str, description: str, default: float | None = None, **ends: Any) -> Key:
+    return number(name, default, unit, description, required=default is None, **ends)
 
 
 def _other(name: str, kind: str, description: str, default: object = None) -> Key:
@@ -66,9 +55,9 @@ def _other(name: str, kind: str, description: str, default: object = None) -> Ke
 
 _DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; otherwise continuous, a plant", False)
 _B = _number("b", "N*s/m", "wave impedance", positive=True)
-_INTEGRATION = _word("integration", "how the velocity is integrated", INTEGRATIONS, "implicit")
+_INTEGRATION = word("integration", "implicit", "how the velocity is integrated", INTEGRATIONS)
 _U_Y = (("u",), ("y",))
-_METHOD = _word("method", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS, "implicit")
+_METHOD = word("method", "implicit", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS)
 _KP = _number("kp", "", "gain")
 _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
@@ -133,8 +122,8 @@ TYPES = MappingProxyType(
             "u of so many runs of the block ago, or of a dead time of so many seconds ago, to any fraction of a tick: held "
             "signals then arrive at plants between two ticks, and what a plant does is read between two ticks",
             _U_Y,
-            _whole("steps", "runs of the block", 0, LONGEST_DELAY, 1),
-            Key("seconds", "number", None, "s", "in place of steps: dead time", low=0.0),
+            whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
+            number("seconds", None, "s", "in place of steps: dead time", low=0.0),
             steps=_SAME,
         ),
         "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME),
@@ -144,22 +133,22 @@ TYPES = MappingProxyType(
         "integrator": _type(
             "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
             _U_Y,
-            _word("method", "rectangles from the left, from the right, or trapezia", INTEGRATIONS, "explicit"),
+            word("method", "explicit", "rectangles from the left, from the right, or trapezia", INTEGRATIONS),
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
             "trapezoidal: y[j] = y[j-1] + h[j] (u[j] + u[j-1])/2",
         ),
         "butterworth": _type(
             "digital Butterworth filter at the block's own rate",
             _U_Y,
-            _whole("order", "order; 0 for no filter", 0, HIGHEST_ORDER),
+            whole("order", None, "order; 0 for no filter", 0, HIGHEST_ORDER, required=True),
             _number("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate", positive=True),
-            _word("pass", "which side passes", ("low", "high"), "low"),
+            word("pass", "low", "which side passes", ("low", "high")),
         ),
         "lowpass": _type(
             "y += a (u - y); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz times the block's period, as firmware has it",
             _U_Y,
-            Key("a", "number", None, "1", "share of the difference that a run takes", low=0.0, high=1.0, above_low=True),
-            Key("cutoff_hz", "number", None, "Hz", "in place of a: 1/(2 pi time constant)", low=0.0, above_low=True),
+            number("a", None, "1", "share of the difference that a run takes", positive=True, high=1.0),
+            number("cutoff_hz", None, "Hz", "in place of a: 1/(2 pi time constant)", positive=True),
             steps="y[j] = y[j-1] + a (u[j] - y[j-1]); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz h[j]",
         ),
         "pi": _type(
@@ -196,17 +185,14 @@ TYPES = MappingProxyType(
         "biquad": _type(
             "(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)",
             _U_Y,
-            *(
-                _number(name, "", "coefficient of the numerator", default)
-                for name, default in (("b0", 1.0), ("b1", 0.0), ("b2", 0.0))
-            ),
+            *(_number(name, "", "coefficient of the numerator", float(name == "b0")) for name in ("b0", "b1", "b2")),
             *(_number(name, "", "coefficient of the denominator", 0.0) for name in ("a1", "a2")),
             steps=_SAME,
         ),
         "mean": _type(
             "mean of u in the last n runs of the block; an average over an exposure is a plant 1/s before a difference",
             _U_Y,
-            _whole("n", "runs of the block", 1, LONGEST_DELAY),
+            whole("n", None, "runs of the block", 1, LONGEST_DELAY, required=True),
             steps=_SAME,
         ),
         "wave": _type(
@@ -214,7 +200,7 @@ TYPES = MappingProxyType(
             "or v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f",
             {"force": (("v", "in"), ("force", "out")), "velocity": (("f", "in"), ("v", "out"))},
             _B,
-            _word("gives", "what it gives to its side", ("force", "velocity"), "force"),
+            word("gives", "force", "what it gives to its side", ("force", "velocity")),
             by="gives",
             steps=_SAME,
         ),
@@ -245,18 +231,9 @@ def without_rule(blocks: Iterable[Any]) -> list[str]:
     return [f"{block.name} ({block.type})" for block in blocks if not TYPES[block.type].steps]
 
 
-EVERY = _whole("every", "ticks from one run of the block to the next", 1, LONGEST_FRAME, 1, "tick")
-PHASE = _whole("phase", "tick of its first run, below every", 0, LONGEST_FRAME - 1, 0, "tick")
-TICK_HZ = Key(
-    "tick_hz",
-    "number",
-    None,
-    "Hz",
-    "common tick, of which each block runs at a whole part",
-    low=0.0,
-    above_low=True,
-    required=True,
-)
+EVERY = whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")
+PHASE = whole("phase", 0, "tick of its first run, below every", 0, LONGEST_FRAME - 1, "tick")
+TICK_HZ = _number("tick_hz", "Hz", "common tick, of which each block runs at a whole part", positive=True)
 # Names of columns of tables, which a number must not have, since it may be an axis.
 COLUMNS = frozenset(
     (

@@ -13,7 +13,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
 from wavesweep.spec.checking import Mistakes, apart, nearest, show
 from wavesweep.spec.drawing import Drawing, path_of
-from wavesweep.spec.keys import BAND_EDGES, KEYS, SIMULATE_KEYS, VALUE_PATHS, Key, Names
+from wavesweep.spec.keys import BAND_EDGES, KEYS, MOST_SEED, SIMULATE_KEYS, VALUE_PATHS, Key, Names, number, whole
 from wavesweep.spec.reading import Leaf, Place
 
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
@@ -26,13 +26,13 @@ Path = tuple[str, ...]
 
 DESIGN_KEYS = MappingProxyType(
     {
-        "seed": Key("design.seed", "integer", 0, "1", "seed of the search", low=0, high=2**53 - 1),
-        "population": Key("design.population", "integer", 96, "1", "designs of a generation", low=8, high=10_000),
-        "generations": Key("design.generations", "integer", 80, "1", "generations of the search", low=1, high=100_000),
+        "seed": whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
+        "population": whole("design.population", 96, "designs of a generation", 8, 10_000),
+        "generations": whole("design.generations", 80, "generations of the search", 1, 100_000),
     }
 )
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
-_BAND = Key("band_hz", "number", None, "Hz", "lowest and highest frequency", low=0.0, above_low=True)
+_BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)
 # Options of a wish: name -> (key of each number, how many; None for any).
 _OF_WALL = {"B_VE": (_DAMPING, None)}
 _WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
@@ -359,7 +359,7 @@ class _Reader:
             bound, options = None, {}
             for part, leaf in parts.items():
                 if part == kind.bound:
-                    bound = self.mistakes.check(Key(f"{path}.{part}", "number", None, kind.unit, ""), leaf)
+                    bound = self.mistakes.check(number(f"{path}.{part}", None, kind.unit, ""), leaf)
                 elif part in kind.options:
                     options[part] = self._numbers(f"{path}.{part}", leaf, *kind.options[part])
                 elif part:
@@ -391,7 +391,7 @@ class _Reader:
             one, other = (self.names.find(each) for each in name.split("/"))
             leaf = next(iter(named.pop(name).values()))
             if other.numeric and other.path in VALUE_PATHS:
-                key = Key(f"design.for_all.{name}", "number", None, "1", "", low=0.0, above_low=True)
+                key = number(f"design.for_all.{name}", None, "1", "", positive=True)
                 ratios[name] = one.path, other.path, self._numbers(key.path, leaf, key)
             else:
                 self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other.path)

@@ -9,12 +9,10 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis
 from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.design import Design
-from wavesweep.spec.keys import BUILT_IN, Key, Names
+from wavesweep.spec.keys import BUILT_IN, Names, whole
 from wavesweep.spec.reading import Leaf
 
-LOST = Key(
-    "for_all.lost", "integer", 0, "1", "slow results in a row that may fail to come; the last one is held", low=0, high=16
-)
+LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one is held", 0, 16)
 MOST_VARYING = 64  # values of a number that varies
 
 

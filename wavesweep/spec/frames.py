@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 from wavesweep.spec.checking import Mistakes, show
-from wavesweep.spec.keys import HIGHEST_RATIO, LONGEST_FRAME, Key
+from wavesweep.spec.keys import HIGHEST_RATIO, LONGEST_FRAME, Key, whole
 from wavesweep.spec.reading import Leaf
 
 FRAMES = "simulate.frames"
 PARTS = {
-    "ticks": Key("ticks", "integer", None, "tick", "fast ticks in the frame", low=1, high=HIGHEST_RATIO),
-    "delay": Key("delay", "integer", None, "tick", "fast ticks until its slow result is in place", low=0, high=HIGHEST_RATIO),
+    "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
+    "delay": whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
     "lost": Key("lost", "boolean", False, "", "whether its slow result never comes; the last one is held"),
 }
 

@@ -3,9 +3,11 @@
 Validation, documents and the units of columns derive from this table.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
+from typing import Any
 
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec.devices import DEVICES
@@ -39,6 +41,7 @@ BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
+MOST_SEED = 2**53 - 1  # the largest whole number that every reader of JSON keeps
 MOST_SLOW_STEPS = 10_000  # slow steps in a frame; fractions of such denominators are told apart by their doubles
 
 SYMBOLS = MappingProxyType(
@@ -89,34 +92,33 @@ class Key:
         return self.type != "number" or derived_from or self.shaping
 
 
-def _positive(path: str, default: float | None, unit: str, description: str, high: float | None = None) -> Key:
-    return Key(path, "number", default, unit, description, low=0.0, high=high, above_low=True)
+def number(path: str, default: float | None, unit: str, description: str, *, positive: bool = False, **more: Any) -> Key:
+    """Return the key of a number, which is above 0 if it is positive. more: `low`, `high`, `required`."""
+    more = {"low": 0.0, "above_low": True, **more} if positive else more
+    return Key(path, "number", default, unit, description, **more)
 
 
-def _gain(path: str, default: float, unit: str, description: str) -> Key:
-    return Key(path, "number", default, unit, description, low=0.0)
+def whole(
+    path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", required: bool = False
+) -> Key:
+    """Return the key of a whole number from `low` to `high`."""
+    return Key(path, "integer", default, unit, description, low=low, high=high, required=required)
 
 
-def _whole(path: str, default: int | None, description: str, *, low: int, high: int | None, unit: str = "1") -> Key:
-    return Key(path, "integer", default, unit, description, low=low, high=high)
+def word(path: str, default: str | None, description: str, meanings: Iterable[str] = (), required: bool = False) -> Key:
+    """Return the key of a text; one of several words if there are `meanings` of them, or names alone."""
+    known = meanings if isinstance(meanings, Mapping) else {}
+    return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=known)
 
 
-def _choice(path: str, default: str, description: str, meanings: Mapping[str, str]) -> Key:
-    return Key(path, "string", default, "", description, choices=tuple(meanings), meanings=meanings)
-
-
-def _number(path: str, default: float | None, unit: str, description: str) -> Key:
-    return Key(path, "number", default, unit, description)
-
-
-def _share(path: str, description: str, *, high: float) -> Key:
-    return Key(path, "number", 0.0, "1", description, low=0.0, high=high)
+_positive = partial(number, positive=True)
+_gain = partial(number, low=0.0)
 
 
 def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
     prefix = f"filters.{name}"
     return [
-        _whole(f"{prefix}.order", order, f"Butterworth order of {what}; 0 for no filter", low=0, high=HIGHEST_ORDER),
+        whole(f"{prefix}.order", order, f"Butterworth order of {what}; 0 for no filter", 0, HIGHEST_ORDER),
         _positive(f"{prefix}.cutoff_hz", cutoff_hz, "Hz", f"-3 dB frequency of {what}, below half the fast rate"),
         _positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}"),
         _positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}"),
@@ -126,55 +128,39 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
     ]
 
 
-_TABLE = [
+_LOOP = [
     _positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
-    _whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", low=1, high=HIGHEST_RATIO),
+    whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", 1, HIGHEST_RATIO),
     _positive(
         "rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio; need not divide the fast rate"
     ),
-    Key(
+    word(
         "device.preset",
-        "string",
         None,
-        "",
         "device by name; sets mass, damping and [simulate]'s friction, resolution and max_force if they are not given",
-        choices=tuple(DEVICES),
-        meanings={name: device.title for name, device in DEVICES.items()},
+        {name: device.title for name, device in DEVICES.items()},
     ),
     _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
-    _choice("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
+    word("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
     _gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
     _gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
     _gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),
     _gain("environment.K_VE", 500.0, "N/m", "stiffness of the virtual environment"),
     _gain("environment.B_VE", 1.0, "N*s/m", "damping of the virtual environment"),
-    _choice("environment.integration", "implicit", "how the avatar's velocity is integrated", INTEGRATIONS),
-    _whole(
+    word("environment.integration", "implicit", "how the avatar's velocity is integrated", INTEGRATIONS),
+    whole(
         "environment.delay",
         0,
         'fast ticks until the slow result is in place, 0 to the ratio; or "frame": with the next frame, whenever that is',
-        low=0,
-        high=None,
-        unit="tick",
-    ),
-    Key(
-        "environment.step",
-        "string",
+        0,
         None,
-        "",
-        "over what time the slow environment integrates where [for_all] lets frames vary",
-        choices=tuple(STEPS),
-        meanings=STEPS,
+        "tick",
     ),
-    Key(
-        "controller.kind",
-        "string",
-        None,
-        "",
-        "how hand and environment are coupled",
+    word("environment.step", None, "over what time the slow environment integrates where [for_all] lets frames vary", STEPS),
+    replace(
+        word("controller.kind", None, "how hand and environment are coupled", required=True),
         choices=CONTROLLERS.keys(),
-        required=True,
         meanings={kind: controller.description for kind, controller in CONTROLLERS.items()},
     ),
     _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
@@ -184,45 +170,33 @@ _TABLE = [
     *_filter("lp2", 2, 20.0, "the low-pass on the local model's returned wave"),
     _gain("local_model.K_LM", 500.0, "N/m", "stiffness of the local model"),
     _gain("local_model.B_LM", 0.0, "N*s/m", "damping of the local model"),
-    _choice("local_model.integration", "implicit", "how the local model's velocity is integrated", INTEGRATIONS),
+    word("local_model.integration", "implicit", "how the local model's velocity is integrated", INTEGRATIONS),
     Key("local_model.delay", "integer", 1, "tick", "fast ticks until the local model's wave is used", choices=(0, 1)),
 ]
 
-KEYS = MappingProxyType({key.path: key for key in _TABLE})
-
 _SIMULATE = [
-    _choice(
-        "simulate.input",
-        "sine",
-        "force of the hand, or signal of another input; without a hand a step by default",
-        INPUTS,
-    ),
-    Key(
-        "simulate.from", "string", None, "", "input of a drawn loop that this goes into; by default the hand, or the first one"
-    ),
-    _number("simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"),
+    word("simulate.input", "sine", "force of the hand, or signal of another input; without a hand a step by default", INPUTS),
+    word("simulate.from", None, "input of a drawn loop that this goes into; by default the hand, or the first one"),
+    number("simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"),
     _positive("simulate.frequency_hz", None, "Hz", "of the sine; of the stepped sine in turn; of the chirp both ends"),
     _gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
-    _whole("simulate.periods", 5, "least whole periods in which a stepped sine is measured", low=1, high=10_000),
+    whole("simulate.periods", 5, "least whole periods in which a stepped sine is measured", 1, 10_000),
     _gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
     _gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
-    Key(
+    word(
         "simulate.record",
-        "string",
         None,
-        "",
         "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
     ),
     _gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
-    # 2^53 - 1 is the largest whole number that every reader of JSON keeps.
-    _whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", low=0, high=2**53 - 1),
-    _number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
+    whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
+    number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
     _gain("simulate.resolution", 0.0, "m", "step of the encoder; 0 for none"),
     _positive("simulate.max_force", None, "N", "largest force of the motors; absent: no limit"),
     _gain("simulate.friction", 0.0, "N", "Coulomb friction of the device"),
-    _share("simulate.jitter", "part of a tick by which it is at most shorter or longer", high=0.9),
-    _whole("simulate.late", 0, "most ticks by which a slow result comes late", low=0, high=1_000_000, unit="tick"),
-    _share("simulate.dropped", "probability that a slow result never comes", high=1.0),
+    _gain("simulate.jitter", 0.0, "1", "part of a tick by which it is at most shorter or longer", high=0.9),
+    whole("simulate.late", 0, "most ticks by which a slow result comes late", 0, 1_000_000, "tick"),
+    _gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
     Key(
         "simulate.frames",
         "list",
@@ -233,28 +207,61 @@ _SIMULATE = [
     ),
 ]
 
-SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})
+_MEASURED = [
+    word(
+        "measured.z_width",
+        None,
+        "CSV file of limits that were measured: columns B_VE and K_VE; or of walls that were tried, with a column stable "
+        "(1 or 0); path from the spec's folder",
+    ),
+    word(
+        "measured.response",
+        None,
+        "CSV file of a response that was measured at the hand: frequency_hz, admittance_abs (m/N) and admittance_deg, or "
+        "admittance_re and admittance_im, and perhaps coherence; path from the spec's folder",
+    ),
+]
 
-MEASURED_KEYS = MappingProxyType(
-    {
-        "measured.z_width": Key(
-            "measured.z_width",
-            "string",
-            None,
-            "",
-            "CSV file of limits that were measured: columns B_VE and K_VE; or of walls that were tried, with a column stable "
-            "(1 or 0); path from the spec's folder",
-        ),
-        "measured.response": Key(
-            "measured.response",
-            "string",
-            None,
-            "",
-            "CSV file of a response that was measured at the hand: frequency_hz, admittance_abs (m/N) and admittance_deg, or "
-            "admittance_re and admittance_im, and perhaps coherence; path from the spec's folder",
-        ),
-    }
-)
+# What [sweep] requires of every mode but those that drift.
+_REQUIRE = [
+    number(
+        "sweep.require.radius",
+        None,
+        "1",
+        "intervals in which no eigenvalue of a frame is larger, in place of stable ones",
+        low=1e-6,
+        high=0.999999,
+    ),
+    _positive(
+        "sweep.require.settling",
+        None,
+        "s",
+        "intervals in which every mode is down to 2 % of its size in this time, which is 3.912 of its time constants",
+        high=1e6,
+    ),
+    number(
+        "sweep.require.damping_ratio",
+        None,
+        "1",
+        "intervals in which every mode has at least this damping ratio, from the principal logarithm of its eigenvalue",
+        low=0.001,
+        high=0.999,
+    ),
+    Key(
+        "sweep.require.bounded",
+        "boolean",
+        None,
+        "",
+        "of a loop that conserves: intervals in which no mode grows, all being on the unit circle and no two the same",
+    ),
+]
+
+
+def _by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
+    return MappingProxyType({key.path: key for key in keys})
+
+
+KEYS, SIMULATE_KEYS, MEASURED_KEYS, REQUIRE_KEYS = map(_by_path, (_LOOP, _SIMULATE, _MEASURED, _REQUIRE))
 
 # Units of what a hand feels that turns and does not slide.
 TURNED = MappingProxyType(
@@ -268,71 +275,31 @@ TURNED = MappingProxyType(
     }
 )
 
-# What [sweep] requires of every mode but those that drift.
-REQUIRE_KEYS = MappingProxyType(
-    {
-        "sweep.require.radius": Key(
-            "sweep.require.radius",
-            "number",
-            None,
-            "1",
-            "intervals in which no eigenvalue of a frame is larger, in place of stable ones",
-            low=1e-6,
-            high=0.999999,
-        ),
-        "sweep.require.settling": _positive(
-            "sweep.require.settling",
-            None,
-            "s",
-            "intervals in which every mode is down to 2 % of its size in this time, which is 3.912 of its time constants",
-            high=1e6,
-        ),
-        "sweep.require.damping_ratio": Key(
-            "sweep.require.damping_ratio",
-            "number",
-            None,
-            "1",
-            "intervals in which every mode has at least this damping ratio, from the principal logarithm of its eigenvalue",
-            low=0.001,
-            high=0.999,
-        ),
-        "sweep.require.bounded": Key(
-            "sweep.require.bounded",
-            "boolean",
-            None,
-            "",
-            "of a loop that conserves: intervals in which no mode grows, all being on the unit circle and no two the same",
-        ),
-    }
-)
-
 # What a study of the loop reads besides the loop itself; these are no axes.
-STUDY_KEYS = MappingProxyType(
-    {
-        "sweep.along": Key("sweep.along", "string", "K_VE", "", "the axis whose stable intervals are wanted"),
-        **REQUIRE_KEYS,
-        "bode.frequency_hz": Key(
-            "bode.frequency_hz", "number", None, "Hz", "frequencies of the responses; 0 for the static limit", low=0.0
-        ),
-        "bode.from": Key("bode.from", "string", None, "", "input of a drawn loop whose responses are wanted; by default all"),
-        "bode.to": Key("bode.to", "string", None, "", "output of a drawn loop that they are of; by default all"),
-        **SIMULATE_KEYS,
-        **MEASURED_KEYS,
-    }
+STUDY_KEYS = _by_path(
+    [
+        word("sweep.along", "K_VE", "the axis whose stable intervals are wanted"),
+        *_REQUIRE,
+        _gain("bode.frequency_hz", None, "Hz", "frequencies of the responses; 0 for the static limit"),
+        word("bode.from", None, "input of a drawn loop whose responses are wanted; by default all"),
+        word("bode.to", None, "output of a drawn loop that they are of; by default all"),
+        *_SIMULATE,
+        *_MEASURED,
+    ]
 )
 
 # The parts of an axis of [sweep] or [bode] that is no list; `start` and `stop` have type, range and unit of the axis's key.
-AXIS_KEYS = MappingProxyType(
-    {
-        "start": Key("start", "number", None, "", "first value of the axis, in the unit of its key"),
-        "stop": Key("stop", "number", None, "", "last value of the axis, in the unit of its key"),
-        "num": _whole("num", None, "how many values; without it an axis of [sweep] is a span", low=1, high=1_000_000),
-        "scale": _choice("scale", "linear", "how the values are spaced", SCALES),
-    }
+AXIS_KEYS = _by_path(
+    [
+        number("start", None, "", "first value of the axis, in the unit of its key"),
+        number("stop", None, "", "last value of the axis, in the unit of its key"),
+        whole("num", None, "how many values; without it an axis of [sweep] is a span", 1, 1_000_000),
+        word("scale", "linear", "how the values are spaced", SCALES),
+    ]
 )
 
 # Paths that a resolved spec has a value for; the others are another way to give one of these.
-VALUE_PATHS = tuple(key.path for key in _TABLE if key.default is not None or key.required)
+VALUE_PATHS = tuple(key.path for key in _LOOP if key.default is not None or key.required)
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,63 +61,60 @@ def _controlled() -> Schema:
     loop["controller"]["required"] = ["kind"]
     frequency = {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])}
     tables = loop | {
-        "sweep": _tables(axes | {"along": _value(STUDY_KEYS["sweep.along"]), "require": _require()}),
+        "sweep": _tables(axes | {"along": _value(STUDY_KEYS["sweep.along"]), "require": _named(REQUIRE_KEYS)}),
         "bode": _tables(axes | frequency),
         "for_all": _tables(ranges | {"lost": _value(LOST)}),
         "design": _design(_tables(axes), list(WISHES)),
     }
-    return _tables(tables | _runs()) | {"title": "loop of a controller", "required": ["controller"]}
+    return _tables(tables | _runs(), title="loop of a controller", required=["controller"])
 
 
 def _drawn() -> Schema:
     number = _tables(dict.fromkeys(NUMBER_PARTS, TEXT) | {"value": {"type": ["number", "string"]}})
-    end = {"anyOf": [TERMS, _tables(dict.fromkeys(PORT_PARTS, TEXT) | {"signal": TERMS}) | {"required": ["signal"]}]}
+    end = {"anyOf": [TERMS, _tables(dict.fromkeys(PORT_PARTS, TEXT) | {"signal": TERMS}, required=["signal"])]}
     ports = {
-        name: _tables({part: {"type": "boolean"} if part == "turns" else TEXT for part in parts})
-        | {"required": [part for part in parts if part not in OPTIONAL]}
+        name: _tables(
+            {part: {"type": "boolean"} if part == "turns" else TEXT for part in parts},
+            required=[part for part in parts if part not in OPTIONAL],
+        )
         for name, parts in OF_PORTS.items()
     }
-    ports |= {side: _tables({}, end) for side in ("inputs", "outputs")}
+    along = {"along": _value(STUDY_KEYS["sweep.along"]), "require": _named(REQUIRE_KEYS)}
+    bode = {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])}
+    bode |= {name: _value(STUDY_KEYS[f"bode.{name}"]) for name in ("from", "to")}
+    wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
     tables = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
         "numbers": _tables({}, {"anyOf": [{"type": ["number", "string"]}, number]}),
         "type": _tables({}, _tables({part: {"type": "object"} for part in OF_CLASS})),
         "block": _tables({}, {"oneOf": [*map(_block, TYPES), {"properties": {"type": {"not": {"enum": [*TYPES]}}}}]}),
-        "signals": _tables({}, {"anyOf": [TERMS, _tables({}, TERMS)]}),
-        "wire": _tables({}, {"anyOf": [TERMS, _tables({}, {"anyOf": [TERMS, _tables({}, TERMS)]})]}),
-        "ports": _tables(ports),
-        "sweep": _tables({"along": _value(STUDY_KEYS["sweep.along"]), "require": _require()}, AXIS),
-        "bode": _tables(
-            {name: _value(STUDY_KEYS[f"bode.{name}"]) for name in ("from", "to")}
-            | {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])},
-            AXIS,
-        ),
+        "signals": _tables({}, wire),
+        "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
+        "ports": _tables(ports | {side: _tables({}, end) for side in ("inputs", "outputs")}),
+        "sweep": _tables(along, AXIS),
+        "bode": _tables(bode, AXIS),
         "for_all": _tables({"lost": {"anyOf": [_value(LOST), RANGE]}}, RANGE),
         "design": _design(_tables({}, AXIS), [wish for wish, kind in WISHES.items() if kind.ports is not None]),
     }
     own = {"properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES]}}}}}}
     classes = {"if": {"required": ["type"]}, "else": own}  # whose names are types of blocks too
-    return _tables(tables | _runs()) | {"title": "drawn loop", "required": ["rates", "block"], **classes}
+    return _tables(tables | _runs(), title="drawn loop", required=["rates", "block"]) | classes
 
 
 def _block(kind: str) -> Schema:
     keys = {key.path: _value(key, text=True) for key in (*TYPES[kind].keys.values(), EVERY, PHASE)}
     required = [key.path for key in TYPES[kind].keys.values() if key.required]
-    return _tables({"type": {"const": kind}, **keys}) | {
-        "required": ["type", *required],
-        "description": TYPES[kind].description,
-    }
+    return _tables({"type": {"const": kind}, **keys}, required=["type", *required], description=TYPES[kind].description)
 
 
 def _runs() -> Schema:
     """The tables that specs of both kinds have: [simulate] and [measured]."""
-    simulate = {path.partition(".")[2]: _value(key) for path, key in SIMULATE_KEYS.items()}
-    frequency = SIMULATE_KEYS["simulate.frequency_hz"]
-    frame = _tables({name: _value(key) for name, key in OF_FRAME.items()}) | {"required": ["ticks"]}
-    simulate["frequency_hz"] = {"anyOf": [_value(frequency), _axis(frequency), {"type": "array", "maxItems": 0}]}
-    simulate["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
-    measured = {path.partition(".")[2]: _value(key) for path, key in MEASURED_KEYS.items()}
-    return {"simulate": _tables(simulate), "measured": _tables(measured)}
+    simulate, frequency = _named(SIMULATE_KEYS), SIMULATE_KEYS["simulate.frequency_hz"]
+    frame = _named(OF_FRAME) | {"required": ["ticks"]}
+    several = [_value(frequency), _axis(frequency), {"type": "array", "maxItems": 0}]
+    simulate["properties"]["frequency_hz"] = {"anyOf": several}
+    simulate["properties"]["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
+    return {"simulate": simulate, "measured": _named(MEASURED_KEYS)}
 
 
 def _design(axes: Schema, wishes: Iterable[str]) -> Schema:
@@ -129,29 +126,30 @@ def _design(axes: Schema, wishes: Iterable[str]) -> Schema:
             option: _value(key) if count == 1 else {"type": "array", "items": _value(key), "minItems": count or 1}
             for option, (key, count) in kind.options.items()
         }
-        found[name] = _tables({kind.bound: {"type": "number"}, **options}) | {"description": _described(kind)}
+        found[name] = _tables({kind.bound: {"type": "number"}, **options}, description=_described(kind))
     values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
     hand = _tables({path.partition(".")[2]: values for path in KEYS if path.startswith("operator.")})
     tables = {"vary": axes, "wish": _tables(found), "for_all": _tables({"hand": hand}, AXIS)}
     return _tables(tables | {name: _value(key) for name, key in DESIGN_KEYS.items()})
 
 
-def _require() -> Schema:
-    return _tables({path.rpartition(".")[2]: _value(key) for path, key in REQUIRE_KEYS.items()})
+def _named(keys: Mapping[str, Key]) -> Schema:
+    """A table of keys by the last parts of their names."""
+    return _tables({path.rpartition(".")[2]: _value(key) for path, key in keys.items()})
 
 
 def _axis(key: Key) -> Schema:
     """The values of an axis: a list of them, or a span."""
     parts = {name: _value(part) for name, part in AXIS_KEYS.items()} | {"start": _value(key), "stop": _value(key)}
     values = {"type": "array", "items": _value(key), "minItems": 1}
-    return {"anyOf": [values, _tables(parts) | {"required": ["start", "stop"]}], "description": _described(key)}
+    return {"anyOf": [values, _tables(parts, required=["start", "stop"])], "description": _described(key)}
 
 
 def _range(key: Key | None = None) -> Schema:
     """A number of [for_all]: a range or values, which may vary from frame to frame; key: None for one of a drawn loop."""
     value, varying = _value(key) if key else {"type": "number"}, {"varying": {"type": "boolean"}}
-    ends = _tables({"start": value, "stop": value, **varying}) | {"required": ["start", "stop"]}
-    values = _tables({"values": {"type": "array", "items": value, "minItems": 1}, **varying}) | {"required": ["values"]}
+    ends = _tables({"start": value, "stop": value, **varying}, required=["start", "stop"])
+    values = _tables({"values": {"type": "array", "items": value, "minItems": 1}, **varying}, required=["values"])
     return {"anyOf": [ends, values, values["properties"]["values"]]} | ({"description": _described(key)} if key else {})
 
 
@@ -188,6 +186,6 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
     return found
 
 
-def _tables(properties: Mapping[str, Schema], others: Schema | bool = False) -> Schema:
-    """A table with these keys and, if `others` says what they hold, any further ones."""
-    return {"type": "object", "properties": dict(properties), "additionalProperties": others}
+def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
+    """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
+    return {"type": "object", "properties": dict(properties), "additionalProperties": others, **more}
