@@ -6,33 +6,17 @@ signals `left.PORT`, which wires feed and read like those of any block.
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import Mistakes, nearest, show
-from wavesweep.spec.reading import Leaf, Place
+from wavesweep.spec.reading import Leaf
 
 PARTS = ("numbers", "block", "signals", "wire", "ports")
 PORTS = ("inputs", "outputs")
 WORDS = ("type", "inputs", "outputs")  # keys of blocks whose words are no expressions
 
 Path = tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Renamed(Place):
-    """The place of a text in which names have been changed: offsets in it are no longer those of the file."""
-
-    place: Place
-
-    def location(self, of_key: bool = False) -> str:
-        return self.place.location(of_key)
-
-    def under(self, path: tuple[str, ...]) -> Place:
-        return self.place.under(path)
-
-    def parent(self) -> Place:
-        return self.place.parent()
 
 
 def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
@@ -130,7 +114,7 @@ class _Instance:
     def renamed(self, leaf: Leaf) -> Leaf:
         """The leaf with the names of this block in place of those of the class."""
         value = self._renamed(leaf.value)
-        return leaf if value == leaf.value else replace(leaf, value=value, place=Renamed(leaf.place))
+        return leaf if value == leaf.value else replace(leaf, value=value, place=replace(leaf.place, exact=False))
 
     def _renamed(self, value):
         if isinstance(value, list):

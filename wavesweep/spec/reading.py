@@ -13,7 +13,7 @@ import re
 import stat
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 from wavesweep.errors import Mistake, SpecError, UsageError
@@ -48,58 +48,40 @@ _IN_BRACKETS = rf"(?s){_STRING}|#[^\n]*|[^\[\]{{}}\"'#]+|[\[\]{{}}]"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Place in a dict, which has no lines; base of the other places."""
+    """Place of a value: at a path of a TOML text, whose line is searched for only if it is needed, or in an override.
 
-    def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - what a file needs to know
-        """Return the prefix of a mistake's line, for the value here or for its key; empty if there is none."""
-        return ""
+    name: of the file, or the override as it was typed; empty for a dict, which has no lines. text: of the file, None without
+    one. exact: whether the value is as it stands in the text, so that offsets in it are those of the file.
+    """
 
-    def inside(self, offset: int) -> str:  # noqa: ARG002 - what a file needs to know
-        """Return the prefix of a mistake's line, for the character at that offset of the text that is the value here."""
-        return self.location()
-
-    def under(self, path: tuple[str, ...]) -> Place:  # noqa: ARG002 - what a file needs to know
-        """Return the place of another path of the same source."""
-        return self
-
-    def parent(self) -> Place:
-        """Return the place of the table around this value."""
-        return self
-
-
-@dataclass(frozen=True, slots=True)
-class InFile(Place):
-    """Place at a path of a TOML text; its line is searched for only if it is needed."""
-
-    name: str
-    text: str
+    name: str = ""
+    text: str | None = None
     path: tuple[str, ...] = ()
+    exact: bool = True
 
     def location(self, of_key: bool = False) -> str:
+        """Return the prefix of a mistake's line, for the value here or for its key; empty if there is none."""
+        if self.text is None:
+            return self.name
         line, column = locate(self.text, self.path, of_key)
         return f"{self.name}:{line}:{column}"
 
     def inside(self, offset: int) -> str:
+        """Return the prefix of a mistake's line, for the character at that offset of the text that is the value here."""
+        if self.text is None or not self.exact:
+            return self.location()
         line, column = locate(self.text, self.path)
         rest = self.text.split("\n")[line - 1][column - 1 :]
         one_line = rest[:1] in ("'", '"') and rest[:3] not in ("'''", '"""')
         return f"{self.name}:{line}:{column + 1 + offset if one_line else column}"
 
     def under(self, path: tuple[str, ...]) -> Place:
-        return InFile(self.name, self.text, path)
+        """Return the place of another path of the same source."""
+        return replace(self, path=path)
 
     def parent(self) -> Place:
+        """Return the place of the table around this value."""
         return self.under(self.path[:-1])
-
-
-@dataclass(frozen=True, slots=True)
-class OnCommandLine(Place):
-    """Place in an override, as it was typed."""
-
-    typed: str
-
-    def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - both stand in the text that was typed
-        return "--set " + " ".join(self.typed.split())
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +106,7 @@ def read_file(path: str) -> tuple[dict, Place]:
         text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise SpecError([_undecoded(content, error, path)]) from error
-    return _parse(text, path), InFile(path, text)
+    return _parse(text, path), Place(path, text)
 
 
 def _undecoded(content: bytes, error: UnicodeDecodeError, path: str) -> Mistake:
@@ -225,12 +207,13 @@ def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tup
     The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes. symbols: short
     names of paths.
     """
-    place = OnCommandLine(typed)
+    place = Place("--set " + " ".join(typed.split()))
     name, equals, value = typed.partition("=")
     path = _override_path(name.strip(), symbols)
     if not equals or not path:
         raise SpecError([Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")])
-    return path, _override_value(value.strip()), place
+    table = _loads_or_none(f"value = {value.strip()}")
+    return path, table["value"] if isinstance(table, dict) and set(table) == {"value"} else value.strip(), place
 
 
 def _override_path(name: str, symbols: Mapping[str, str]) -> tuple[str, ...]:
@@ -241,11 +224,6 @@ def _override_path(name: str, symbols: Mapping[str, str]) -> tuple[str, ...]:
     if table != 0:  # no key that TOML could have; a later stage says so, with the names that it could have been
         path = name.split(".") if name else []
     return tuple(symbols.get(path[0], path[0]).split(".")) if len(path) == 1 else tuple(path)
-
-
-def _override_value(value: str) -> object:
-    table = _loads_or_none(f"value = {value}")
-    return table["value"] if isinstance(table, dict) and set(table) == {"value"} else value
 
 
 def _loads_or_none(text: str) -> dict | None:
@@ -285,19 +263,19 @@ class Position:
 @lru_cache(maxsize=1)
 def scan(text: str) -> dict[tuple[str, ...], Position]:
     """Return the first position of every table, key and inline key of a valid TOML text, by path."""
-    found: dict[tuple[str, ...], Position] = {}
+    positions: dict[tuple[str, ...], Position] = {}
     table: tuple[str, ...] = ()
     at = _skip_blank(text, 0)
     while at < len(text):
         if text[at] == "[":
             at = _skip_blank(text, at + (2 if text.startswith("[[", at) else 1))
             table, end = _read_key(text, at)
-            _record(found, (), table, at, at)
+            _record(positions, (), table, at, at)
             at = text.find("\n", end) + 1 or len(text)
         else:
-            at = _read_pair(text, at, table, found)
+            at = _read_pair(text, at, table, positions)
         at = _skip_blank(text, at)
-    return found
+    return positions
 
 
 def locate(text: str, path: tuple[str, ...], of_key: bool = False) -> tuple[int, int]:
@@ -315,53 +293,39 @@ def _skip_blank(text: str, at: int) -> int:
     return re.compile(_BLANK).match(text, at).end()
 
 
-def _record(found: dict, table: tuple, keys: tuple, key_at: int, value_at: int) -> None:
+def _record(positions: dict, table: tuple, keys: tuple, key_at: int, value_at: int) -> None:
     for length in range(1, len(keys)):  # the tables that a dotted key makes on its way
-        found.setdefault(table + keys[:length], Position(key_at, key_at))
-    found.setdefault(table + keys, Position(key_at, value_at))
+        positions.setdefault(table + keys[:length], Position(key_at, key_at))
+    positions.setdefault(table + keys, Position(key_at, value_at))
 
 
 def _read_key(text: str, at: int) -> tuple[tuple[str, ...], int]:
-    segments = []
-    more = True
+    """Return the names of a dotted key, and the offset behind it."""
+    names, more = [], True
     while more and (match := re.compile(_SEGMENT).match(text, at)):
-        segments.append(_unquote(match[1]))
+        name = match[1]
+        names.append(tomllib.loads(f"key = {name}")["key"] if name[0] in "\"'" else name)
         at, more = match.end(), bool(match[2])
-    return tuple(segments), at
+    return tuple(names), at
 
 
-def _unquote(segment: str) -> str:
-    return tomllib.loads(f"key = {segment}")["key"] if segment[0] in "\"'" else segment
-
-
-def _read_pair(text: str, at: int, table: tuple, found: dict) -> int:
+def _read_pair(text: str, at: int, table: tuple, positions: dict) -> int:
+    """Record a key and those of its inline table, and return the offset behind the value."""
     keys, end = _read_key(text, at)
     value_at = _skip_blank(text, text.index("=", end) + 1)
-    _record(found, table, keys, at, value_at)
-    return _read_value(text, value_at, table + keys, found)
-
-
-def _read_value(text: str, at: int, path: tuple, found: dict) -> int:
-    if text[at] == "{" and len(path) < DEEPEST:
-        return _read_inline_table(text, at, path, found)
-    if text[at] in "[{":
-        return _step_over(text, at)
-    return re.compile(_SCALAR).match(text, at).end()
-
-
-def _read_inline_table(text: str, at: int, path: tuple, found: dict) -> int:
-    at = _skip_blank(text, at + 1)
-    while text[at] != "}":
-        at = _skip_blank(text, _read_pair(text, at, path, found))
-        if text[at] == ",":
-            at = _skip_blank(text, at + 1)
-    return at + 1
-
-
-def _step_over(text: str, at: int) -> int:
-    depth = 0
-    for match in re.compile(_IN_BRACKETS).finditer(text, at):
-        depth += (match[0] in ("[", "{")) - (match[0] in ("]", "}"))
-        if depth == 0:
-            return match.end()
-    return len(text)
+    _record(positions, table, keys, at, value_at)
+    if text[value_at] not in "[{":
+        return re.compile(_SCALAR).match(text, value_at).end()
+    if text[value_at] == "[" or len(table + keys) >= DEEPEST:
+        depth = 0
+        for match in re.compile(_IN_BRACKETS).finditer(text, value_at):
+            depth += (match[0] in ("[", "{")) - (match[0] in ("]", "}"))
+            if depth == 0:
+                return match.end()
+        return len(text)
+    inner = _skip_blank(text, value_at + 1)
+    while text[inner] != "}":
+        inner = _skip_blank(text, _read_pair(text, inner, table + keys, positions))
+        if text[inner] == ",":
+            inner = _skip_blank(text, inner + 1)
+    return inner + 1
