@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from wavesweep.controllers import CONTROLLERS
-from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Mistakes, expectation, show
 from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import (
@@ -53,26 +52,35 @@ class Given:
         return Given({**{name: old for name, old in self.leaves.items() if name not in others}, path: leaf}, self.source)
 
 
-def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
+def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes, the values are not valid."""
-    of_frame = is_frame(given)
+    of_frame, mistakes = is_frame(given), Mistakes()
     leaves = {path: leaf for path, leaf in given.leaves.items() if not (of_frame and path == DELAY)}
-    mistakes = Mistakes()
     checked = mistakes.read(KEYS, leaves)
     wrong = set(leaves) - set(checked)
     # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
     device = given.device()
     known = (device.loop() if device else {}) | checked
     values = {path: known.get(path, KEYS[path].default) for path in VALUE_PATHS}
-    mistakes += [*_required(given), *(_unknown(given, device) if device else ())]
-    mistakes += _resolve_rates(given, checked, values)
+    for key in KEYS.values():
+        if key.required and key.path not in given.leaves:
+            mistakes.refuse(given.leaf(key.path), key.path, expectation(key), "nothing (it has no default)", of_key=False)
+    for path in device.unknown() if device else ():
+        if path not in given.leaves:
+            leaf = given.leaf("device.preset")
+            expected = f"{expectation(KEYS[path])} in {KEYS[path].unit} (none is published for {leaf.value})"
+            mistakes.refuse(leaf, path, expected, "nothing")
+    rate_known = not ("rates.fast_hz" in given.leaves and "rates.fast_hz" not in checked)
+    _resolve_rates(given, checked, values, rate_known, mistakes)
     if of_frame:
         values[DELAY] = longest_delay(values["rates.ratio"])
     for name in FILTERS:
-        mistakes += _resolve_filter(name, given, checked, values)
+        _resolve_filter(name, given, checked, values, rate_known, mistakes)
     # A limit is not applied where the value that sets it is itself a mistake.
     wrong |= {mistake.key for mistake in mistakes}
-    mistakes += [m for path in LIMITS if not wrong & {path, *LIMITS[path]} for m in _check_limit(path, given, values)]
+    for path, limiting in LIMITS.items():
+        if not wrong & {path, *limiting}:
+            _check_limit(path, given, values, mistakes)
     return values, mistakes
 
 
@@ -81,44 +89,21 @@ def is_frame(given: Given) -> bool:
     return DELAY in given.leaves and given.leaves[DELAY].value == "frame"
 
 
-def _without_rate(given: Given, checked: Mapping) -> bool:
-    return "rates.fast_hz" in given.leaves and "rates.fast_hz" not in checked
-
-
-def _required(given: Given) -> list[Mistake]:
-    missing = (key for key in KEYS.values() if key.required and key.path not in given.leaves)
-    return [given.leaf(key.path).mistake(key.path, expectation(key), "nothing (it has no default)") for key in missing]
-
-
-def _unknown(given: Given, device: HapticDevice) -> Iterator[Mistake]:
-    """Yield a mistake for each key of the device without a number, if the spec does not give its own."""
-    leaf = given.leaf("device.preset")
-    for path in (path for path in device.unknown() if path not in given.leaves):
-        expected = f"{expectation(KEYS[path])} in {KEYS[path].unit} (none is published for {leaf.value})"
-        yield leaf.mistake(path, expected, "nothing", of_key=True)
-
-
-def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake]:
+def _resolve_rates(given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes) -> None:
     """Set the ratio in `values` if the slow rate was given instead."""
-    if "rates.slow_hz" not in given.leaves:
-        return []
-    leaf = given.leaf("rates.slow_hz")
-    if "rates.ratio" in given.leaves:
-        return [leaf.mistake("rates.slow_hz", "either ratio or slow_hz", "both", of_key=True)]
-    if "rates.slow_hz" not in checked or _without_rate(given, checked):
-        return []
-    ratio = _ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
-    if ratio is None:
-        fast_hz = values["rates.fast_hz"]
-        if checked["rates.slow_hz"] > fast_hz:
-            expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
-            return [leaf.mistake("rates.slow_hz", expected, show(leaf.value))]
-        expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of at "
-        expected += f"least 2 after which both are in step again within {LONGEST_FRAME} ticks"
-        expected += f" (the nearest: {_nearest_rates(fast_hz, checked['rates.slow_hz'])})"
-        return [leaf.mistake("rates.slow_hz", expected, show(leaf.value))]
-    values["rates.ratio"] = ratio
-    return []
+    path, fast_hz = "rates.slow_hz", values["rates.fast_hz"]
+    if path in given.leaves and "rates.ratio" in given.leaves:
+        mistakes.refuse(given.leaf(path), path, "either ratio or slow_hz", "both")
+    elif path in checked and rate_known:
+        if ratio := _ratio(fast_hz, checked[path]):
+            values["rates.ratio"] = ratio
+        else:
+            expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of "
+            expected += f"at least 2 after which both are in step again within {LONGEST_FRAME} ticks"
+            expected += f" (the nearest: {_nearest_rates(fast_hz, checked[path])})"
+            if checked[path] > fast_hz:
+                expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
+            mistakes.refuse(given.leaf(path), path, expected, show(given.leaf(path).value), of_key=False)
 
 
 def _ratio(fast_hz: float, slow_hz: float) -> float | None:
@@ -145,54 +130,46 @@ def _nearest_rates(fast_hz: float, slow_hz: float) -> str:
     return " and ".join(f"{fast_hz / ratio:g} Hz, ratio = {ratio}" for ratio in ratios)
 
 
-def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
+def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes) -> None:
     """Set order and cutoff in `values` if the filter was given by its band edges; a resolved spec has both, which agree."""
-    path = f"filters.{name}"
+    path, before = f"filters.{name}", len(mistakes)
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
-        return []
+        return
     leaf = given.leaf(f"{path}.{edges[0]}")
-    direct = {
-        f"{path}.{key}": checked.get(f"{path}.{key}") for key in ("order", "cutoff_hz") if f"{path}.{key}" in given.leaves
-    }
+    direct = [each for each in (f"{path}.order", f"{path}.cutoff_hz") if each in given.leaves]
     either = "either order and cutoff_hz or the four band edges"
-    if direct and len(edges) < len(BAND_EDGES):
-        return [leaf.mistake(path, either, "both", of_key=True)]
-    if len(edges) < len(BAND_EDGES):
-        return [leaf.mistake(path, "all of " + ", ".join(BAND_EDGES), "only " + ", ".join(edges), of_key=True)]
     numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
-    if None in numbers or _without_rate(given, checked):
-        return []
-    mistakes = _check_edges(name, numbers, values["rates.fast_hz"], given) or _meet_edges(path, numbers, leaf, values)
-    apart = [value is not None and not math.isclose(value, values[key], rel_tol=SAME) for key, value in direct.items()]
-    if not mistakes and any(apart):
-        return [leaf.mistake(path, either, "both, which differ", of_key=True)]
-    return mistakes
+    if len(edges) < len(BAND_EDGES):
+        whole = either if direct else "all of " + ", ".join(BAND_EDGES)
+        mistakes.refuse(leaf, path, whole, "both" if direct else "only " + ", ".join(edges))
+    elif None not in numbers and rate_known:
+        _check_edges(name, numbers, values["rates.fast_hz"], given, mistakes)
+        if len(mistakes) > before:
+            return
+        order, cutoff_hz = butterworth_order(*numbers, values["rates.fast_hz"])
+        if order > HIGHEST_ORDER:
+            expected = f"band edges that a filter of order {HIGHEST_ORDER} or less meets"
+            mistakes.refuse(leaf, path, expected, f"edges that need order {order:g}")
+            return
+        values[f"{path}.order"], values[f"{path}.cutoff_hz"] = order, cutoff_hz
+        if any(each in checked and not math.isclose(checked[each], values[each], rel_tol=SAME) for each in direct):
+            mistakes.refuse(leaf, path, either, "both, which differ")
 
 
-def _meet_edges(path: str, numbers: list[float], leaf: Leaf, values: dict) -> list[Mistake]:
-    order, cutoff_hz = butterworth_order(*numbers, values["rates.fast_hz"])
-    if order > HIGHEST_ORDER:
-        expected = f"band edges that a filter of order {HIGHEST_ORDER} or less meets"
-        return [leaf.mistake(path, expected, f"edges that need order {order:g}", of_key=True)]
-    values[f"{path}.order"], values[f"{path}.cutoff_hz"] = order, cutoff_hz
-    return []
-
-
-def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given) -> list[Mistake]:
+def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given, mistakes: Mistakes) -> None:
     passband_hz, stopband_hz, passband_db, stopband_db = numbers
     ordered = passband_hz > stopband_hz if name == "hp" else passband_hz < stopband_hz
-    side = "below the passband" if name == "hp" else "above the passband"
-    wrong = []
-    if not ordered:
-        wrong.append(("stopband_hz", f"an edge {side} ({passband_hz!r})"))
-    if not passband_db < stopband_db:
-        wrong.append(("stopband_db", f"more than passband_db = {passband_db!r}"))
-    for edge, value in (("passband_hz", passband_hz), ("stopband_hz", stopband_hz)):
-        if not value < fast_hz / 2:
-            wrong.append((edge, f"a number < {fast_hz / 2!r} (half of rates.fast_hz)"))
-    leaves = [(given.leaf(f"filters.{name}.{edge}"), edge, expected) for edge, expected in wrong]
-    return [leaf.mistake(f"filters.{name}.{edge}", expected, show(leaf.value)) for leaf, edge, expected in leaves]
+    side, below_half = "below" if name == "hp" else "above", f"a number < {fast_hz / 2!r} (half of rates.fast_hz)"
+    for edge, right, expected in (
+        ("stopband_hz", ordered, f"an edge {side} the passband ({passband_hz!r})"),
+        ("stopband_db", passband_db < stopband_db, f"more than passband_db = {passband_db!r}"),
+        ("passband_hz", passband_hz < fast_hz / 2, below_half),
+        ("stopband_hz", stopband_hz < fast_hz / 2, below_half),
+    ):
+        if not right:
+            leaf = given.leaf(f"filters.{name}.{edge}")
+            mistakes.refuse(leaf, f"filters.{name}.{edge}", expected, show(leaf.value), of_key=False)
 
 
 # Which keys set a limit to which others.
@@ -222,16 +199,15 @@ def longest_delay(ratio: float) -> int:
     return ratio if isinstance(ratio, int) else int(ratio) if ratio >= 3 else 0
 
 
-def _check_limit(path: str, given: Given, values: Mapping) -> list[Mistake]:
+def _check_limit(path: str, given: Given, values: Mapping, mistakes: Mistakes) -> None:
     if path.endswith(".cutoff_hz"):
-        if values[path.replace("cutoff_hz", "order")] == 0:
-            return []  # no filter, so nothing reads its cutoff
-        kind = CONTROLLERS.get(values["controller.kind"])
-        if kind and path.split(".")[1] not in kind.filters:
-            return []
-    expected = exceeds_limit(path, values[path], values)
-    default = "" if path in given.leaves else " (the default)"
-    return [given.leaf(path).mistake(path, expected, show(values[path]) + default)] if expected else []
+        controller = CONTROLLERS.get(values["controller.kind"])
+        unread = controller and path.split(".")[1] not in controller.filters
+        if unread or values[path.replace("cutoff_hz", "order")] == 0:  # no filter, so nothing reads its cutoff
+            return
+    if expected := exceeds_limit(path, values[path], values):
+        default = "" if path in given.leaves else " (the default)"
+        mistakes.refuse(given.leaf(path), path, expected, show(values[path]) + default, of_key=False)
 
 
 def butterworth_order(
