@@ -12,6 +12,7 @@ author = copyright = "The wavesweep authors"  # noqa: A001 - Sphinx's name
 extensions = ["myst_parser"]
 myst_heading_anchors = 3
 html_theme = "furo"
+html_static_path, html_css_files = ["_static"], ["site.css"]
 smartquotes = False  # they turn --set into a dash and quotes of a shell into others
 suppress_warnings = ["myst.xref_missing"]  # links to files beside the site; a test follows them
 
