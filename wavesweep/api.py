@@ -219,7 +219,7 @@ class Loop:
     def margins(self, cut: str) -> DataFrame:
         """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
 
-        cut: an output of a block that runs once per frame, "block.port". Errors: UsageError for another signal, or if the loop
+        cut: an output of a block that a wire reads, "block.port". Errors: UsageError for another signal, or if the loop
         is not stable. Accuracy: every row has a bound on its relative error, or a reason of doubt.
         """
         return framed(of_margins.margins(self.spec, cut))

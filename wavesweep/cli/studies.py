@@ -270,18 +270,19 @@ def why(spec: str, options: Options, along: str | None) -> None:
     "--cut",
     metavar="SIGNAL",
     required=True,
-    help="The signal at which the loop is broken, BLOCK.PORT: an output of a block that runs once per frame.",
+    help="The signal at which the loop is broken, BLOCK.PORT: an output of a block that a wire reads.",
 )
 @run_options()
 def margins(spec: str, options: Options, cut: str) -> None:
     """Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal.
 
-    SPEC is a TOML file. Its own loop is broken at an output of a block that runs once per frame, so that the rest of the
-    loop, at all its rates, is one exact transfer function at the rate of the frame. The table has a row per margin, with its
-    frequency and a bound on its error.
+    SPEC is a TOML file. Its own loop is broken at an output of a block, so that the rest of the loop, at all its rates, is one
+    exact transfer function at the rate of the frame. The table has a row per margin, with its frequency and a bound on its
+    error. A signal that is made several times in a frame has the margins of the lifted loop: one factor multiplies all of its
+    samples.
 
     No grid of frequencies is used: gains are the ends of a certified stable interval, phases come from all crossings of the
-    gain 1, peaks from level sets. A signal that is made several times in a frame is refused.
+    gain 1, peaks from level sets.
 
     \b
     Examples:

@@ -17,7 +17,8 @@ from wavesweep.passive.channel import (
 )
 from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
 from wavesweep.passive.held_loop import HAND, HeldLoop
-from wavesweep.passive.loop_margins import BrokenLoop, Margin, margins_of
+from wavesweep.passive.lifted_margins import LiftedLoop, margins_of
+from wavesweep.passive.loop_margins import BrokenLoop, Margin
 from wavesweep.passive.margin import PortMargin, more_damping, port_margin
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "DampingNeeded",
     "HandBox",
     "HeldLoop",
+    "LiftedLoop",
     "Margin",
     "PassiveWalls",
     "PortMargin",

@@ -49,8 +49,8 @@ class TickMaps:
         whole = np.zeros((self.loops, n + 1, n + 1))
         for E, B, C, _ in self.maps:
             whole[:, :n, :n] += np.abs(E)
-            whole[:, :n, n:] += np.abs(B)
-            whole[:, n:, :n] += np.abs(C)
+            whole[:, :n, n] += np.abs(B).sum(-1)
+            whole[:, n, :n] += np.abs(C).sum(-2)
         units = balance(np.where(np.isfinite(whole), whole, 0.0), SWEEPS)[1]
         u = (units[:, :n] / units[:, n:])[:, None, :]
         v = np.swapaxes(u, -1, -2)

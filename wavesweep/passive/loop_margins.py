@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -49,11 +50,14 @@ class Margin:
 class BrokenLoop:
     """A loop broken at a signal that is made once per frame: `-L(z) = C (z - 1 - E)^-1 B + D`, and bounds on errors of these.
 
-    cut: a single loop, at the number by which the signal is multiplied.
+    cut: a single loop, at the number by which the signal is multiplied. lifted: the same as a `LiftedLoop` of one sample, which
+    settles what is in doubt here.
     Accuracy: see `slope_and_error`.
     """
 
     cut: Cut
+    lifted: Any = None
+    times = 1
 
     @cached_property
     def parts(self) -> tuple[np.ndarray, ...]:
@@ -128,7 +132,7 @@ class BrokenLoop:
         return found, bool(beside.all()) and abs(direct - 1) > DIRECT
 
 
-def margins_of(loop: BrokenLoop) -> tuple[list[Margin], int]:
+def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
     """Return the margins of a loop, empty if it is not stable, and why its stability is in doubt, a code.
 
     gain_up, gain_down: factors of the signal at the ends of the stable interval around 1; MOST and 0 if they are beyond MOST
@@ -214,15 +218,23 @@ def _peaks(loop) -> Iterator[Margin]:
         S = 1 / (1 + complex(loop.response(beside)))
         bound = TOLERANCE + (abs(S) ** 2 * loop.slope_and_error(beside)[1] + abs(abs(S - less) - size)) / size
         rest = theta / loop.period, bound, NONE if peak.certified[0] else SEARCH
-        if name != "disk":
-            yield _margin(name, size, *rest)
-            continue
-        disk = 1 / size
-        yield _margin(name, disk, *rest)
-        gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
-        if gain < MOST:
-            yield _margin("disk_gain", gain, rest[0], bound * 4 * disk / (4 - disk**2), rest[2])
+        if name == "disk":
+            yield from disk_margins(1 / size, *rest)
         else:
-            yield Margin.unlimited("disk_gain", MOST, rest[2])
-        half = np.arctan(disk / 2)
-        yield _margin("disk_phase", float(np.degrees(2 * half)), rest[0], bound * np.sin(2 * half) / (2 * half), rest[2])
+            yield _margin(name, size, *rest)
+
+
+def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterator[Margin]:
+    """Yield the disk margin with its gain and its phase, `(1 + a/2)/(1 - a/2)` and `2 atan(a/2)`."""
+    yield _margin("disk", disk, omega, bound, doubt)
+    gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
+    yield limited_or_not("disk_gain", gain, omega, bound * 4 * disk / (4 - disk**2) if gain < MOST else 0.0, doubt)
+    half = np.arctan(disk / 2)
+    yield _margin("disk_phase", float(np.degrees(2 * half)), omega, bound * np.sin(2 * half) / (2 * half), doubt)
+
+
+def limited_or_not(name: str, gain: float, omega: float, bound: float, doubt: int) -> Margin:
+    """Return the margin of a gain, which has a limit between 1/MOST and MOST."""
+    if 1 / MOST < gain < MOST:
+        return _margin(name, gain, omega, bound, doubt)
+    return Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt)

@@ -10,6 +10,7 @@ from wavesweep.plots.style import GRID, TWO_COLUMNS, assumption, figure, fitting
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)
+LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
 FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it; it shows the circle, the disk and the marks whole
 _CURVE, _DISK, _MARK = "#0072B2", "#D55E00", "0.2"
@@ -27,21 +28,29 @@ def margins(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from wavesweep.sweep.broken_loops import broken_at
 
     loop = broken_at(load(facts["spec"]), facts["cut"])
-    angles = dense_angles(loop.response)
-    L, hertz = loop.response(angles), angles / loop.period / (2 * np.pi)
+    angles = dense_angles(loop.response) if loop.times == 1 else np.geomspace(LEAST, 1.0, LOCI) * np.pi
+    L, hertz = np.ravel(loop.response(angles)), np.repeat(angles, loop.times) / loop.period / (2 * np.pi)
+    style = {"linewidth": 1.2} if loop.times == 1 else {"linestyle": "none", "marker": ".", "markersize": 1.5}
     rows = zip(*(columns[name].tolist() for name in ("margin", "value", "omega")), strict=True)
     table = {name: (value, omega) for name, value, omega in rows}
-    marks = {name: complex(loop.response(table[name][1] * loop.period)) for name in _MARKS if table[name][1] > 0}
+    crossed = {name: table[name] for name in _MARKS if name in table and table[name][1] > 0}
+    marks = {name: _met(np.ravel(loop.response(omega * loop.period)), name, v) for name, (v, omega) in crossed.items()}
     narrow = is_narrow()
     with figure(TWO_COLUMNS, 7.0 if narrow else 4.0) as canvas:
         mosaic = [["nyquist"], ["gain"], ["phase"]] if narrow else [["nyquist", "gain"], ["nyquist", "phase"]]
         panels = canvas.subplot_mosaic(mosaic, height_ratios=[2, 1, 1] if narrow else [1, 1])
-        _draw_nyquist(panels["nyquist"], L, _disk(*table["disk_gain"]), marks, table, facts["cut"])
-        _draw_bode(panels["gain"], panels["phase"], hertz, L, {name: (table[name][1], at) for name, at in marks.items()})
+        _draw_nyquist(panels["nyquist"], L, _disk(*table["disk_gain"]), marks, table, facts["cut"], style)
+        _draw_bode(panels["gain"], panels["phase"], hertz, L, {name: (table[name][1], at) for name, at in marks.items()}, style)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
         canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)), fontsize=7)
         note_below(canvas, assumption(facts))
     return canvas
+
+
+def _met(loci: np.ndarray, name: str, value: float) -> complex:
+    """The value of L, or the eigenvalue of a lifted one, that the factor of a margin brings to -1."""
+    factor = value if name.startswith("gain") else np.exp(1j * np.radians(value)) if name == "phase" else -1 / loci
+    return complex(loci[np.argmin(np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci)))])
 
 
 def dense_angles(response: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -72,11 +81,19 @@ def _draw_nyquist(
     marks: Mapping[str, complex],
     table: Mapping[str, tuple[float, float]],
     cut: str,
+    style: Mapping[str, Any],
 ) -> None:
     near = np.where(np.abs(L) <= FARTHEST, L, np.nan)
     axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1")
-    axes.plot(L.real, L.imag, color=_CURVE, linewidth=1.2, label=f"L at {cut}")
-    axes.plot(L.real, -L.imag, color=_CURVE, linewidth=0.6, linestyle=":")
+    axes.plot(
+        L.real, L.imag, color=_CURVE, label=f"L at {cut}" if "linewidth" in style else f"eigenvalues of L at {cut}", **style
+    )
+    axes.plot(
+        L.real,
+        -L.imag,
+        color=_CURVE,
+        **({"linewidth": 0.6, "linestyle": ":"} | style if "marker" in style else {"linewidth": 0.6, "linestyle": ":"}),
+    )
     axes.plot([-1], [0], "+", color=_MARK, markersize=8)
     if disk is not None:
         said = f"disk margin {table['disk'][0]:.3g}"
@@ -106,21 +123,33 @@ def in_words(name: str, value: float, omega: float) -> str:
     return f"{said} {size} at {omega / (2 * np.pi):.4g} Hz"
 
 
-def _draw_bode(gain: Any, phase: Any, hertz: np.ndarray, L: np.ndarray, marks: Mapping[str, tuple[float, complex]]) -> None:
-    """Draw gain (dB) and phase of L over its frequencies; marks: rad/s and L of each margin."""
+def _draw_bode(
+    gain: Any,
+    phase: Any,
+    hertz: np.ndarray,
+    L: np.ndarray,
+    marks: Mapping[str, tuple[float, complex]],
+    style: Mapping[str, Any],
+) -> None:
+    """Draw gain (dB) and phase of L over its frequencies; marks: rad/s and L of each margin.
+
+    The eigenvalues of a lifted L have no order, so their phases are those of one turn.
+    """
     from matplotlib.ticker import MultipleLocator
 
-    degrees = np.degrees(np.unwrap(np.angle(L)))
+    several = "marker" in style
+    degrees = -(-np.degrees(np.angle(L)) % 360) if several else np.degrees(np.unwrap(np.angle(L)))
     degrees -= 360 * np.ceil(np.max(degrees, where=np.isfinite(degrees), initial=-360) / 360 - 0.5)  # at most 180
     with np.errstate(divide="ignore"):
         decibels = 20 * np.log10(np.abs(L))
     shown = (hertz >= LEAST * hertz[-1]) & np.isfinite(decibels)
     for axes, values, limit in ((gain, decibels, 0.0), (phase, degrees, -180.0)):
-        axes.plot(hertz, values, color=_CURVE, linewidth=1.2)
+        axes.plot(hertz, values, color=_CURVE, **style)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
         for name, (omega, at) in marks.items():
-            turns = limit + 360 * np.round((np.interp(omega / (2 * np.pi), hertz, degrees) - limit) / 360)
-            level = 20 * np.log10(abs(at)) if axes is gain else np.interp(omega / (2 * np.pi), hertz, degrees)
+            turned = -(-np.degrees(np.angle(at)) % 360) if several else np.interp(omega / (2 * np.pi), hertz, degrees)
+            turns = limit + 360 * np.round((turned - limit) / 360)
+            level = 20 * np.log10(abs(at)) if axes is gain else turned
             if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
                 axes.plot([omega / (2 * np.pi)] * 2, [level, limit if axes is gain else turns], color=_MARK, linewidth=1.0)
             axes.plot([omega / (2 * np.pi)], [level], _MARKS[name], color=_MARK, markersize=4, markerfacecolor=_face(name))

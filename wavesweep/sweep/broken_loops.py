@@ -1,47 +1,54 @@
-"""Loops that are broken at a signal: an output of a block that runs once per frame."""
+"""Loops that are broken at a signal, an output of a block."""
 
 from dataclasses import replace
 
+import numpy as np
+
 from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.passive import BrokenLoop
+from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
+from wavesweep.monodromy.open_ticks import OpenTicks
+from wavesweep.passive import BrokenLoop, LiftedLoop
 from wavesweep.spec import Spec
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.drawing import Drawing, DrawnBlock, path_of
+from wavesweep.sweep.drawn_loops import drift_of
 from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.open_loops import open_loops
 
+MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
 BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
 
 
-def broken_at(spec: Spec, signal: str) -> BrokenLoop:
+def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     """Break the spec's own loop at a signal, "block.port". Errors: UsageError for a signal at which that is not possible."""
     drawing, values = own_loop(spec)
     times = _times_per_frame(drawing, values)
-    if times.get(signal) != 1:
-        once = [name for name, count in times.items() if count == 1]
-        hint = nearest(signal, once) if signal not in times else ""
-        found = f"{times[signal]} times in a frame" if signal in times else "an output of no block, or one that no wire reads"
+    if signal not in times:
+        hint = nearest(signal, times)
         raise UsageError(
-            f"cut: expected a signal that is made once per frame, so that one gain breaks the loop "
-            f"({', '.join(once) or 'this loop has none'}), found {signal!r}: {found}"
-            + (f"; did you mean `{hint}`?" if hint else "")
-            + (_way_out(times, signal) if signal in times else "")
+            f"cut: expected an output of a block that some wire reads ({', '.join(times) or 'this loop has none'}), found "
+            f"{signal!r}" + (f"; did you mean `{hint}`?" if hint else "")
         )
-    found = open_loops(_with_gain(drawing, signal), values | {path_of(GAIN): 1.0}, GAIN)
-    if found is None or found.cut is None:
+    if times[signal] > MOST_TIMES:
         raise UsageError(
-            f"cut: expected a signal of a loop that one gain breaks, found {signal!r}: it does not come back to itself, or "
-            "through no state, or what drifts in the loop is read beside it as well"
+            f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} times. A "
+            "number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
-    return BrokenLoop(found.cut)
+    drawing, values = _with_gain(drawing, signal), values | {path_of(GAIN): 1.0}
+    lifted = lifted_at(drawing, values)
+    if not lifted.returns:
+        raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
+    found = open_loops(drawing, values, GAIN) if times[signal] == 1 else None
+    return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
 
 
-def _way_out(times: dict[str, int], signal: str) -> str:
-    """What to do about a signal that is made several times in a frame."""
-    slower = sorted({name.rpartition(".")[0] for name, count in times.items() if count < times[signal]})
-    without = f"; in a spec without the slower blocks ({', '.join(slower)}) it is made once per frame" if slower else ""
-    return f". A number that multiplies it has its gain margin: wavesweep stability-region along that{without}"
+def lifted_at(drawing: Drawing, values) -> LiftedLoop:
+    """The loop without the gain of the cut, as often as it is read in a frame."""
+    with np.errstate(all="ignore"):
+        whole, cut_open = assembled(drawing, values), assembled(drawing, values, GAIN)
+        ticks = OpenTicks.of(cut_open, whole, PRODUCT, FACTOR)
+    drift = drift_of(drawing, values | {path_of(GAIN): np.array([0.5, 2.0])})
+    return LiftedLoop(ticks, drift, float(whole.period) * whole.ticks)
 
 
 def _times_per_frame(drawing: Drawing, values) -> dict[str, int]:

@@ -16,7 +16,8 @@ from wavesweep.tables.table import Table, facts_of, held
 
 METHOD = (
     "gains from the certified stable interval around 1 of a factor of the signal; crossings of the gain 1 from the pencil of "
-    "the level 1/2 of the real part of 1/(1 + L), found to rounding; peaks by level sets"
+    "the level 1/2 of the real part of 1/(1 + L), found to rounding; peaks by level sets; of a lifted signal the certified "
+    "stable intervals of its phase, and of complex factors on the rim of a disk"
 )
 UNITS = {"phase": "deg", "delay": "s", "disk_phase": "deg"}  # of margins that have one
 SAID = {
@@ -32,14 +33,20 @@ SAID = {
 }
 
 MARGINS = (
-    Field("cut", "string", "", "signal at which the loop is broken, made once per frame; L is the loop from it back to it"),
+    Field(
+        "cut",
+        "string",
+        "",
+        "signal at which the loop is broken; L is the loop from it back to it, over a frame: that of the lifted signal if it "
+        "is made several times in one, with the same factor on all of its samples",
+    ),
     Field(
         "margin",
         "string",
         "",
         "gain_up, gain_down: factors of the signal at which stability ends; phase; delay: whole frames that last less leave "
         "the loop stable; disk, disk_gain, disk_phase: gain and phase together; sensitivity: the largest |1/(1 + L)|; "
-        "complementary: the largest |L/(1 + L)|",
+        "complementary: the largest |L/(1 + L)|; of a lifted signal singular values, and no delay",
     ),
     Field(
         "value",
@@ -57,7 +64,7 @@ MARGINS = (
 
 
 def margins(spec: Spec, cut: str) -> Table:
-    """The margins of the spec's own loop, broken at a signal that is made once per frame.
+    """The margins of the spec's own loop, broken at a signal; of the lifted loop if it is made several times in a frame.
 
     cut: the signal, "block.port". Errors: UsageError for a signal at which the loop cannot be broken, or a loop that is not
     known to be stable.
@@ -88,7 +95,7 @@ def margins(spec: Spec, cut: str) -> Table:
     timings = {"compute_s": time.perf_counter() - started}
     notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
     facts = facts_of(spec, {"margins": METHOD}, counts, timings, [*notices, *over_preset(spec)])
-    return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period})
+    return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times})
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -96,6 +103,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     return {
         "cut": facts["cut"],
         "period_s": facts["period_s"],
+        "times": facts.get("times", 1),
         "margins": {
             name: {"value": _plain(value), "unit": unit, "omega": _plain(omega), "doubt": doubt, "limited": limited}
             for name, value, unit, omega, doubt, limited in rows
@@ -108,7 +116,12 @@ def _plain(value: float) -> float | None:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    yield f"broken at {found['cut']}, once in {1e3 * found['period_s']:.6g} ms", False
+    times, period = found["times"], f"{1e3 * found['period_s']:.6g} ms"
+    once = f"broken at {found['cut']}, once in {period}"
+    several = (
+        f"broken at {found['cut']}, {times} times in {period}: of the lifted loop, one factor on all its samples of a frame"
+    )
+    yield once if times == 1 else several, False
     for name, margin in found["margins"].items():
         doubt = f"not certified ({margin['doubt']})" if margin["doubt"] else ""
         if margin["value"] is None or not margin["limited"]:

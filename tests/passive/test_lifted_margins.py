@@ -1,0 +1,113 @@
+"""Margins of a loop at a signal that is made several times in a frame, against eigenvalues with the factor put in."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.drawn import random_tables
+
+import wavesweep
+from wavesweep import UsageError, load
+from wavesweep.cli.margins import command
+from wavesweep.passive import LiftedLoop, margins_of
+from wavesweep.passive.lifted_margins import lifted_margins
+from wavesweep.spec.drawing import path_of
+from wavesweep.sweep.broken_loops import GAIN, _with_gain, broken_at
+from wavesweep.sweep.drawn_loops import drift_of, frames
+from wavesweep.sweep.grid import own_loop
+
+CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"
+
+
+def radius_of(spec, signal):
+    """The spectral radius of the frame with factors k of the signal, from blocks that have it among their numbers."""
+    drawing, values = own_loop(spec)
+    drawing = _with_gain(drawing, signal)
+    drift = drift_of(drawing, values | {path_of(GAIN): np.array([0.5, 2.0])})
+
+    def radius(k):
+        E = frames(drawing, values | {path_of(GAIN): np.atleast_1d(k)}, drift)
+        return np.abs(1 + np.linalg.eigvals(E)).max(-1)
+
+    return radius
+
+
+def agrees(spec, signal, found, seed=0):
+    """How many margins have a limit: at it an eigenvalue is on the circle, and factors within the margins are stable."""
+    radius, rng, ends = radius_of(spec, signal), np.random.default_rng(seed), 0
+    each = {margin.name: margin for margin in found}
+    up, down = each["gain_up"].value, max(each["gain_down"].value, 1e-6)
+    turn, a = np.radians(each["phase"].value), each["disk"].value
+    disk = np.sqrt(rng.random(300)) * np.exp(2j * np.pi * rng.random(300)) * a / 2 * (1 - 1e-7)
+    assert (radius(np.exp(rng.uniform(np.log(down), np.log(up), 200) * (1 - 1e-9))) < 1).all()
+    assert (radius(np.exp(1j * rng.uniform(-turn, turn, 200) * (1 - 1e-8))) < 1).all()
+    assert (radius((1 + disk) / (1 - disk)) < 1).all()
+    if each["gain_up"].limited:
+        assert radius(up) == pytest.approx(1, abs=1e-7)
+        assert radius(up * (1 + 1e-6)) > 1
+        ends += 1
+    if each["gain_down"].limited:
+        assert radius(down) == pytest.approx(1, abs=1e-7)
+        assert radius(down * (1 - 1e-6)) > 1
+        ends += 1
+    if each["phase"].limited:
+        assert radius(np.exp(1j * turn)) == pytest.approx(1, abs=1e-7)
+        assert radius(np.exp(1j * turn * (1 + 1e-6))) > 1
+        ends += 1
+    rim = a / 2 * (1 + 1e-6) * np.exp(1j * np.linspace(0, np.pi, 4001))
+    assert (radius((1 + rim) / (1 - rim)) > 1 - 1e-9).any() or a == 2
+    return ends
+
+
+def test_a_signal_that_is_made_five_times_in_a_frame_has_margins():
+    """The inner loop of a cascade: its gain margins are the ends of the stable interval along its gain."""
+    spec = load(CASCADE)
+    loop = broken_at(spec, "speed.y")
+    found, doubt = margins_of(loop)
+    assert (type(loop), loop.times, doubt) == (LiftedLoop, 5, 0)
+    each = {margin.name: margin for margin in found}
+    assert not any(margin.doubt for margin in found)
+    (row,) = wavesweep.compile(spec).stable_intervals("k", (0.1, 20000)).itertuples()
+    assert each["gain_up"].value == pytest.approx(row.high / 100, rel=1e-9)
+    assert each["gain_down"].value == pytest.approx(row.low / 100, rel=1e-9)
+    assert agrees(spec, "speed.y", found) == 3
+    assert each["disk_gain"].value < each["gain_up"].value
+    assert each["disk_phase"].value < each["phase"].value
+    assert "delay" not in each
+
+
+def test_margins_say_that_they_are_of_the_lifted_loop(tmp_path):
+    found = CliRunner().invoke(command, [str(CASCADE), "--cut", "speed.y", "--out", str(tmp_path), "--no-plot"])
+    assert "broken at speed.y, 5 times in 10 ms: of the lifted loop, one factor on all its samples of a frame" in found.output
+    assert "delay" not in found.output
+
+
+@pytest.mark.parametrize("signal", ["position.y", "speed.y"])
+def test_one_sample_in_a_frame_has_the_margins_of_the_scalar_loop(signal):
+    """The same by spectral radii and intervals as by level sets and the crossings of the gain 1."""
+    spec = load(CASCADE, ["block.position.every=1"])
+    loop = broken_at(spec, signal)
+    scalar, lifted = margins_of(loop)[0], lifted_margins(loop.lifted)[0]
+    lifted = {margin.name: margin for margin in lifted}
+    for margin in scalar:
+        if margin.name != "delay":
+            assert lifted[margin.name].value == pytest.approx(margin.value, rel=1e-8), margin.name
+            assert not lifted[margin.name].doubt
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 5, 6, 9])
+def test_random_loops_are_stable_within_their_margins(seed):
+    """Every signal of a random loop that is made more than once in a frame."""
+    spec, met = load(random_tables(seed)), 0
+    drawing, _ = own_loop(spec)
+    for signal in sorted({source for _, terms in drawing.wires for source, _ in terms if "." in source}):
+        try:
+            loop = broken_at(spec, signal)
+        except UsageError:
+            continue
+        found, _ = margins_of(loop)
+        if isinstance(loop, LiftedLoop) and found and not any(margin.doubt for margin in found):
+            met += agrees(spec, signal, found, seed)
+    assert met > 0
