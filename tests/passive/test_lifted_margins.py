@@ -9,7 +9,7 @@ from support.drawn import random_tables
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.cli.margins import command
+from wavesweep.cli.studies import margins as command
 from wavesweep.passive import LiftedLoop, margins_of
 from wavesweep.passive.lifted_margins import lifted_margins
 from wavesweep.spec.drawing import path_of

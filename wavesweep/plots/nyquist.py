@@ -85,15 +85,9 @@ def _draw_nyquist(
 ) -> None:
     near = np.where(np.abs(L) <= FARTHEST, L, np.nan)
     axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1")
-    axes.plot(
-        L.real, L.imag, color=_CURVE, label=f"L at {cut}" if "linewidth" in style else f"eigenvalues of L at {cut}", **style
-    )
-    axes.plot(
-        L.real,
-        -L.imag,
-        color=_CURVE,
-        **({"linewidth": 0.6, "linestyle": ":"} | style if "marker" in style else {"linewidth": 0.6, "linestyle": ":"}),
-    )
+    several = "marker" in style
+    axes.plot(L.real, L.imag, color=_CURVE, label=f"{'eigenvalues of ' * several}L at {cut}", **style)
+    axes.plot(L.real, -L.imag, color=_CURVE, **(style if several else {"linewidth": 0.6, "linestyle": ":"}))
     axes.plot([-1], [0], "+", color=_MARK, markersize=8)
     if disk is not None:
         said = f"disk margin {table['disk'][0]:.3g}"

@@ -31,8 +31,8 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         )
     if times[signal] > MOST_TIMES:
         raise UsageError(
-            f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} times. A "
-            "number that multiplies it has its gain margin: wavesweep stability-region along that"
+            f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
+            "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
     drawing, values = _with_gain(drawing, signal), values | {path_of(GAIN): 1.0}
     lifted = lifted_at(drawing, values)
