@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from textwrap import fill, wrap
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,8 @@ from wavesweep.plots.style import (
     drawn_into,
     family_looks,
     figure,
+    fitting,
+    is_narrow,
     label,
     note_below,
     printed,
@@ -64,7 +66,6 @@ _BESIDE = 0.8  # inches, of a figure of one column that its panel leaves to numb
 _SMALL = 7  # points, of a legend above a figure of one column
 _APART = 1.6  # points between thin bars of two members
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
-_WIDEST = 52  # letters of an entry of the legend
 _HALF_BAR = 0.32  # of the distance between two bars
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 _BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
@@ -138,8 +139,8 @@ def compare(
         return zwidth(columns, facts)
     from wavesweep.plots.responses import bode
 
-    with figure(TWO_COLUMNS, 7.4) as canvas:
-        above, below = canvas.subfigures(2, 1, height_ratios=[3, 4])
+    with figure(TWO_COLUMNS, 11.5 if is_narrow() else 7.4) as canvas:
+        above, below = canvas.subfigures(2, 1, height_ratios=[2, 4] if is_narrow() else [3, 4])
         drawn_into(above, partial(zwidth, columns, facts))
         drawn_into(below, partial(bode, responses, of_responses or facts))
     return canvas
@@ -229,12 +230,13 @@ class _Intervals:
     def draw(self) -> Any:
         """Draw all panels with their legends and notes."""
         layout, panels = self.layout, self.layout.panel_values or (np.nan,)
-        across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
+        across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
+        beside = across > 1 and not is_narrow()  # the legend
         down = -(-len(panels) // across)
         width = wide(ONE_COLUMN if across == 1 else TWO_COLUMNS)
         members, marks = self._entries(panels)
         more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
-        more += 0.17 * (_rows(members) + _rows(marks)) if across == 1 else 0.0  # otherwise it is beside the panels
+        more += 0.0 if beside else 0.17 * (_rows(members) + _rows(marks))
         height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
         with figure(width, height) as canvas:
             grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
@@ -250,7 +252,7 @@ class _Intervals:
                 for walls, colour in self.walls:
                     draw_walls(axes, walls, colour)
             self._name_axes(canvas)
-            _draw_legends(canvas, grid[0, 0], members, marks, beside=across > 1)
+            _draw_legends(canvas, grid, members, marks, beside)
         return canvas
 
     def _draw_panel(self, axes: Any, panel: float, inches: tuple[float, float]) -> None:
@@ -286,7 +288,7 @@ class _Intervals:
         for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
             region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
             filled = member.guarantee == "for_all" or (len(members) == 1 and self.whose != "spec")
-            draw_region(axes, region, member.look, filled=filled, shift=shift)
+            draw_region(axes, region, member.look, filled, shift, len(members))
             if self.felt:
                 draw_felt(axes, region, member.look)
             if member.guarantee == "for_all":
@@ -489,21 +491,8 @@ class _Intervals:
         if self.along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
             start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
             return f"{title}{sure}: {over}{best['high']:.5g} {unit(self.along, facts)}".rstrip() + start
-        first, *others = (f"{felt:.4g} N/m", *self._felt_over_band(felt))
-        title = title.replace("largest", "stiffest felt")
-        texts = [f"{title}{sure and ','}{sure}: {first}{' at rest' if others else ''}", *others]
-        texts.append(f"of a wall of {over}{best['high']:.5g} N/m")
-        unbroken = ", ".join(text.replace(" ", "\N{NO-BREAK SPACE}") for text in texts)
-        return "\n".join(wrap(unbroken, _WIDEST)).replace("\N{NO-BREAK SPACE}", " ")
-
-    def _felt_over_band(self, felt: float) -> list[str]:
-        """What the hand feels of the best wall over frequency; nothing if it is not one for the spec's own hand."""
-        from wavesweep.sweep.feel import band_at, sizes_in_words
-
-        if self.spec is None or self.whose or not felt > 0:
-            return []
-        values = {name: self.best[name] for name in axes_of(self.best)} | {self.along: self.best["high"]}
-        return sizes_in_words(band_at(self.spec, values, felt))
+        title = title.replace("largest", "stiffest felt") + (sure and ",") + sure
+        return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {over}{best['high']:.5g} N/m"
 
 
 def _where(columns: Columns, flags: np.ndarray) -> dict[str, np.ndarray]:
@@ -591,8 +580,8 @@ def _extent(rows: Columns, bottom: float) -> str:
     return ": whole range" if whole.all() else ""
 
 
-def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
-    """The members above the only panel, and the marks above these; or all beside the panels."""
+def _draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
+    """The members above the only panel, and the marks above these; or all beside several panels, or above them."""
     from matplotlib.patches import Patch
 
     named = any(each.get_label() in (NOT_KNOWN, REFUTED) for each in members)  # what is narrow needs no entry
@@ -601,21 +590,20 @@ def _draw_legends(canvas: Any, axes: Any, members: list[Any], marks: list[Any], 
     if beside and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return
+    if grid.size > 1:
+        members, marks = [], members + marks
     above = {"columnspacing": 0.8, "handlelength": 2.5, "handletextpad": 0.5, "fontsize": _SMALL}
     if members:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
-        axes.legend(handles=members, ncols=_in_a_row(members), **above, **place)
+        grid[0, 0].legend(handles=members, ncols=_in_a_row(members), **above, **place)
     if marks:
         canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks), **above)
 
 
 def _in_a_row(entries: Sequence[Any]) -> int:
-    """How many entries are side by side above a figure of one column, in rows of about the same number."""
-    texts = [str(entry.get_label()).replace("$", "").split("\n") for entry in entries]
-    *_, second, longest = sorted([0.0, 0.0, *(31 + 3.8 * max(map(len, lines)) for lines in texts)])  # points
-    most = 1 + int((72 * (wide(ONE_COLUMN) - _BESIDE) - longest) / second) if second else 1
-    return -(-len(entries) // -(-len(entries) // most)) if entries else 1
+    """How many entries are side by side above a figure of one column."""
+    return fitting([entry.get_label() for entry in entries], wide(ONE_COLUMN) - _BESIDE)
 
 
 def _rows(entries: Sequence[Any]) -> int:
-    return -(-len(entries) // _in_a_row(entries)) + max((str(entry.get_label()).count("\n") for entry in entries), default=0)
+    return -(-len(entries) // _in_a_row(entries)) + max((entry.get_label().count("\n") for entry in entries), default=0)

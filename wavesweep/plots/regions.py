@@ -45,11 +45,11 @@ def _pale(look: Look) -> tuple[float, ...]:
     return tuple(1 - _SHADE * (1 - part) for part in to_rgb(look.colour))
 
 
-def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: float = 0.0) -> None:
+def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: float = 0.0, members: int = 1) -> None:
     """Draw the known part of a stable region: its area, or strokes from its boundary to the unstable side if not `filled`.
 
     If the gap between two values of x is not known, a thin bar at each of them shows its intervals; `shift` (points) keeps
-    bars of different members apart.
+    bars of different members apart. members: of the panel; the strokes of many lines are fewer.
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
@@ -64,7 +64,7 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
     axes.add_collection(PolyCollection(region.areas, **shade))
     if filled:  # what is stable and not certified is dotted
         axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
-    strokes = [] if filled else [withTickedStroke(angle=75, spacing=9, length=0.45, linewidth=0.7)]
+    strokes = [] if filled else [withTickedStroke(angle=75, spacing=9 * max(1.0, members / 2), length=0.45, linewidth=0.7)]
     line = {"linewidths": 1.2, "path_effects": strokes}
     axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
     axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))

@@ -291,14 +291,20 @@ def by_factors(axis: Any, low: float, high: float) -> None:
 
 
 def fitting(texts: Sequence[str], width: float) -> int:
-    """How many columns a legend with these texts has room for in `width` inches."""
-    longest = max((len(re.sub(r"\\mathrm|[$_{}^\\]", "", text)) for text in texts), default=0)
-    return max(1, min(len(texts), int(width * 72 / (4.2 * longest + 40))))
+    """How many columns a legend with these texts has room for in `width` inches, with rows of about the same number."""
+    letters = [max(map(len, re.sub(r"\\mathrm|[$_{}^\\]", "", text).split("\n"))) for text in texts]
+    *_, second, longest = sorted([0, 0, *letters])
+    most = max(1, 1 + int((72 * width - 40 - 4.2 * longest) / (40 + 4.2 * second)))
+    return -(-len(texts) // -(-len(texts) // most)) if texts else 1
 
 
 def symbol(name: str) -> str:
-    """The name of an axis as a paper prints it; that of a number of a drawn loop as its spec has it."""
-    return _SYMBOLS.get(name) or (name.replace(".", " ").replace("_", " ") if "." in name else name)
+    """The name of an axis as a paper prints it; a number of a drawn loop as its spec has it, but for gains such as Ki."""
+    if name in _SYMBOLS:
+        return _SYMBOLS[name]
+    if re.fullmatch("[A-Z][a-z]", name):
+        return f"${name[0]}_{name[1]}$"
+    return name.replace(".", " ").replace("_", " ") if "." in name else name
 
 
 def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
