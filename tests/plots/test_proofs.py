@@ -57,8 +57,8 @@ def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(
     assert dots == [[[x, PROVED] for x in (0.0, 1.0, 2.0)]]
     (star,) = [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "*"]
     assert star == [[0.0, PROVED]]  # the best of what is proved, not of the nominal numbers
-    assert [text for text in said(figure) if text in ("proved for all", "not known", "refuted from here")] == [
-        "proved for all",
+    assert [text for text in said(figure) if text in ("proved for all (at the dots)", "not known", "refuted from here")] == [
+        "proved for all (at the dots)",
         *([] if settled else ["not known"]),
         "refuted from here",
     ]

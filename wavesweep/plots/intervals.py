@@ -1,10 +1,7 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
-from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,6 +9,20 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.plots.layout import MOST_BARS, Layout, axes_of, best_of, best_row, is_logarithmic, lay_out, rows_with
 from wavesweep.plots.measured import coloured, draw_walls, highest, undrawn, wall_handles, walls_by_kind, walls_in_plane
+from wavesweep.plots.members import (
+    HALF_BAR,
+    HANDS,
+    Member,
+    damping_of,
+    draw_bars,
+    draw_dots,
+    extent_of,
+    member_curves,
+    members_of,
+    over_one_damping,
+    specs_of,
+    whose_of,
+)
 from wavesweep.plots.regions import (
     FELT_LINE,
     NOT_KNOWN,
@@ -32,25 +43,20 @@ from wavesweep.plots.regions import (
 from wavesweep.plots.sampling import Kept
 from wavesweep.plots.style import (
     DOUBTFUL,
-    LINES,
     ONE_COLUMN,
     TWO_COLUMNS,
     UNKNOWN,
     UNPROVED,
-    Look,
     assumed,
     by_factors,
     distinct_colour,
-    distinct_look,
     drawn_into,
-    family_looks,
     figure,
     fitting,
     is_narrow,
     label,
     note_below,
     printed,
-    shortened,
     symbol,
     unit,
     valued,
@@ -59,14 +65,13 @@ from wavesweep.plots.style import (
 )
 from wavesweep.spec.require import words_of
 from wavesweep.tables.columns import swept_range, unlike_units
-from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, incomplete, region_of, smooth_axes, spec_of
+from wavesweep.tables.regions import incomplete, region_of, smooth_axes, spec_of
 
 _PANEL_HEIGHT = 2.3  # inches
 _BESIDE = 0.8  # inches, of a figure of one column that its panel leaves to numbers
 _SMALL = 7  # points, of a legend above a figure of one column
 _APART = 1.6  # points between thin bars of two members
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
-_HALF_BAR = 0.32  # of the distance between two bars
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 _BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
 _OWN = _BEST | {"marker": "x", "markeredgewidth": 1.4}
@@ -75,38 +80,6 @@ _LIMITS = {
     "holds_to": ("friction holds an encoder step, $2 f_c/D$", (0, (6, 1, 1, 1, 1, 1))),
     "passive_to": ("passive by damping, without $B_{VE}$", (0, (1, 2))),
 }
-
-# From the one that promises least to the one that promises most; the looks stay the same whichever are there.
-HANDS = {
-    "free": (Look("#0072B2", "-"), "free device"),
-    "operator": (Look("#56B4E9", LINES[1]), "operator"),
-    "box": (Look("#D55E00", LINES[2]), "hands of the box"),
-    "passive": (Look("#009E73", LINES[3]), "every passive hand"),
-    "port": (Look("#CC79A7", LINES[5]), "passive port"),
-    "spec": (Look("#0072B2", "-"), "nominal numbers"),
-    "for_all": (Look("#D55E00", LINES[2]), "proved for all"),
-}
-_COMPUTED = ("free", "operator", "spec")  # intervals of one loop; the others are searched for, at the swept values alone
-
-
-@dataclass(frozen=True, eq=False)
-class Member:
-    """One of the sets of intervals that a panel has: a value of the family, a hand, or a spec.
-
-    name: in a legend, or at a bar. facts: with the spec from which columns between its rows are computed. guarantee: the word
-    of a hand, or of [for_all]; empty for others.
-    """
-
-    name: str
-    look: Look
-    rows: Columns
-    facts: Mapping[str, Any]
-    guarantee: str = ""
-
-    @property
-    def joined(self) -> bool:
-        """Whether its intervals are known at the swept values alone, which lines join."""
-        return self.guarantee not in ("", *_COMPUTED)
 
 
 def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -134,7 +107,7 @@ def compare(
     responses, of_responses: columns and facts of its `compare-bode`, which is drawn below as `bode` draws it. The dampings of
     walls, which drawn loops name, are one axis.
     """
-    columns = _over_one_damping(columns, facts)
+    columns = over_one_damping(columns, facts)
     if responses is None:
         return zwidth(columns, facts)
     from wavesweep.plots.responses import bode
@@ -144,34 +117,6 @@ def compare(
         drawn_into(above, partial(zwidth, columns, facts))
         drawn_into(below, partial(bode, responses, of_responses or facts))
     return canvas
-
-
-def _over_one_damping(columns: Columns, facts: Mapping[str, Any]) -> Columns:
-    """The columns with the dampings of all walls in that of the first spec which sweeps its own; another has its own value."""
-    names, values = {}, {}
-    for spec, tables in _specs(facts).items():
-        name = _damping(tables)
-        names[spec] = name or "B_VE"
-        values[spec] = tables["numbers"][name]["value"] if name else tables.get("environment", {}).get("B_VE", np.nan)
-    x = next((name for name in names.values() if name in columns), None)
-    if x is None or set(names.values()) == {x}:
-        return columns
-    merged = columns[x].astype(float)
-    for spec, name in names.items():
-        rows = (columns["spec"] == spec) & np.isnan(merged)
-        merged[rows] = columns[name][rows] if name in columns else values[spec]
-    others = {name: column for name, column in columns.items() if name == x or name not in names.values()}
-    return others | {x: merged}
-
-
-def _damping(tables: Mapping[str, Any]) -> str | None:
-    """The number of a drawn loop that is the damping of its wall."""
-    return tables.get("ports", {}).get("wall", {}).get("damping")
-
-
-def _specs(facts: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
-    """The tables of all specs of a comparison, by their names."""
-    return facts.get("specs") or {facts.get("spec_name", ""): facts.get("spec", {})}
 
 
 class Picture(Kept):
@@ -187,24 +132,19 @@ class Picture(Kept):
     def add(self, columns: Columns) -> None:
         """Look for the best design in a block (its columns by name), and keep it if it fits."""
         super().add(columns)
-        self._best, self._several = best_of([self._best, best_row(columns)]), bool(_whose(columns))
+        self._best, self._several = best_of([self._best, best_row(columns)]), bool(whose_of(columns))
 
     def draw(self, facts: Mapping[str, Any]) -> Any:
         """Draw the figure."""
-        walls = [name for tables in _specs(facts).values() if (name := _damping(tables))]
+        walls = [name for tables in specs_of(facts).values() if (name := damping_of(tables))]
         smooth = [] if self._several else smooth_axes(self._axes, facts)
         layout = lay_out(self._axes, self._best, self._several, smooth, walls)
         return _Intervals(_once(self.where(lambda columns, _: layout.shows(columns))), facts, layout, self._best).draw()
 
 
-def _whose(columns: Columns) -> str:
-    """The column that says for whom a row is, if the table has one."""
-    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
-
-
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = [*axes_of(columns), *filter(None, [_whose(columns)])]
+    names = [*axes_of(columns), *filter(None, [whose_of(columns)])]
     labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in (*names, "interval")]
     rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
     return {name: column[rows] for name, column in columns.items()}
@@ -215,10 +155,10 @@ class _Intervals:
 
     def __init__(self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> None:
         self.columns, self.facts, self.layout = columns, facts, layout
-        self.along, self.whose = str(columns["along"][0]), _whose(columns)
+        self.along, self.whose = str(columns["along"][0]), whose_of(columns)
         self.best = {} if self.whose == "spec" else best  # each spec has its own
         self.spec = spec_of(facts)
-        swept = np.array([swept_range({"spec": tables}, self.along) for tables in _specs(facts).values()])
+        swept = np.array([swept_range({"spec": tables}, self.along) for tables in specs_of(facts).values()])
         self.swept = float(swept[:, 0].min()), float(swept[:, 1].max())
         self.by_factors, self.view = self._limits()
         self.walls = self._measured_walls()
@@ -258,9 +198,9 @@ class _Intervals:
     def _draw_panel(self, axes: Any, panel: float, inches: tuple[float, float]) -> None:
         layout = self.layout
         columns = rows_with(self.columns, {layout.panels: panel} if layout.panels else {})
-        members = self._members(columns)
+        members = self.members(columns)
         if layout.x is None:
-            _draw_bars(axes, members)
+            draw_bars(axes, members)
         else:
             self._draw_plane(axes, columns, members, inches)
         if layout.panels is not None:
@@ -273,7 +213,7 @@ class _Intervals:
             axes.axhline(height, **_LIMIT, linestyle=_LIMITS[name][1])
         for place, member in enumerate(members) if layout.x is None else ():
             if member.guarantee == "for_all":
-                draw_for_all_bar(axes, place, _HALF_BAR, member.rows, self.span)
+                draw_for_all_bar(axes, place, HALF_BAR, member.rows, self.span)
 
     def _draw_plane(self, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float]) -> None:
         x, (low, high) = self.layout.x, (self.layout.points[0], self.layout.points[-1])
@@ -284,7 +224,7 @@ class _Intervals:
         if logarithmic:
             by_factors(axes.xaxis, low, high)
         view = view_of(x, logarithmic, *inches, self.by_factors)
-        curves = _curves(members, view, (low, high))
+        curves = member_curves(members, view, (low, high))
         for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
             region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
             filled = member.guarantee == "for_all" or (len(members) == 1 and self.whose != "spec")
@@ -294,43 +234,16 @@ class _Intervals:
             if member.guarantee == "for_all":
                 draw_for_all(axes, x, member.rows, self.span)
             if member.joined:
-                _draw_dots(axes, x, member, self.span)
+                draw_dots(axes, x, member, self.span)
         if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
             more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
             low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
         axes.set_xlim(low, high)
 
-    def _members(self, columns: Columns) -> list[Member]:
+    def members(self, columns: Columns) -> list[Member]:
         """The members of a panel, whose rows these are."""
-        if self.whose == "spec":
-            specs = list(dict.fromkeys(self.columns["spec"].tolist()))
-            tables = _specs(self.facts)
-            return [
-                Member(shortened(name), distinct_look(at), rows, {"spec": tables.get(name, {})})
-                for at, name in enumerate(specs)
-                if len((rows := _where(columns, columns["spec"] == name))["spec"])
-            ]
-        if self.whose:
-            rows = {hand: _where(columns, columns[self.whose] == hand) for hand in HANDS}
-            present = {hand: _as_drawn(hand, each) for hand, each in rows.items() if len(each["along"])}
-            names = {hand: HANDS[hand][1] for hand in present}
-            if {"operator", "port"} <= set(names):
-                names["port"] += " (operator)"  # it is that of the spec's own loop
-            if "settled" in columns and "box" in names:
-                names["box"] += " (settled)" if present["box"]["settled"].all() else " (searched)"
-            return [Member(names[hand], HANDS[hand][0], each, self.facts, hand) for hand, each in present.items()]
-        bars, one = self.layout.bars, len(self.layout.bars) and len(self.layout.bars[0]) <= 1
-        looks = family_looks(len(bars))
-        names = [
-            "".join(f"{value:g}" for value in values.values())
-            if one
-            else ", ".join(valued(name, value, self.facts) for name, value in values.items())
-            for values in bars
-        ]
-        return [
-            Member(name, look, rows_with(columns, values), self.facts)
-            for name, look, values in zip(names, looks, bars, strict=True)
-        ]
+        specs = dict.fromkeys(self.columns["spec"].tolist()) if self.whose == "spec" else ()
+        return members_of(columns, self.facts, self.layout.bars, list(specs))
 
     def _place(self, row: Mapping[str, Any], members: Sequence[Member]) -> tuple[float, float]:
         """The coordinates of the high end of a row."""
@@ -393,9 +306,9 @@ class _Intervals:
         if self.whose != "spec":
             walls = walls_in_plane(self.facts, self.layout.x, self.along)
             return [(walls, "black")] if walls else []
-        if self.layout.x not in [_damping(tables) or "B_VE" for tables in _specs(self.facts).values()]:
+        if self.layout.x not in [damping_of(tables) or "B_VE" for tables in specs_of(self.facts).values()]:
             return []
-        colours = coloured(self.facts, "z_width", {name: distinct_colour(at) for at, name in enumerate(_specs(self.facts))})
+        colours = coloured(self.facts, "z_width", {name: distinct_colour(at) for at, name in enumerate(specs_of(self.facts))})
         return [(walls_by_kind(self.facts, spec), colour) for spec, colour in colours.items()]
 
     def _shows_felt(self) -> bool:
@@ -435,14 +348,17 @@ class _Intervals:
 
     def _entries(self, panels: Sequence[float]) -> tuple[list[Any], list[Any]]:
         """The entries of the legend: the members of a family, the hands or the specs, and the marks."""
-        members, layout = self._members(self.columns), self.layout
+        members, layout = self.members(self.columns), self.layout
         bottom, entries = np.nanmin(self.columns["low"], initial=np.inf), []
         if self.whose or (layout.x is not None and layout.family is not None):
             names = [member.name for member in members]
             if not self.whose:  # the first has name and unit, the others the value
                 values = layout.members
                 names = [valued(layout.family, values[0], self.facts), *(f"{value:.6g}" for value in values[1:])]
-            names = [name + _extent(member.rows, bottom) for name, member in zip(names, members, strict=True)]
+            names = [
+                name + extent_of(member.rows, bottom) + " (at the dots)" * (member.joined and layout.x is not None)
+                for name, member in zip(names, members, strict=True)
+            ]
             entries = handles_of(names, [member.look for member in members])
         if members and members[-1].guarantee == "for_all":
             filled = layout.x is not None and members[-1].rows["intervals"].any()
@@ -493,91 +409,6 @@ class _Intervals:
             return f"{title}{sure}: {over}{best['high']:.5g} {unit(self.along, facts)}".rstrip() + start
         title = title.replace("largest", "stiffest felt") + (sure and ",") + sure
         return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {over}{best['high']:.5g} N/m"
-
-
-def _where(columns: Columns, flags: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: column[flags] for name, column in columns.items()}
-
-
-def _as_drawn(hand: str, rows: Columns) -> Columns:
-    """The rows of a hand. What is proved for all has an end wherever a counterexample or nothing is known beyond it; the
-    certainty of a guarantee for hands is in the legend, not in the style of its line.
-    """
-    if hand in _COMPUTED:
-        return rows
-    if hand != "for_all":
-        return {**rows, "certified": np.ones(len(rows["along"]), bool)}
-    ends = {
-        omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
-        for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from"))
-    }
-    return {**rows, **ends}
-
-
-def _curves(members: Sequence[Member], view: View, span: tuple[float, float]) -> list[Curve]:
-    """The curves of all members; those of one family in a batch."""
-    if not any(member.guarantee for member in members) and len({id(member.facts) for member in members}) == 1:
-        return curves_of([member.rows for member in members], view, members[0].facts)
-    curves, dampings = [], {"B_VE", *(_damping(member.facts.get("spec", {})) for member in members)}
-    for member in members:
-        rows, x = member.rows, member.rows[view.x]
-        if member.joined:
-            columns = columns_of(rows, x)
-            gaps = [(a, b) for a, b in pairwise(sorted(columns)) if len(columns[a][0]) == len(columns[b][0])]
-            curves.append(Curve(columns, dict.fromkeys(gaps, KNOWN)))
-        elif np.isnan(x).all():  # a loop that does not read it has the same intervals everywhere
-            (column,) = columns_of(rows, np.zeros(len(x))).values()
-            curves.append(Curve(dict.fromkeys(span, column), {span: KNOWN}))
-        else:
-            own = (_damping(member.facts.get("spec", {})) or "B_VE") if view.x in dampings else view.x
-            renamed = {own if name == view.x else name: column for name, column in rows.items()}
-            curves += curves_of([renamed], replace(view, x=own), member.facts)
-    return curves
-
-
-def _draw_dots(axes: Any, x: str, member: Member, span: tuple[float, float]) -> None:
-    """Dots at the values at which a guarantee is known."""
-    rows, near = _where(member.rows, member.rows["intervals"] > 0), 0.01 * (span[1] - span[0])
-    for end, limit in zip(("low", "high"), span, strict=True):
-        shown = np.abs(rows[end] - limit) > near
-        if shown.any():  # an empty line that is not clipped takes room below the panel
-            axes.plot(rows[x][shown], rows[end][shown], ".", color=member.look.colour, markersize=3.5, clip_on=False)
-
-
-def _draw_bars(axes: Any, members: Sequence[Member]) -> None:
-    """Draw a bar per stable interval, a line of bars per member, named at the left.
-
-    An end of the stable set is marked by a stroke; if the swept range ends the bar, there is none.
-    """
-    family = family_looks(1)[0].colour
-    for place, member in enumerate(members):
-        rows, colour = member.rows, member.look.colour if member.guarantee or "spec" in member.rows else family
-        stable, unknown = np.flatnonzero(rows["intervals"] > 0), bool(incomplete(rows).any())
-        if unknown:
-            axes.axhspan(place - _HALF_BAR, place + _HALF_BAR, **UNKNOWN)
-        if not stable.size:
-            nothing = "nothing known to be stable" if unknown else "nowhere stable"
-            said = "nothing proved" if member.guarantee == "for_all" else nothing
-            axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
-        for row in stable.tolist():
-            low, high = rows["low"][row], rows["high"][row]
-            bar = {"width": high - low, "left": low, "height": 2 * _HALF_BAR, "linewidth": 0}
-            axes.barh(place, **bar, color="white", zorder=0.5)
-            axes.barh(place, **bar, color=colour, alpha=0.25)
-            edge, style = (colour, "-") if rows["certified"][row] else (DOUBTFUL, "--")
-            ends = [rows[end][row] for end in ("low", "high") if not np.isnan(rows[f"{end}_omega"][row])]
-            if ends:
-                axes.vlines(ends, place - _HALF_BAR, place + _HALF_BAR, colors=edge, linestyles=style)
-    axes.set_yticks(range(len(members)), [fill(member.name, 14) if member.guarantee else member.name for member in members])
-    axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))
-
-
-def _extent(rows: Columns, bottom: float) -> str:
-    """What the legend says of a region that has no boundary, since no line shows it."""
-    if not rows["intervals"].any():
-        return ": none"
-    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
-    return ": whole range" if whole.all() else ""
 
 
 def _draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], beside: bool) -> None:

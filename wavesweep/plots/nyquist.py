@@ -141,12 +141,14 @@ def _draw_bode(
         axes.plot(hertz, values, color=_CURVE, **style)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
         for name, (omega, at) in marks.items():
-            turned = -(-np.degrees(np.angle(at)) % 360) if several else np.interp(omega / (2 * np.pi), hertz, degrees)
-            turns = limit + 360 * np.round((turned - limit) / 360)
+            place, turned = omega / (2 * np.pi), -(-np.degrees(np.angle(at)) % 360)
+            if not several:
+                turned += 360 * np.round((np.interp(place, hertz, degrees) - turned) / 360)
+            end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
             level = 20 * np.log10(abs(at)) if axes is gain else turned
             if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
-                axes.plot([omega / (2 * np.pi)] * 2, [level, limit if axes is gain else turns], color=_MARK, linewidth=1.0)
-            axes.plot([omega / (2 * np.pi)], [level], _MARKS[name], color=_MARK, markersize=4, markerfacecolor=_face(name))
+                axes.plot([place, place], [level, end], color=_MARK, linewidth=1.0)
+            axes.plot([place], [level], _MARKS[name], color=_MARK, markersize=4, markerfacecolor=_face(name))
         axes.set_xscale("log")
         axes.set_xlim(LEAST * hertz[-1], hertz[-1])
         low, high = min(values[shown].min(), limit), max(values[shown].max(), limit)

@@ -1,0 +1,99 @@
+"""The figures of a broken loop and of its poles, held against a program of their own: a mass, moved by a held force."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import wavesweep
+from wavesweep import plots
+from wavesweep.plots.style import as_asked
+from wavesweep.tables.margins import margins
+
+pytestmark = pytest.mark.slow
+FRAME, MASS, DAMPING, SPRING = 5e-3, 0.1, 0.02, 250.0
+KP, KD = 20.0, 0.4
+
+
+def drive(kp=KP):
+    """A weakly damped mass on a spring, whose force is held over five ticks."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": kp, "kd": KD},
+        "block": {
+            "m": {"type": "mass", "mass": MASS, "damping": DAMPING},
+            "ground": {"type": "spring", "k": SPRING},
+            "s": {"type": "hold", "every": 5},
+        },
+        "wire": {"s.u": "-kp*m.x - kd*m.v", "m.f": "s.y + ground.f1", "ground.x1": "m.x"},
+    }
+
+
+def sampled():
+    """The motion of the mass over a frame: its matrix, and what a held force of 1 N adds."""
+    whole = expm(FRAME * np.array([[0, 1, 0], [-SPRING / MASS, -DAMPING / MASS, 1 / MASS], [0, 0, 0]]))
+    return whole[:2, :2], whole[:2, 2]
+
+
+def open_loop(theta):
+    A, b = sampled()
+    z = np.exp(1j * theta)[:, None, None]
+    return np.linalg.solve(z * np.eye(2) - A, np.broadcast_to(b[:, None], (len(theta), 2, 1)))[..., 0] @ np.array([KP, KD])
+
+
+def far_from(points, line):
+    """The distance of each point from a line, in the units of the axes."""
+    a, b = line[:-1, None], line[1:, None]
+    along = b - a
+    share = np.clip(((points - a) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-300), 0, 1)
+    return np.linalg.norm(points - a - share[..., None] * along, axis=-1).min(0)
+
+
+@pytest.mark.parametrize("width", [85 / 25.4, 180 / 25.4])
+def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
+    table = margins(wavesweep.load(drive()), "s.y")
+    with as_asked(width):
+        figure = plots.margins(table.columns, table.facts)
+    axes, gain, phase = figure.axes
+    curve = max(axes.lines, key=lambda line: len(line.get_xdata())).get_xydata()
+    pixel = np.ptp(axes.get_xlim()) / axes.get_window_extent().width
+    theta = np.concatenate([np.linspace(1e-4, np.pi, 4000), 0.25 + np.linspace(-1e-3, 1e-3, 4000)])
+    L = open_loop(theta)
+    shown = (np.abs(L.real) < 2) & (np.abs(L.imag) < 2)
+    dense = np.stack([L.real, L.imag], -1)[shown][::7]
+    assert far_from(dense, curve).max() < 0.5 * pixel
+    decibels = gain.lines[0].get_xydata()
+    np.testing.assert_allclose(decibels[:, 1], 20 * np.log10(np.abs(open_loop(2 * np.pi * decibels[:, 0] * FRAME))), atol=1e-6)
+    rows = {
+        name: (value, omega)
+        for name, value, omega in zip(*(table.columns[n] for n in ("margin", "value", "omega")), strict=True)
+    }
+    for name, marker in (("gain_up", "^"), ("phase", "o")):
+        (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == marker]
+        at = open_loop(np.array([rows[name][1] * FRAME]))[0]
+        assert mark == pytest.approx([at.real, at.imag], rel=1e-6, abs=1e-9)
+    (lower,) = [
+        line
+        for line in phase.lines
+        if line.get_linestyle() == "-" and len(line.get_xdata()) == 2 and line.get_marker() == "None"
+    ][:1]
+    assert abs(np.diff(lower.get_ydata())[0]) == pytest.approx(rows["phase"][0], abs=1e-6)
+    disk = axes.patches[0].get_path().vertices
+    limits = np.array([axes.get_xlim(), axes.get_ylim()])
+    assert (disk.min(0) > limits[:, 0]).all()
+    assert (disk.max(0) < limits[:, 1]).all()
+    texts = [*figure.legends[0].get_texts(), axes.xaxis.label, gain.yaxis.label, phase.xaxis.label]
+    boxes = [text.get_window_extent() for text in texts]
+    assert min(box.x0 for box in boxes) >= 0
+    assert max(box.x1 for box in boxes) <= figure.bbox.x1
+
+
+def test_a_root_locus_has_lines_through_the_poles_and_the_whole_circle():
+    numbers = np.linspace(1.0, 400.0, 60)
+    (axes, _) = wavesweep.compile(drive()).plot_root_locus("kp", numbers.tolist()).axes
+    A, b = sampled()
+    (lines,) = [each for each in axes.collections if hasattr(each, "get_segments") and len(each.get_segments()) > 50]
+    vertices = np.concatenate(lines.get_segments()) @ np.array([1, 1j])
+    for kp in numbers:
+        for pole in np.linalg.eigvals(A - np.outer(b, [kp, KD])):
+            assert np.abs(vertices - pole).min() < 1e-9
+    assert axes.get_xlim()[0] <= -1 < 1 <= axes.get_xlim()[1]
