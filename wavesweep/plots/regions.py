@@ -64,7 +64,8 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
     axes.add_collection(PolyCollection(region.areas, **shade))
     if filled:  # what is stable and not certified is dotted
         axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
-    strokes = [] if filled else [withTickedStroke(angle=75, spacing=9 * max(1.0, members / 2), length=0.45, linewidth=0.7)]
+    apart = max(1.0, members / 2)
+    strokes = [] if filled else [withTickedStroke(angle=75, spacing=9 * apart, length=0.45 / apart, linewidth=0.7)]
     line = {"linewidths": 1.2, "path_effects": strokes}
     axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
     axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
