@@ -231,7 +231,7 @@ def test_the_legend_is_low_above_one_column_and_beside_the_panels_of_two(family,
     assert min(box.x0 for box in boxes) > 0
     assert max(box.x1 for box in boxes) < figure.bbox.x1
     assert texts_of(figure)[:4] == ["$b$ = 20 N·s/m", "40", "60", "80"]
-    assert "stiffest felt, certified: 2600 N/m,\nof a wall of 5200 N/m" in texts_of(figure)
+    assert "stiffest felt, certified: 2600 N/m at rest,\nof a wall of 5200 N/m" in texts_of(figure)
     wide = plots.zwidth(panels, {})
     (legend,) = wide.legends
     assert legend.get_window_extent().x0 > max(each.get_window_extent().x1 for each in wide.axes)

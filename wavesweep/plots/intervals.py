@@ -68,7 +68,7 @@ from wavesweep.tables.columns import swept_range, unlike_units
 from wavesweep.tables.regions import incomplete, region_of, smooth_axes, spec_of
 
 _PANEL_HEIGHT = 2.3  # inches
-_BESIDE = 0.8  # inches, of a figure of one column that its panel leaves to numbers
+_BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 _SMALL = 7  # points, of a legend above a figure of one column
 _APART = 1.6  # points between thin bars of two members
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
@@ -433,7 +433,7 @@ def _draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], 
 
 def _in_a_row(entries: Sequence[Any]) -> int:
     """How many entries are side by side above a figure of one column."""
-    return fitting([entry.get_label() for entry in entries], wide(ONE_COLUMN) - _BESIDE)
+    return fitting([entry.get_label() for entry in entries], wide(ONE_COLUMN) - _BESIDE, _SMALL)
 
 
 def _rows(entries: Sequence[Any]) -> int:

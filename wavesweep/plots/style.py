@@ -290,11 +290,14 @@ def by_factors(axis: Any, low: float, high: float) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def fitting(texts: Sequence[str], width: float) -> int:
-    """How many columns a legend with these texts has room for in `width` inches, with rows of about the same number."""
+def fitting(texts: Sequence[str], width: float, size: float = 8.0) -> int:
+    """How many columns a legend with these texts, of `size` points, has room for in `width` inches, with rows of about the same
+    number.
+    """
     letters = [max(map(len, re.sub(r"\\mathrm|[$_{}^\\]", "", text).split("\n"))) for text in texts]
     *_, second, longest = sorted([0, 0, *letters])
-    most = max(1, 1 + int((72 * width - 40 - 4.2 * longest) / (40 + 4.2 * second)))
+    column = [size * (5 + 0.52 * letters) for letters in (second, longest)]
+    most = max(1, 1 + int((72 * width - column[1]) / column[0]))
     return -(-len(texts) // -(-len(texts) // most)) if texts else 1
 
 
