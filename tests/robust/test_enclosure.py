@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.robust.enclosure import Enclosure
+from wavesweep.robust.loop_frames import Enclosure
 
 
 def test_products_and_sums_are_within_their_enclosure():

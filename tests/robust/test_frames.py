@@ -11,8 +11,9 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.from_drawing import assembled, twins
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.robust.frames import FRAME, LOST, Frames, Symbol, frames_of_controller, frames_of_drawing
+from wavesweep.robust.frames import FRAME, LOST, Frames, frames_of_controller, frames_of_drawing
 from wavesweep.robust.joint import bracket
+from wavesweep.robust.loop_frames import Symbol
 from wavesweep.robust.words import growth
 from wavesweep.spec import load
 from wavesweep.stability import stable_intervals

@@ -1,11 +1,11 @@
-"""Loops that are stable for all numbers of a box, proved by the signs of their guardian maps.
+"""Stability for all numbers of a box, proved by the signs of guardian maps.
 
 With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are positive if it is
-stable, and one of them vanishes where an eigenvalue reaches the circle (L. Saydy, A. L. Tits, E. H. Abed, Math. Control
-Signals Systems 3, 1990). So a connected set of which one loop is stable is stable throughout if they do not vanish on it. On
-a box they are analytic in all of its numbers. They are interpolated at Chebyshev nodes, with a bound on what the nodes do not
-show from their size on an ellipse about each number in turn; then the Bernstein coefficients of the interpolant say that it
-is positive, or the box is divided.
+stable, and one of them vanishes where an eigenvalue reaches the unit circle (L. Saydy, A. L. Tits, E. H. Abed, Math. Control
+Signals Systems 3, 1990). So if they do not vanish on a connected set of loops, and one of these loops is stable, all are. On a
+box the maps are analytic in all of its numbers. They are interpolated at Chebyshev nodes; their size on an ellipse about each
+number in turn bounds the error between the nodes. If the Bernstein coefficients of the interpolant do not prove that it is
+positive, the box is divided.
 """
 
 from collections.abc import Callable
@@ -20,21 +20,21 @@ from wavesweep.monodromy.rounding import balance
 from wavesweep.stability.frames import Frames
 from wavesweep.stability.guardian_maps import MOST_ORDER, SURELY_UNSTABLE, from_coefficients, from_eigenvalues
 
-MOST_NODES, LEAST_NODES = 12, 3  # for one number of a box
+MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
 ELLIPSE, RIM_POINTS = 4.0, 8  # sum of the semi-axes of the ellipse about a number; points on its upper half
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
-COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers, at which an ellipse about one is looked at
-SHARE = 0.25  # of the smallest value that is seen, what the nodes may hide of it
+COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers at which the ellipse about one is evaluated
+SHARE = 0.25  # largest error of the interpolant, relative to the smallest value seen
 MOST_GRID = 20_000  # nodes in all
 WIDE = 3.0  # ratio of the ends of a number above which it is divided at their geometric mean
-LEBESGUE = 0.7  # logarithm of what each further number adds to the error of an interpolant
-SPARED = 0.25  # of the smallest value at a node, what may be left out of an interpolant
+LEBESGUE = 0.7  # logarithm of the factor by which each further number increases the error of an interpolant
+SPARED = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
 HALVES = 9  # halvings of an interpolant, for each number
-SWEEPS = 12
+SWEEPS = 12  # of balancing
 MOST_PIECES = 4096
-STEEP = 0.3  # change of a logarithm from one coarse place to the next
+STEEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
 EPS = np.finfo(float).eps
 
 Box = np.ndarray
@@ -43,10 +43,10 @@ Box = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
-    """What is known of a box.
+    """What is known about a box.
 
-    open: the parts that are not proved, `(parts, 2, numbers)`; none if all of it is. unstable: points at which the loop is
-    unstable, `(points, numbers)`. used: frames that were computed.
+    open: the parts that are not proved, `(parts, 2, numbers)`; empty if all of the box is proved. unstable: points at which the
+    loop is unstable, `(points, numbers)`. used: frames that were computed.
     """
 
     open: np.ndarray
@@ -55,10 +55,10 @@ class Cover:
 
 
 def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: int) -> Cover:
-    """Prove that a box has stable loops alone, but for the parts that are left open; ends at the first unstable ones.
+    """Prove that all loops of a box are stable, except in the parts that are left open; stop at the first unstable loops.
 
-    frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: numbers whose ends are the same are no
-    dimensions of it. bounds: between which the loops are analytic functions of each number. most: frames to compute.
+    frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: a number whose two ends are equal is no
+    dimension of it. bounds: the range of each number in which the loops are analytic. most: frames to compute at most.
     """
     box, function = np.asarray(box, float), _Function(frames, np.asarray(bounds, float))
     queue, unstable = [box], np.zeros((0, box.shape[1]))
@@ -71,13 +71,13 @@ def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: i
 
 
 class _Function:
-    """The guardian maps as functions of the numbers of a box, and how many frames they have taken."""
+    """The guardian maps as functions of the numbers of a box, with a count of the frames computed."""
 
     def __init__(self, frames, limits):
         self.frames, self.limits, self.used = frames, limits, 0
 
     def judged(self, piece):
-        """Unstable points of a piece, and its parts that are not proved."""
+        """The unstable points found in a piece, and its parts that are not proved."""
         wide = np.flatnonzero(piece[0] < piece[1])
         middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
         units = self._units(middle)
@@ -97,7 +97,7 @@ class _Function:
         needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(1, initial=0.0)
         counts = np.clip(np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf)
         if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
-            # Where the ellipses about the others differ much along a number, it is what keeps them large.
+            # Divide along the number along which the sizes on the other ellipses change most.
             steep = np.isfinite(counts).all() and steps.max() > STEEP
             return self._none, _divided(piece, wide, steps if steep else counts)
         return self._within(piece, wide, [_nodes(int(count)) for count in counts], units, trend, peak, far)
@@ -107,7 +107,7 @@ class _Function:
         return np.zeros((0, self.limits.shape[1]))
 
     def _within(self, piece, wide, nodes, units, trend, peak, far):
-        """The same of a piece, from the values at these nodes for each number."""
+        """The same, from the values at these nodes."""
         middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
         grid, counts = _grid(nodes), [len(each) for each in nodes]
         sign, log, error, _ = self._at(middle, half, wide, grid, units)
@@ -147,8 +147,9 @@ class _Function:
         return balance(E, SWEEPS)[1][0]
 
     def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
-        """A bound on the size of each function on the ellipse about one number, the others at COARSE, infinite with a pole; and
-        by how much its logarithm changes along each of the others."""
+        """Bounds on the size of each function on the ellipse about one number, with the others at COARSE, infinite near a pole;
+        and
+        the change of its logarithm along each of the others."""
         others = _grid([COARSE] * (wide.size - 1))
         place = np.insert(others.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2).reshape(-1, wide.size)
         _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
@@ -174,7 +175,7 @@ def _placed(middle, half, wide, grid):
 
 
 def _divided(piece, wide, size):
-    """The halves of a piece across the number of which `size` is largest."""
+    """The halves of a piece, divided along the number with the largest `size`."""
     which = wide[np.argmax(size)]
     both = [piece.copy(), piece.copy()]
     low, high = piece[:, which]
@@ -183,7 +184,7 @@ def _divided(piece, wide, size):
 
 
 def _trend(log, grid):
-    """The exponential growth of each function with each number, by least squares."""
+    """The exponential growth rate of each function with each number, by least squares."""
     whole = np.column_stack([grid, np.ones(len(grid))])
     return np.linalg.lstsq(whole, log.T, rcond=None)[0][:-1].T
 
@@ -195,7 +196,7 @@ def _nodes(count):
 
 @lru_cache
 def _lebesgue(count):
-    """More than the constant of so many Chebyshev nodes."""
+    """An upper bound on the Lebesgue constant of so many Chebyshev nodes."""
     return 2 / np.pi * np.log(count) + 1
 
 
@@ -224,10 +225,10 @@ def _turned(array, matrices):
 
 
 def _positive(values, noise):
-    """The parts of [-1, 1]^n in which an interpolant is not known to be more than noise, as (low, high) of each.
+    """The parts of [-1, 1]^n in which an interpolant is not proved to exceed the noise, as pairs (low, high).
 
-    High degrees that change it by little are left out, with their whole size in the noise: without them it is divided
-    faster, and its Bernstein coefficients lose fewer digits.
+    Small terms of high degree are dropped, and their size is added to the noise: the rest is divided faster, and its Bernstein
+    coefficients lose fewer digits.
     """
     dimensions = values.ndim
     series = _turned(values, map(_to_series, values.shape))
@@ -260,7 +261,7 @@ def _positive(values, noise):
 
 
 def _shortened(series, room):
-    """The series without its highest degrees in each number, and the sum of all that is left out, at most room."""
+    """The series without its highest degrees in each number, and the sum of the dropped terms, at most `room`."""
     size = np.abs(series)
     kept = []
     for axis in range(size.ndim):

@@ -1,14 +1,13 @@
-"""The frames of a loop whose slow environment takes another number of ticks each time.
+"""From a loop whose frames vary to a family of matrices, one for each kind of frame.
 
-A frame of M ticks begins when the slow environment takes its sample, and ends when it takes the next one. Here it goes from the
-tick after a sample to the next sample: all that happens in it then depends on its own length alone, and not on that of the
-frame before, since the environment's step is the time since its last sample, or a fixed one. So any frame may come after any
-other one, and there are as many matrices as lengths. (Products of frames in a row only begin at another tick.)
+A frame of M ticks begins when the slow environment takes its sample, and ends when it takes the next one. Here, however, it
+goes from the tick after a sample to the next sample, inclusive. Everything in it then depends on its own length and not on that
+of the frame before, because the environment's step is the time since its last sample, or a fixed one. So any frame may follow
+any other, and there are as many matrices as lengths. (Products of frames in a row merely begin at another tick.)
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 import numpy as np
 
@@ -19,20 +18,17 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import counted_ticks, drift_of_drawn
 from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.monodromy.periodic import Ticks, ticks_of
-from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
-from wavesweep.monodromy.rounding import both
-from wavesweep.robust.enclosure import Enclosure
+from wavesweep.robust.loop_frames import LoopFrames, Symbol
 from wavesweep.spec.block_types import without_rule
 from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
 from wavesweep.spec.expressions import evaluate, names_in, text_of
 
-FRAME = "frame"  # a delay: the result is in place with the next sample, whenever that is
-LOST = "lost"  # the same: the result never comes, and the last one is held
+FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
+LOST = "lost"  # as a delay: the result never arrives, and the last one is held
 RATIO = "rates.ratio"
-SOLVABLE = 1e-6  # of its terms, the least size of what closes a number's loop in a tick
-ANY = np.array([0.5, 2.0])  # a number that varies
-SOME = 0.7  # one at which no entry of a frame vanishes by chance
-MIDDLE = 64 * ENTRIES  # of a matrix, what the rounding of a number does to it
+ANY = np.array([0.5, 2.0])  # stands for a number that varies
+# Kinds of ticks: the sample; one whose result is in place at once; one in which a result comes into place; an ordinary one; and
+# the moment before the next sample in which a result comes into place.
 SAMPLE, THROUGH, SHOW, TICK, LATE = "sample", "through", "show", "tick", "late"
 
 
@@ -40,9 +36,9 @@ SAMPLE, THROUGH, SHOW, TICK, LATE = "sample", "through", "show", "tick", "late"
 class Frames:
     """What may happen in a frame.
 
-    lengths: fast ticks. delays: of the result, in ticks from its sample, up to the frame's length, or FRAME; each may come in
-    any frame. lost: how many results in a row may fail to come. elapsed: whether the slow environment's period is the time
-    since its last sample; if not, it is the nominal one.
+    lengths: in fast ticks. delays: of the result, in ticks after its sample, up to the frame's length, or FRAME; each may occur
+    in any frame. lost: how many results in a row may be lost. elapsed: whether the slow environment's step is the time since
+    its last sample; otherwise it is the nominal one.
     """
 
     lengths: tuple[int, ...]
@@ -51,7 +47,7 @@ class Frames:
     elapsed: bool = True
 
     def __post_init__(self):
-        """Refuse what is no frame. Errors: UsageError."""
+        """Check lengths and delays. Errors: UsageError."""
         if not self.lengths or min(self.lengths) < 1:
             raise UsageError(f"frames: expected lengths of 1 tick or more, found {self.lengths}")
         longest = max((delay for delay in self.delays if delay != FRAME), default=0)
@@ -59,35 +55,18 @@ class Frames:
             raise UsageError(f"frames: expected delays up to the shortest frame, {min(self.lengths)} ticks, found {longest}")
 
 
-@dataclass(frozen=True, slots=True)
-class Symbol:
-    """A frame: its ticks, the delay of the result (ticks, FRAME or LOST, None in a drawn loop), and of results that are lost
-    the number in a row.
+def frames_of_controller(values: Mapping[str, object], frames: Frames, number: str = "environment.K_VE") -> LoopFrames:
+    """Return the frames of a built-in controller as a family along one of its keys.
 
-    step: the period of slow blocks that run later than the sample, which is the length of the frame before; None if nothing
-    depends on it. through: whether the next result is in place at once, with the sample at which this frame ends.
-    """
-
-    ticks: int
-    delay: int | str | None = None
-    lost: int = 0
-    step: int | None = None
-    through: bool = False
-
-
-def frames_of_controller(values: Mapping[str, object], frames: Frames, number: str = "environment.K_VE") -> "LoopFrames":
-    """Return the frames of a spec's controller, whose slow environment varies, as a family along one of its keys, if any.
-
-    values: flat keys with numbers; `environment.delay` is replaced by `frames.delays`, and `rates.ratio` is the nominal length
-    of a frame. number: a key that one wire or gain reads, such as a wall's; empty for the loop at its own values alone.
+    values: numbers by their keys; `frames.delays` replaces `environment.delay`, and `rates.ratio` is the nominal length of a
+    frame. number: a key that one wire or gain reads, such as a wall's; empty for the loop at these values alone.
     Errors: UsageError for a controller without a slow environment, or a number that the loop reads in several places.
     """
     ratio = values[RATIO]
     if int(ratio) != ratio:
         raise UsageError(f"{RATIO}: expected a whole number of ticks in a frame, found {ratio}")
-    drawing = loop_drawing(
-        {**values, RATIO: 20, "environment.delay": 1}, (number,)
-    )  # a delay that gives results a hold of their own
+    # With a delay of 1 results have a separate hold.
+    drawing = loop_drawing({**values, RATIO: 20, "environment.delay": 1}, (number,))
     slow = [block.name for block in drawing.blocks if evaluate(block.every, {RATIO: 20}) != 1]
     if not slow:
         raise UsageError(f"controller.kind: expected a slow environment, found {values['controller.kind']}, which has none")
@@ -114,13 +93,12 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
 
 def frames_of_drawing(
     drawing: Drawing, values: Mapping[str, object], lengths: tuple[int, ...], number: str, *, elapsed: bool = True
-) -> "LoopFrames":
-    """Return the frames of a drawn loop, of which all blocks that do not run in every tick follow the frame's length.
+) -> LoopFrames:
+    """Return the frames of a drawn loop in which all blocks that do not run in every tick run once per frame.
 
-    These run with the same `every`, its nominal length, each at its own phase of the frame, which has to be shorter than the
-    shortest frame. elapsed: whether their periods are the times since their last runs; if not, they are the nominal ones.
-    number: a key that one wire or gain reads; empty for the loop at its own values alone.
-    Errors: UsageError.
+    These blocks have the same `every`, the nominal length, and each has a phase, below the shortest frame. elapsed: whether
+    their periods are the times since their last runs; otherwise they are the nominal ones. number: a key that one wire or gain
+    reads; empty for the loop at these values alone. Errors: UsageError.
     """
     known = {name_of(path): value for path, value in values.items()}
     runs = {block.name: [int(evaluate(tree, known)) for tree in (block.every, block.phase)] for block in drawing.blocks}
@@ -146,12 +124,14 @@ def frames_of_drawing(
 
 
 def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> None:
-    """Raise UsageError for slow blocks that do not follow one number, or whose type has no rule for steps that vary.
+    """Raise UsageError if slow blocks do not follow one number, or have a type without a rule for steps that vary.
 
-    A key or a wire that reads the period (`dt`) would keep the nominal one.
+    Keys and wires that read the period (`dt`) would keep the nominal one.
     """
     names = {name for block in slow for name, _ in names_in(block.every)}
-    readers = sorted({path for path, tree in drawing.trees() if not path.endswith(".every") and _reads(tree, names)})
+    readers = sorted(
+        {path for path, tree in drawing.trees() if not path.endswith(".every") and names & {name for name, _ in names_in(tree)}}
+    )
     for wrong, expected in (
         (not slow and ["none"], "blocks whose `every` is the number that varies"),
         (
@@ -165,16 +145,11 @@ def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> N
             raise UsageError(f"[for_all] varying: expected {expected}, found {', '.join(wrong)}")
 
 
-def _reads(tree, names) -> bool:
-    """Whether a tree reads one of some names."""
-    return any(name in names for name, _ in names_in(tree))
-
-
 def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nominal):
     """The family of frames.
 
-    kinds: of ticks, the slow blocks that run in each, None for a moment at which only the blocks `shown` run. rest: gives the
-    kinds of a symbol's ticks after its sample.
+    kinds: the slow blocks that run in each kind of tick; None for a moment at which only the blocks `shown` run. rest: gives
+    the kinds of a symbol's ticks after its sample.
     """
     if number and not scalar_place(drawing, name_of(number)):
         raise UsageError(
@@ -246,172 +221,3 @@ def _scheduled(loop: MultirateLoop, kinds, shown, slow) -> MultirateLoop:
 
 def _alike(one, other):
     return one.inputs == other.inputs and all(np.array_equal(getattr(one, part), getattr(other, part)) for part in "EBCD")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoopFrames:
-    """The frames of a loop as a family along a number (see `family.Family`).
-
-    ticks: of every kind, open at the number, in states that are counted from others. rows: kinds of each symbol's ticks after
-    its sample; samples: the kind of the sample that ends it. patterns: entries of each symbol that may be other than zero.
-    kept: states that remain: without drift, and without those that every frame forgets or sets to zero. symbols: what each
-    matrix is.
-    """
-
-    ticks: Ticks
-    rows: tuple[tuple[int, ...], ...]
-    samples: tuple[int, ...]
-    patterns: tuple[np.ndarray, ...]
-    kept: np.ndarray
-    symbols: tuple[Symbol, ...]
-    follows: np.ndarray
-    fixed: "_Fixed | None"
-
-    @staticmethod
-    def of(ticks, kept, rows, samples, symbols, follows) -> "LoopFrames":
-        """Return the frames of ticks; kept: the states without drift."""
-        changes = [each.E for each in _closed(ticks, SOME).maps]
-        patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
-        kept = np.array(kept)
-        acts = np.logical_or.reduce(patterns)
-        while True:
-            inside = acts[np.ix_(kept, kept)]
-            live = inside.any(0) & inside.any(1)
-            if live.all():
-                break
-            kept = kept[live]
-        rows, samples = tuple(map(tuple, rows)), tuple(samples)
-        fixed = None
-        if not any(ticks.maps[kind].inputs for row in rows for kind in row):
-            fixed = _Fixed.of(ticks, rows, samples, kept)
-        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, fixed)
-
-    def at(self, x: float) -> np.ndarray:
-        """See `Family`."""
-        if self.fixed is not None:
-            return self.fixed.at(x)
-        maps = []
-        for each in self.ticks.maps:
-            E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
-            maps.append(np.eye(len(E)) + E)
-        whole = [_joined(self._ticks(i), maps, lambda first, later: later @ first) for i in range(len(self.rows))]
-        return np.array([each[np.ix_(self.kept, self.kept)] for each in whole])
-
-    def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
-        """See `Family`. Accuracy: to first order in a rounding."""
-        maps = _closed(self.ticks, x).maps
-        changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
-        E = np.empty((len(self.rows), self.kept.size, self.kept.size))
-        dE = np.empty_like(E)
-        for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
-            first = self.fixed.rest[i] if self.fixed is not None else _in_a_row(row, changes, errors)
-            whole, error = both(first, (changes[sample], errors[sample]))
-            whole = np.where(self.patterns[i], whole, -np.eye(len(whole)))
-            error = np.where(self.patterns[i], error, 0.0)
-            E[i], dE[i] = (part[np.ix_(self.kept, self.kept)] for part in (whole, error))
-        return E, dE
-
-    def _ticks(self, symbol):
-        """The kinds of a frame's ticks, the sample at its end included, with the length of each run of the same."""
-        return [(kind, len(list(run))) for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])]
-
-    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """See `Family`.
-
-        If the number acts only at the sample, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`, which is monotone between
-        its poles: all are on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of second
-        order (see `Enclosure`), a frame being `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through its values
-        at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, as a Bezier curve is.
-        """
-        direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
-        through = np.array([low, high])[:, None] * direct
-        closing = 1 - through
-        if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
-            return None
-        if self.fixed is not None or low == high:
-            return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
-        middle, half = (low + high) / 2, (high - low) / 2
-        (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
-        maps = [_enclosure(each, middle, half) for each in self.ticks.maps]
-        rest = [_joined(self._ticks(i), maps, _then).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
-        more = 2.3 * np.array(rest)
-        control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
-        return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fixed:
-    """Frames in which the number acts only at the sample: `A + f(x) b c'`, and the ticks before it with their errors."""
-
-    A: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-    d: np.ndarray
-    rest: tuple
-
-    @staticmethod
-    def of(ticks, rows, samples, kept):
-        changes, errors = [each.E for each in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
-        known = {row: _in_a_row(row, changes, errors) for row in set(rows)}
-        rest, parts = tuple(known[row] for row in rows), []
-        n = len(ticks.states)
-        for (E, _), sample in zip(rest, samples, strict=True):
-            own = ticks.maps[sample]
-            before = np.eye(n) + E
-            b, c, d = own.B, own.C @ before, own.D
-            if not own.inputs:
-                b, c, d = np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1))
-            A = (np.eye(n) + own.E) @ before
-            parts.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], d[0, 0]))
-        return _Fixed(*(np.array(part) for part in zip(*parts, strict=True)), rest)
-
-    def at(self, x):
-        return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
-
-
-def _closed(ticks, x):
-    """The ticks at a value of the number."""
-    if x == 0:
-        return ticks
-    return OpenTicks(ticks, None).closed(np.zeros((), int), np.asarray(float(x)), terms=True)
-
-
-def _in_a_row(row, changes, errors):
-    """The ticks of a row, less identity, with bounds on the errors of the entries."""
-    n = changes[0].shape[-1]
-    if not row:
-        return np.zeros((n, n)), np.zeros((n, n))
-    return product_with_errors(np.array(row), changes, [each / ENTRIES for each in errors], each=True)
-
-
-def _enclosure(tick, middle, half):
-    """The change of a tick for all values of the number from `middle - half` to `middle + half`."""
-    nothing = np.zeros_like(tick.E)
-    if not tick.inputs:
-        return Enclosure(tick.E, nothing, nothing, nothing)
-    d = tick.D[0, 0]
-    through = tick.B @ tick.C
-    # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
-    closing = 1 - d * middle
-    least = abs(closing) - abs(d) * half
-    parts = middle / closing, half / closing**2, d * half**2 / closing**3
-    rest = d**2 * half**3 / least**4
-    centre, slope, curve = (part * through for part in parts)
-    return Enclosure(tick.E + centre, slope, curve, rest * np.abs(through))
-
-
-def _then(first, later):
-    return first + later + later @ first
-
-
-def _joined(runs, maps, joined):
-    """The maps of runs of ticks, `(kind, ticks)`, one after the other; the powers of a run by squaring."""
-    whole = None
-    for kind, ticks in runs:
-        power, left = maps[kind], ticks
-        while left:
-            if left % 2:
-                whole = power if whole is None else joined(whole, power)
-            left //= 2
-            power = joined(power, power) if left else power
-    return whole

@@ -1,17 +1,40 @@
-"""Graphs with a quadratic norm at each node, whose edges are the matrices of a switched system."""
+"""Switched systems: families of matrices, and graphs whose edges are these matrices and whose nodes carry norms."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
+
+
+class Family(Protocol):
+    """Matrices `(symbols, n, n)`, one for each kind of frame, that depend on one number x.
+
+    follows: `(symbols, symbols)`; `follows[i, j]` says whether matrix j may come after matrix i.
+    """
+
+    follows: np.ndarray
+
+    def at(self, x: float) -> np.ndarray:
+        """Return the matrices at x in plain doubles, for searches, `(symbols, n, n)`."""
+
+    def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the matrices at x minus the identity, and bounds on the errors of their entries."""
+
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return matrices minus the identity, `(points, symbols, n, n)`, and bounds on the errors of their entries.
+
+        Up to these bounds, the matrices of every number from low to high lie in the convex hull of the points. None if such
+        points cannot be given, as near a pole.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
     """Edges `(edges,)`: from the node `source` by the matrix `symbol` to the node `target`; nodes are 0, 1, ...
 
-    A node stands for what has happened before it. The graph is complete if from the target of every edge there is one for
-    every matrix that may follow: then every allowed sequence is a walk in it.
+    A node stands for what has happened before. The graph is complete if the target of every edge has an outgoing edge for every
+    matrix that may follow: then every allowed sequence is a walk in the graph.
     """
 
     source: np.ndarray
@@ -20,7 +43,7 @@ class Graph:
 
     @staticmethod
     def least(follows: np.ndarray) -> "Graph":
-        """Return the graph that remembers no more than what may follow: one node, if all may follow all."""
+        """Return the smallest complete graph: one node for each set of matrices that may follow."""
         kinds, node = np.unique(follows, axis=0, return_inverse=True)
         source, symbol = np.nonzero(kinds)
         return Graph(source, symbol, node.reshape(-1)[symbol])
@@ -32,32 +55,31 @@ class Graph:
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The number of the pair of nodes that each edge joins, and the first and the last node of each pair."""
-        known, number = np.unique(self.source * self.nodes + self.target, return_inverse=True)
-        return number, known // self.nodes, known % self.nodes
+        """The index of the pair of nodes that each edge joins, and the first and the last node of each pair."""
+        pairs, index = np.unique(self.source * self.nodes + self.target, return_inverse=True)
+        return index, pairs // self.nodes, pairs % self.nodes
 
-    def grouped(self, number: np.ndarray) -> tuple[np.ndarray, list[int]]:
-        """Return the edges in the order of a number that each has, 0, 1, ..., and where each number begins, and the end."""
-        order = np.argsort(number, kind="stable")
-        return order, np.searchsorted(number[order], np.arange(number.max() + 2)).tolist()
+    def grouped(self, group: np.ndarray) -> tuple[np.ndarray, list[int]]:
+        """Return the edges sorted by their group 0, 1, ..., and the bounds of the groups in that order."""
+        order = np.argsort(group, kind="stable")
+        return order, np.searchsorted(group[order], np.arange(group.max() + 2)).tolist()
 
     def doubled(self, symbols: int) -> "Graph":
-        """Return the graph with a second edge beside each one, whose matrix is the one that is `symbols` further on."""
-        pairs = (self.source, self.source), (self.symbol, self.symbol + symbols), (self.target, self.target)
-        return Graph(*map(np.concatenate, pairs))
+        """Return the graph with a second edge parallel to each one, by the matrix whose index is `symbols` higher."""
+        return Graph(np.tile(self.source, 2), np.append(self.symbol, self.symbol + symbols), np.tile(self.target, 2))
 
     def is_complete(self, follows: np.ndarray) -> bool:
-        """Return whether every sequence that `follows` allows is a walk, from some node."""
+        """Return whether every sequence that `follows` allows is a walk in the graph."""
         leaving = np.zeros((1 + max(self.source.max(), self.target.max()), len(follows)), bool)
         leaving[self.source, self.symbol] = True
         every = np.isin(np.flatnonzero(follows.any(0) | follows.any(1)), self.symbol).all()
         return bool(every and not (follows[self.symbol] & ~leaving[self.target]).any())
 
     def split(self, parts: dict[int, np.ndarray], follows: np.ndarray) -> tuple["Graph", np.ndarray]:
-        """Return the graph with some nodes in two, and of each of its nodes the one that it was.
+        """Return the graph with some nodes split in two, and the old node of each new one.
 
-        parts: node -> the edges into it (indices) that lead to its new half. What leaves a node leaves both halves, by the
-        matrices that may follow those of the edges into them; nodes that nothing reaches are left out.
+        parts: node -> the edges into it (indices) that lead to its new half. Edges out of a node leave both halves, but only
+        for matrices that may follow those of the edges into that half; nodes that nothing reaches are removed.
         """
         halves = {node: self.nodes + i for i, node in enumerate(parts)}
         target = self.target.copy()

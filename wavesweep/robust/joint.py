@@ -1,4 +1,4 @@
-"""Whether matrices that are applied in any order let everything decay, and the numbers for which they do."""
+"""Whether all products of matrices in any allowed order decay, and the interval of a number for which they do."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -6,35 +6,35 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wavesweep.robust.checking import Norms, shrink
-from wavesweep.robust.family import Family
-from wavesweep.robust.norms import WORK, Centre, advanced, finer, first_centre, found
+from wavesweep.robust.graph import Family
+from wavesweep.robust.norms import WORK, Centre, advanced, find_norms, finer, first_centre
 from wavesweep.robust.words import KEPT, LONGEST, Word, crossing, growing, growth, is_refuted, refuted_beyond
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
-WITHIN = 0.93  # of the tolerance, how near to a number that is refuted a proof is tried first
-NEAR_START = 0.01  # of the distance from the start to an end, which stands for the end's own size if that is smaller
-SCANNED = 48  # numbers at which short words are looked at, between the start and the limit
-EVERY = 12  # of these, at which long ones are looked for
+WITHIN = 0.93  # distance of a first proof from the refuted number, relative to the tolerance
+NEAR_START = 0.01  # an end counts as at least this part of its distance from the start, where relative sizes are formed
+SCANNED = 48  # numbers between the start and the limit at which short words are tried
+EVERY = 12  # long words are searched at one of so many of these
 TRIED = 8  # words whose crossings are computed
-ROUNDS = 8  # of looking for words nearer to the start
-MORE = 3  # times as many words, where no proof is found
-SPENT = 0.9  # of the work, after which no more norms are looked for
-STRIDE = 0.35  # of what is left to the number that is refuted, how near to it norms are looked for next
-FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # steps of the tolerance that follow if they cost little, the last one, and their work
+ROUNDS = 8  # of the search for words that refute a number closer to the start
+MORE = 3  # times as many words are searched where no proof is found
+SPENT = 0.9  # part of the work after which no more norms are searched
+STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
+FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
 STEPS = 300  # norms for one side of the start
-# Of what is left, or of the number itself: the shortest stretch of a proof that goes on from the start, and that goes back to
-# what is proved, and what several have to cover together without a finer graph.
+# The shortest stretch of a proof that goes on from the start, of one that goes back to what is proved, and of several together
+# without a finer graph; relative to the rest of the way or to the number itself.
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
-SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3  # of the whole way: a stretch, and what it has to be a part of
-PAYS = 0.2  # of a stretch, the step by which it has to grow
+SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3  # relative to the whole way: a stretch, and the least rest to which it is compared
+PAYS = 0.2  # a stretch is made longer as long as each step adds this part of its length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
     """Whether matrices decay in every order that is allowed: "proved", "refuted" or "unknown".
 
-    norms: those in which all shrink, if it is proved. word: the pattern of matrices that grows if it is repeated, the first
-    one first, if it is refuted.
+    norms: if proved, those in which all matrices shrink. word: if refuted, the pattern of matrices that grows when repeated, in
+    the order in which they act.
     """
 
     verdict: str
@@ -44,7 +44,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """Numbers from low to high for all of which the matrices shrink in the same norms."""
+    """An interval of numbers for all of which the matrices shrink in the same norms."""
 
     low: float
     high: float
@@ -55,11 +55,10 @@ class Stretch:
 class Bracket:
     """The numbers around a start for which a family decays in every order.
 
-    low, high: proved for each number from low to high, both included; NaN if nothing is proved. fails_below, fails_from: the
-    nearest numbers beyond both that are refuted, NaN if none is. words: the patterns that refute them, () if there is none.
-    settled: whether each end is within the tolerance of the number that is refuted, or is the limit that was asked for.
-    stretches: the proof, from low to high without a gap. centre: forms near the ends, (low, high), from which a search for a
-    similar family may begin.
+    low, high: every number from low to high, both included, is proved; NaN if nothing is. fails_below, fails_from: the nearest
+    refuted numbers below low and above high, NaN if there is none. words: the patterns that refute them, or (). settled:
+    whether each end is within the tolerance of the refuted number, or is the limit that was asked for. stretches: the proof,
+    from low to high without a gap. centre: forms near the two ends, with which a search for a similar family may begin.
     """
 
     low: float
@@ -75,9 +74,9 @@ class Bracket:
 def decide(family: Family, x: float = 0.0, words: Iterable[Word] = (), work: float = WORK) -> Decision:
     """Decide whether the matrices of a family at x decay in every order that is allowed.
 
-    words: patterns that are tried first. work: operations after which no more norms are looked for.
-    Proved and refuted are statements about all matrices within the errors of `Family.enclosed`, with all rounding; norms and
-    words themselves are found in plain doubles.
+    words: patterns that are tried first. work: operations after which the search for norms ends.
+    Accuracy: "proved" and "refuted" hold for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and
+    words themselves are searched in plain doubles.
     """
     for word in words:
         if is_refuted(family, word, x):
@@ -87,7 +86,7 @@ def decide(family: Family, x: float = 0.0, words: Iterable[Word] = (), work: flo
     for word in growing(A, family.follows, centre.basis):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
-    centre, factor = found(A, family.follows, work=work)
+    centre, factor = find_norms(A, family.follows, work=work)
     if factor == 1 and _proves(family, centre, x, x):
         return Decision(PROVED, _norms(centre))
     for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
@@ -106,15 +105,15 @@ def bracket(
 ) -> Bracket:
     """Return the numbers around a start, within limits, for which a family decays in every order that is allowed.
 
-    tolerance: how near the end of what is proved is to come to a number that is refuted, relative to that, or to NEAR_START of
-    its distance from the start if that is more. known: the bracket of a similar family, whose patterns and forms are tried
-    first. work: operations for each end after which no more norms are looked for.
+    tolerance: the distance between proof and refutation that is aimed at, relative to the refuted number, or to NEAR_START of
+    its distance from the start if that is larger. known: the bracket of a similar family, whose patterns and forms are tried
+    first. work: operations for each end after which the search for norms ends.
 
-    What is proved holds for every number from `low` to `high`, not only for those that were looked at: each stretch has norms
-    in which the matrices shrink in whose hull those of all its numbers are (see `Family.hull`), and norms are convex. A number
-    that is refuted says nothing of those beyond it.
+    The proof holds for every number from `low` to `high`, not only for those that were computed: in the norms of a stretch, the
+    points of the hull of its matrices shrink (see `Family.hull`), and norms are convex. A refuted number says nothing about
+    numbers beyond it.
     """
-    first, factor = found(family.at(start), family.follows, work=work)
+    first, factor = find_norms(family.at(start), family.follows, work=work)
     first = first if factor == 1 else None
     parts = []
     for side, limit in enumerate(limits):
@@ -146,25 +145,25 @@ class _Side:
 def _side(family, start, limit, tolerance, words, first, centre, work):
     """What is proved and refuted from the start towards a limit.
 
-    first: forms for the start. With them, which need few nodes, the proof goes as far as it can. Then norms are found for a
-    number further on, on a finer graph, which go back from there to what is proved; and so on.
+    first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
+    a number further on, on a finer graph, and the proof goes back from there to what is already proved; and so on.
     """
     fails, word = _nearest(family, start, limit, tolerance, words)
     if first is None:
         return _Side(np.nan, fails, word, False, (), None)
     goal = _inside(fails, start, WITHIN * tolerance) if word else limit
     stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
-    # The ceiling is a number for which no norms were found.
+    # ceiling: a number for which no norms were found.
     spent, ceiling, before = climbed.work, None, start
     while reached != goal and spent < SPENT * work:
         if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
             if abs(reached - before) <= tolerance * _scale(reached, start):
                 break
-            ceiling, before = None, reached  # a graph that has become finer may do more
+            ceiling, before = None, reached  # the graph has become finer meanwhile
         aim = fails - STRIDE * (fails - reached) if word else goal
         aim = aim if ceiling is None else (reached + ceiling) / 2
         aim = aim if abs(aim - start) < abs(goal - start) else goal
-        centre, factor = found(family.at(aim), family.follows, centre, (work - spent) / 3)
+        centre, factor = find_norms(family.at(aim), family.follows, centre, (work - spent) / 3)
         further, used = _back(family, centre, factor, aim, reached, work - spent)
         spent += used
         if further:
@@ -186,7 +185,7 @@ def _side(family, start, limit, tolerance, words, first, centre, work):
 
 
 def _refined(family, side, start, tolerance):
-    """The side with its end nearer to what is refuted, and that nearer to the start, as far as this costs little."""
+    """The side with proof and refutation closer together, as far as this costs little."""
     gap, spent = tolerance, 0.0
     while gap > FINEST and spent < FINE:
         gap /= FINER
@@ -195,7 +194,7 @@ def _refined(family, side, start, tolerance):
         side, aim = replace(side, fails=fails, word=word), _inside(fails, start, gap)
         if abs(aim - start) <= abs(side.end - start):
             continue
-        centre, factor = found(family.at(aim), family.follows, side.centre, FINE - spent)
+        centre, factor = find_norms(family.at(aim), family.follows, side.centre, FINE - spent)
         further, used = _back(family, centre, factor, aim, side.end, FINE - spent)
         spent += used
         if not further:
@@ -205,9 +204,10 @@ def _refined(family, side, start, tolerance):
 
 
 def _back(family, centre, factor, aim, reached, work):
-    """The stretches from a number to what is proved, () if there is a gap, and the work; factor: what was found for the number.
+    """The stretches from a number back to what is proved, () if a gap remains, and the work.
 
-    Where a stretch cannot be made longer, forms are looked for again, on a finer graph if that has not helped before.
+    centre, factor: the result of the search for norms at that number. Where a stretch cannot be made longer, norms are searched
+    again, on a finer graph if that has not helped before.
     """
     stretches, at, used = (), aim, centre.work
     while factor == 1 and used < work:
@@ -222,7 +222,7 @@ def _back(family, centre, factor, aim, reached, work):
             break
         if centre is None:
             break
-        centre, factor = found(family.at(at), family.follows, centre, (work - used) / 2)
+        centre, factor = find_norms(family.at(at), family.follows, centre, (work - used) / 2)
         used += centre.work
     return (), used
 
@@ -236,12 +236,12 @@ def _scale(end, start):
 
 
 def _inside(end, start, share):
-    """The number that is a share of an end's size nearer to the start, but no more than half of the way."""
+    """The number closer to the start by a share of the end's size, but by at most half of the way."""
     return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
 
 
 def _nearest(family, start, limit, tolerance, words):
-    """The number nearest to the start that is found to be refuted, and its word; NaN and () if there is none."""
+    """The refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
     fails, word = np.nan, ()
     alone = [(i,) for i in np.flatnonzero(family.follows.diagonal()).tolist()]
     before = start
@@ -265,14 +265,14 @@ def _nearest(family, start, limit, tolerance, words):
 
 
 def _grown(family, start, x, centre, word=(), more=1):
-    """The nearest refuted number of the words that grow at x, None if none is found. word: one that nearly does."""
+    """The refuted number closest to the start of words that grow at x, and its word; None if none is found."""
     words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more * KEPT, more * LONGEST)
     nearest = _first(family, words, start, x, x)
     return nearest if nearest[1] else None
 
 
 def _first(family, words, stable, unstable, limit):
-    """The nearest refuted number of words that grow at `unstable`, with its word; NaN and () if it cannot be proved."""
+    """The refuted number closest to `stable` of words that grow at `unstable`, and its word; NaN and () if none is proved."""
     best = np.nan, ()
     for word in words[:TRIED]:
         if best[1] and growth(family.at(best[0]), word) < 1:
@@ -291,16 +291,16 @@ def _norms(centre):
 
 
 def _proves(family, centre, one, other):
-    """Whether the forms of a centre are proved for all numbers between two."""
+    """Whether the forms of a centre are proved to be norms for all numbers between two."""
     points = family.hull(min(one, other), max(one, other))
     return points is not None and all(shrink(_norms(centre), *point, family.follows) for point in zip(*points, strict=True))
 
 
 def _covered(family, centre, start, goal, least, work):
-    """Stretches without a gap from the start towards the goal, how far they go, and the last forms.
+    """Stretches without a gap from the start towards the goal, the number that they reach, and the last forms.
 
-    Each is made longer as long as there are forms in which the matrices at both of its ends shrink, and that pays. least: of
-    what is left, the length of a stretch, below which this ends. work: of the forms, after which it ends too.
+    Each stretch is made longer as long as that pays and there are forms in which the matrices at both of its ends shrink.
+    least: the shortest stretch, relative to the rest of the way. work: operations after which this ends.
     """
     stretches, end, graph, most = [], start, centre.graph, abs(goal - start)
     ends = graph.doubled(len(family.follows))

@@ -1,19 +1,19 @@
-"""Patterns of frames that make a loop unstable: words that are repeated for ever."""
+"""Words: patterns of frames that make a loop unstable if they are repeated for ever."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from wavesweep.monodromy.rounding import both
-from wavesweep.robust.family import Family
+from wavesweep.robust.graph import Family
 from wavesweep.stability.spectrum import count_outside
 
-KEPT = 60  # words of each length that are made longer
+KEPT = 60  # words of each length that are extended
 LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST = 14  # matrices in a word
-LEADING = 8  # words of each length, and of all, that are joined in pairs
-IMPROVED = 3  # of these, that are changed matrix by matrix
-LONGEST_IMPROVED = 64
+LEADING = 8  # words of each length, and of all lengths, that are joined in pairs
+IMPROVED = 3  # of these, the words that are changed matrix by matrix
+LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
 
 Word = tuple[int, ...]
@@ -22,8 +22,8 @@ Word = tuple[int, ...]
 def is_refuted(family: Family, word: Word, x: float) -> bool:
     """Return whether the word, repeated for ever, is proved to grow at x.
 
-    Its product has an eigenvalue outside the unit circle. The product is formed with a bound on the errors of its entries, and
-    no matrix within it may have an eigenvalue on the circle near those that are outside (see `count_outside`).
+    The product has an eigenvalue outside the unit circle for all matrices within the bounds on the errors of its entries (see
+    `count_outside`).
     """
     E, dE = family.enclosed(x)
     product = E[word[0]], dE[word[0]]
@@ -50,12 +50,12 @@ def growth(A: np.ndarray, word: Word) -> float:
 def growing(
     A: np.ndarray, follows: np.ndarray, basis: np.ndarray, known: Sequence[Word] = (), kept: int = KEPT, longest: int = LONGEST
 ) -> list[Word]:
-    """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or more, those that grow most per
+    """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or more, fastest growth per
     matrix first.
 
-    Of each length the words are kept whose products have the largest norms, in a basis in which the matrices are small: longer
-    ones begin with these. The leading words, and those that are known, are put behind one another, and the best ones are
-    changed matrix by matrix. None may be found though there are some.
+    basis: one in which the matrices are small. known: words to start from. kept: words of each length, those with the largest
+    norms, that are extended. The leading words are joined in pairs, and the best of all are changed matrix by matrix. This is a
+    search: it may return nothing although there are such words.
     """
     A = np.linalg.inv(basis) @ A @ basis
     rates = {word: growth(A, word) ** (1 / len(word)) for word in known}
@@ -83,7 +83,7 @@ def _leading(rates):
 
 
 def _joined(A, follows, words):
-    """The growth per matrix of pairs of words, the second from each of its matrices on, those that grow most."""
+    """The growth per matrix of the best pairs of words; the second word may begin at each of its matrices."""
     turned = list(dict.fromkeys(word[i:] + word[:i] for word in words for i in range(len(word))))
     pairs = [(one, other) for one in words for other in turned if _allowed(follows, one + other)]
     if not pairs:
@@ -95,9 +95,9 @@ def _joined(A, follows, words):
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
-    """Return a word that grows at least as fast per matrix, by changing, adding or leaving out one matrix again and again.
+    """Return a word that grows at least as fast per matrix, by changing, adding or removing one matrix at a time.
 
-    Among many matrices that are nearly alike, this finds words that `growing` leaves out. A: `(symbols, n, n)`.
+    If many matrices are nearly alike, this finds words that `growing` drops. A: `(symbols, n, n)`.
     """
     rate = growth(A, word) ** (1 / len(word))
     while len(word) < LONGEST_IMPROVED:
@@ -126,13 +126,13 @@ def _allowed(follows, word):
 
 
 def _least(word):
-    """The same word for all that begin elsewhere in it, and for repetitions."""
+    """The representative of all words with the same cycle: rotations and repetitions of a word have the same one."""
     length = next(k for k in range(1, len(word) + 1) if len(word) % k == 0 and word == word[:k] * (len(word) // k))
     return min(word[i:length] + word[:i] for i in range(length))
 
 
 def crossing(family: Family, word: Word, stable: float, unstable: float) -> float:
-    """Return a number between both at which the word begins to grow, from the side of the one at which it does."""
+    """Return the number between both at which the word begins to grow, on the side where it does."""
     low, high = stable, unstable
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
@@ -141,7 +141,7 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
 
 
 def refuted_beyond(family: Family, word: Word, x: float, limit: float) -> float | None:
-    """Return the number nearest to x, towards the limit, at which the word is proved to grow; None if none is found."""
+    """Return a number just beyond x, towards the limit, at which the word is proved to grow; None if none is found."""
     away = np.sign(limit - x) * max(abs(x), 1e-6 * abs(limit - x))
     for step in (1e-10, 1e-8, 1e-6):
         at = x + step * away

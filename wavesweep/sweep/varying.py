@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, LoopFrames, frames_of_controller, frames_of_drawing
+from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, frames_of_controller, frames_of_drawing
 from wavesweep.robust.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
+from wavesweep.robust.loop_frames import LoopFrames
 from wavesweep.robust.norms import WORK
 from wavesweep.robust.words import is_refuted
 from wavesweep.spec import Spec

@@ -1,0 +1,232 @@
+"""Matrices of the frames of a loop along a number, with bounds on their errors, and their hull over an interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from wavesweep.monodromy.open_ticks import OpenTicks
+from wavesweep.monodromy.periodic import Ticks
+from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
+from wavesweep.monodromy.rounding import both
+
+SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
+SOME = 0.7  # a value at which no entry of a frame vanishes by chance
+MIDDLE = 64 * ENTRIES  # relative error of a matrix due to the rounding of the number in the middle of an interval
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """A kind of frame.
+
+    ticks: its length. delay: of the result, in ticks, FRAME or LOST; None in a drawn loop. lost: the number of results lost in
+    a row, including this one. step: the period of slow blocks that run after the sample, which is the length of the frame
+    before; None if nothing depends on it. through: whether the next result is in place at once, with the sample that ends this
+    frame.
+    """
+
+    ticks: int
+    delay: int | str | None = None
+    lost: int = 0
+    step: int | None = None
+    through: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopFrames:
+    """The frames of a loop as a `Family` along a number.
+
+    ticks: one of each kind, open at the number, in states relative to those that drift. rows: the kinds of each symbol's ticks
+    after its sample; samples: the kind of the sample that ends it. patterns: entries of each symbol that may be nonzero. kept:
+    the states that remain: without drift, and without those that every frame forgets or sets to zero. symbols: the kind of
+    frame of each matrix. at_sample: the frames in a simpler form if the number acts only at the sample.
+    """
+
+    ticks: Ticks
+    rows: tuple[tuple[int, ...], ...]
+    samples: tuple[int, ...]
+    patterns: tuple[np.ndarray, ...]
+    kept: np.ndarray
+    symbols: tuple[Symbol, ...]
+    follows: np.ndarray
+    at_sample: _AtSample | None
+
+    @staticmethod
+    def of(ticks, kept, rows, samples, symbols, follows) -> LoopFrames:
+        """Return the frames that consist of these ticks. kept: the states without drift."""
+        changes = [each.E for each in _closed(ticks, SOME).maps]
+        patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
+        kept = np.array(kept)
+        acts = np.logical_or.reduce(patterns)
+        while True:
+            inside = acts[np.ix_(kept, kept)]
+            live = inside.any(0) & inside.any(1)
+            if live.all():
+                break
+            kept = kept[live]
+        rows, samples = tuple(map(tuple, rows)), tuple(samples)
+        at_sample = None
+        if not any(ticks.maps[kind].inputs for row in rows for kind in row):
+            at_sample = _AtSample.of(ticks, rows, samples, kept)
+        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_sample)
+
+    def at(self, x: float) -> np.ndarray:
+        """See `Family`."""
+        if self.at_sample is not None:
+            return self.at_sample.at(x)
+        maps = []
+        for each in self.ticks.maps:
+            E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
+            maps.append(np.eye(len(E)) + E)
+        whole = [_joined(self._ticks(i), maps, lambda first, later: later @ first) for i in range(len(self.rows))]
+        return np.array([each[np.ix_(self.kept, self.kept)] for each in whole])
+
+    def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `Family`. Accuracy: to first order in a rounding."""
+        maps = _closed(self.ticks, x).maps
+        changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
+        E = np.empty((len(self.rows), self.kept.size, self.kept.size))
+        dE = np.empty_like(E)
+        for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
+            first = self.at_sample.rest[i] if self.at_sample is not None else _in_a_row(row, changes, errors)
+            whole, error = both(first, (changes[sample], errors[sample]))
+            whole = np.where(self.patterns[i], whole, -np.eye(len(whole)))
+            error = np.where(self.patterns[i], error, 0.0)
+            E[i], dE[i] = (part[np.ix_(self.kept, self.kept)] for part in (whole, error))
+        return E, dE
+
+    def _ticks(self, symbol):
+        """The kinds of a frame's ticks, including the sample at its end, each with the length of its run."""
+        return [(kind, len(list(run))) for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])]
+
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """See `Family`.
+
+        If the number acts only at the sample, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between
+        its poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
+        second order (see `Enclosure`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
+        values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve.
+        """
+        direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
+        through = np.array([low, high])[:, None] * direct
+        closing = 1 - through
+        if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
+            return None
+        if self.at_sample is not None or low == high:
+            return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
+        middle, half = (low + high) / 2, (high - low) / 2
+        (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
+        maps = [_enclosure(each, middle, half) for each in self.ticks.maps]
+        rest = [_joined(self._ticks(i), maps, _then).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
+        more = 2.3 * np.array(rest)
+        control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
+        return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _AtSample:
+    """Frames in which the number acts only at the sample, `A + f(x) b c'` with `f(x) = x/(1 - d x)`.
+
+    rest: the product of the ticks before the sample, minus the identity, with bounds on its errors, for each symbol.
+    """
+
+    A: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: np.ndarray
+    rest: tuple
+
+    @staticmethod
+    def of(ticks, rows, samples, kept):
+        changes, errors = [each.E for each in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
+        known = {row: _in_a_row(row, changes, errors) for row in set(rows)}
+        rest, parts = tuple(known[row] for row in rows), []
+        n = len(ticks.states)
+        for (E, _), sample in zip(rest, samples, strict=True):
+            own = ticks.maps[sample]
+            before = np.eye(n) + E
+            b, c, d = own.B, own.C @ before, own.D
+            if not own.inputs:
+                b, c, d = np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1))
+            A = (np.eye(n) + own.E) @ before
+            parts.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], d[0, 0]))
+        return _AtSample(*(np.array(part) for part in zip(*parts, strict=True)), rest)
+
+    def at(self, x):
+        return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
+
+
+def _closed(ticks, x):
+    """The ticks at a value of the number."""
+    if x == 0:
+        return ticks
+    return OpenTicks(ticks, None).closed(np.zeros((), int), np.asarray(float(x)), terms=True)
+
+
+def _in_a_row(row, changes, errors):
+    """The product of the ticks of a row, minus the identity, with bounds on the errors of its entries."""
+    n = changes[0].shape[-1]
+    if not row:
+        return np.zeros((n, n)), np.zeros((n, n))
+    return product_with_errors(np.array(row), changes, [each / ENTRIES for each in errors], each=True)
+
+
+def _enclosure(tick, middle, half):
+    """The change of a tick for all values of the number from `middle - half` to `middle + half`."""
+    nothing = np.zeros_like(tick.E)
+    if not tick.inputs:
+        return Enclosure(tick.E, nothing, nothing, nothing)
+    d = tick.D[0, 0]
+    through = tick.B @ tick.C
+    # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
+    closing = 1 - d * middle
+    least = abs(closing) - abs(d) * half
+    parts = middle / closing, half / closing**2, d * half**2 / closing**3
+    rest = d**2 * half**3 / least**4
+    centre, slope, curve = (part * through for part in parts)
+    return Enclosure(tick.E + centre, slope, curve, rest * np.abs(through))
+
+
+def _then(first, later):
+    return first + later + later @ first
+
+
+def _joined(runs, maps, joined):
+    """The product of runs of ticks, `(kind, ticks)`; the powers of a run by repeated squaring."""
+    whole = None
+    for kind, ticks in runs:
+        power, left = maps[kind], ticks
+        while left:
+            if left % 2:
+                whole = power if whole is None else joined(whole, power)
+            left //= 2
+            power = joined(power, power) if left else power
+    return whole
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Enclosure:
+    """Matrices within `rest` of `centre + s slope + s^2 curve` for s from -1 to 1, `(n, n)` each.
+
+    Sums and products enclose the sums and products of any two matrices at the same s: a Taylor model of second order (M. Berz,
+    K. Makino, Verified integration of ODEs and flows using differential algebraic methods on high-order Taylor models, Reliable
+    Computing 4, 361-369, 1998).
+    Accuracy: rounding of the sums is not enclosed; a proof has to leave room for it.
+    """
+
+    centre: np.ndarray
+    slope: np.ndarray
+    curve: np.ndarray
+    rest: np.ndarray
+
+    def __add__(self, other: Enclosure) -> Enclosure:
+        return Enclosure(self.centre + other.centre, self.slope + other.slope, self.curve + other.curve, self.rest + other.rest)
+
+    def __matmul__(self, other: Enclosure) -> Enclosure:
+        (x0, x1, x2), (y0, y1, y2) = ((each.centre, each.slope, each.curve) for each in (self, other))
+        size, others = (sum(map(np.abs, parts)) for parts in ((x0, x1, x2), (y0, y1, y2)))
+        rest = size @ other.rest + self.rest @ (others + other.rest)
+        rest = rest + np.abs(x1) @ np.abs(y2) + np.abs(x2) @ (np.abs(y1) + np.abs(y2))
+        return Enclosure(x0 @ y0, x0 @ y1 + x1 @ y0, x0 @ y2 + x1 @ y1 + x2 @ y0, rest)
