@@ -3,7 +3,7 @@
 import tomllib
 
 import pytest
-from support.drawn import ARM, WALL
+from support.drawn import ARM
 
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load
@@ -54,72 +54,6 @@ def test_the_design_is_part_of_the_request_only_if_it_is_asked_for():
         plain.as_designed()
 
 
-MISTAKES = [
-    ({"wish": {"z_widt": {}}}, "design.wish.z_widt: expected one of z_width, felt", "did you mean `z_width`?"),
-    ({"wish": {"z_width": {"at_most": 3}}}, "design.wish.z_width.at_most: expected one of at_least, B_VE", ""),
-    ({"wish": {"z_width": {"B_VE": []}}}, "design.wish.z_width.B_VE: expected a list of numbers, found an empty list", ""),
-    ({"wish": {"transparency": {"band_hz": [3, 1]}}}, "expected the lowest frequency first", ""),
-    (
-        {"wish": {"transparency": {"band_hz": [1, 501]}}},
-        "design.wish.transparency.band_hz: expected numbers <= 500 (half of rates.fast_hz), found 501",
-        "",
-    ),
-    ({"wish": {"felt": {}}}, "expected at most two wishes without a bound, found 3: transparency, channel, felt", ""),
-    ({"vary": {"bb": [1]}}, "design.vary.bb: expected the name of a numeric key", "did you mean `b`?"),
-    ({"vary": {"K_VE": [1]}}, "design.vary.K_VE: expected a number of the device or the controller", ""),
-    ({"vary": {"device.mass": [0.1]}}, "design.for_all.device.mass: expected a number that is not varied", ""),
-    ({"for_all": {"hand": {"weight": [1]}}}, "design.for_all.hand.weight: expected one of mass, damping, stiffness", ""),
-    ({"for_all": {"K_VE": [1]}}, "walls belong to the wishes", ""),
-    ({"for_all": {"K_LM/K_VE": [-1]}}, "design.for_all.K_LM/K_VE[0]: expected a number > 0, found -1", ""),
-    ({"for_all": {"K_VE/K_LM": [1]}}, "for_all.K_VE/K_LM: expected a ratio of a number that is neither a wall nor whole", ""),
-    ({"for_all": {"B_VE/B_LM": [1]}}, "neither a wall nor whole, found environment.B_VE", ""),
-    ({"for_all": {"environment.delay/rates.ratio": [0.3]}}, "neither a wall nor whole, found environment.delay", ""),
-    ({"for_all": {"B_LM/B_LM": [1]}}, "lead to a number of the spec, found local_model.B_LM to local_model.B_LM", ""),
-    ({"for_all": {"B_LM/Kp": [1], "Kp/B_LM": [1]}}, "found local_model.B_LM to controller.Kp to local_model.B_LM", ""),
-    ({"for_all": {"B_LM/filters.lp1.passband_hz": [1]}}, "a number that every spec has, found filters.lp1.passband_hz", ""),
-    ({"for_all": {"B_LM/controller.kind": [1]}}, "a ratio to a number that every spec has, found controller.kind", ""),
-    ({"for_all": {"K_LM": [1], "foo/B_LM": [1]}}, "design.for_all.foo/B_LM: expected the name of a numeric key", ""),
-    ({"for_all": {"K_LM": [1]}}, "expected each number once, found local_model.K_LM", ""),
-    ({"vary": {"K_LM": [1, 2]}}, "for_all.K_LM/K_VE: expected a number that is not varied, found local_model.K_LM", ""),
-    ({"for_all": {"operator.mass": [1]}}, "hand.mass: expected each number once, found operator.mass", ""),
-    ({"vary": {"operator.mass": [0, 1]}}, "hand.mass: expected a number that is not varied, found operator.mass", ""),
-    ({"vary": {"filters.lp1.cutoff_hz": {"start": 10, "stop": 1200}}}, "500.0 (half of rates.fast_hz), found 1200", ""),
-    ({"vary": {"environment.delay": [0, 40]}}, "design.vary.environment.delay: expected a whole number <= 20", ""),
-    ({"for_all": {"environment.delay": [0, 21]}}, "design.for_all.environment.delay: expected a whole number <= 20", ""),
-    ({"for_all": {"filters.lp1.cutoff_hz/filters.hp.cutoff_hz": [60]}}, "500.0 (half of rates.fast_hz), found 600", ""),
-    ({"vary": {"filters.lp1.passband_hz": {"start": 1, "stop": 2}}}, "the order or the cutoff of a filter", ""),
-    ({"vary": {"controller.b": [5, 10]}}, "expected each key once, found the key of vary.b again", ""),
-    ({"sed": 1}, "design.sed: expected one of vary, wish, for_all, seed", "did you mean `seed`?"),
-    ({"seed": -1}, "design.seed: expected a whole number >= 0, found -1", ""),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("change", "text", "hint"), MISTAKES)
-def test_each_mistake_has_its_text(change, text, hint):
-    tables = {name: {**DESIGN[name], **change.get(name, {})} if name != "seed" else 7 for name in DESIGN} | {
-        name: value for name, value in change.items() if name not in ("vary", "wish", "for_all")
-    }
-    with pytest.raises(SpecError) as error:
-        load(LOOP | {"design": tables})
-    assert text in str(error.value)
-    assert hint in str(error.value)
-
-
-def test_order_and_cutoff_of_a_filter_given_by_its_band_are_not_varied():
-    band = {"passband_hz": 8.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}
-    with pytest.raises(
-        SpecError, match=r"design.vary.filters.lp1.order: expected an axis that fits filters.lp1, given by its band"
-    ):
-        load(LOOP | {"filters": {"lp1": band}, "design": DESIGN})
-
-
-def test_nothing_to_vary_and_nothing_wished_for_are_mistakes():
-    with pytest.raises(SpecError) as error:
-        load(LOOP | {"design": {"seed": 3}})
-    assert "design.vary: expected at least one number to vary, found none" in str(error.value)
-    assert "design.wish: expected at least one of z_width" in str(error.value)
-
-
 @pytest.mark.parametrize(
     ("varied", "ratios", "fault"),
     [
@@ -140,41 +74,6 @@ def test_numbers_that_ratios_set_stay_in_their_ranges(varied, ratios, fault):
             load(tables)
     else:
         assert load(tables).design.ratios
-
-
-@pytest.mark.parametrize(
-    ("design", "mistakes"),
-    [
-        (
-            {"wish": {"transparency": {}}},
-            ["wish.transparency: expected one of z_width, felt, free_motion, port, damping_ratio, settling"],
-        ),
-        ({"wish": {"z_width": {}}}, ["wish.z_width: expected a loop with a wall in [ports], found none"]),
-        ({"wish": {"port": {"walls": [1]}}}, ["wish.port: expected a loop with a wall in [ports], found none"]),
-        ({"for_all": {"hand": {"mass": [0]}}}, ["for_all.hand: expected numbers of the drawing, in which the hand is a block"]),
-        ({"for_all": {"kp/kd": [1, 2]}}, ["for_all.kp/kd: expected a ratio to a number that every spec has"]),
-        ({"vary": {"half": {"start": 5.0, "stop": 10.0}}}, ["vary.half: expected a list of choices, since"]),
-        ({"for_all": {"half": [5.0, 10.0]}}, ["for_all.half: expected a whole number, or one that"]),
-        ({"vary": {"q": [1]}}, ["vary.q: expected the name of a numeric key, found an unknown one"]),
-        ({"vary": {"block.arm.mas": [1]}}, ["vary.block.arm.mas: expected the name of a numeric key, found an unknown one"]),
-    ],
-)
-def test_a_drawn_loop_has_its_own_mistakes(design, mistakes):
-    asked = {"vary": {"kp": {"start": 1, "stop": 2}}, "wish": {"settling": {}}} | design
-    text = ARM.replace("every = 20", 'every = "2*half - 1"').replace("kp = 240.0", "kp = 240.0\nhalf = 10.5")
-    with pytest.raises(SpecError) as refused:
-        load(tomllib.loads(text) | {"design": asked})
-    said = str(refused.value).splitlines()
-    assert len(said) == len(mistakes)
-    for line, start in zip(said, mistakes, strict=True):
-        assert line.startswith(f"design.{start}")
-
-
-def test_the_numbers_of_a_drawn_wall_belong_to_the_wishes():
-    asked = {"vary": {"K": {"start": 1, "stop": 2}}, "wish": {"z_width": {}}, "for_all": {"B": [0, 1]}}
-    with pytest.raises(SpecError) as refused:
-        load(tomllib.loads(WALL) | {"design": asked})
-    assert [mistake.key for mistake in refused.value.mistakes] == ["design.vary.K", "design.for_all.B"]
 
 
 def test_a_drawn_design_is_the_same_from_its_tables():

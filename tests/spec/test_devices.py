@@ -78,21 +78,6 @@ def test_a_number_that_is_not_published_has_to_be_given(name):
     assert {path: spec.values[path] for path in DEVICES[name].unknown()} == dict.fromkeys(DEVICES[name].unknown(), 0.3)
 
 
-def test_a_missing_number_is_a_mistake_at_the_preset(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text('controller.kind = "dc"\n[device]\nmass = 0.2\npreset = "omega"\n')
-    with pytest.raises(SpecError) as error:
-        load(path)
-    expected = "expected a number >= 0 in N*s/m (none is published for omega), found nothing"
-    assert str(error.value) == f"{path}:4:1: device.damping: {expected}"
-
-
-def test_an_unknown_device_is_one_mistake():
-    with pytest.raises(SpecError, match="did you mean `omega`") as error:
-        load(on("omga"))
-    assert len(error.value.mistakes) == 1
-
-
 def test_a_device_may_be_changed_afterwards():
     spec = load(LOOP).with_values({"device.preset": "falcon"})
     assert spec.sha256 == load(on("falcon")).sha256

@@ -2,7 +2,6 @@
 
 import pytest
 
-from wavesweep.errors import SpecError
 from wavesweep.spec import SYMBOLS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
@@ -64,50 +63,6 @@ def test_a_list_becomes_a_span_and_back():
 
 def test_the_frequencies_are_replaced():
     assert load(LOOP, ["bode.frequency_hz=[1, 2]"]).frequency_hz == (1.0, 2.0)
-
-
-@pytest.mark.parametrize(
-    ("override", "line"),
-    [
-        ("controller.b=4x", '--set controller.b=4x: controller.b: expected a number > 0, found "4x"'),
-        ("b=nan", "--set b=nan: controller.b: expected a finite number > 0, found nan"),
-        ("b=", "--set b=: controller.b: expected a value, or a key of the spec to leave out, found neither"),
-        ("b=1\nKp=2", '--set b=1 Kp=2: controller.b: expected a number > 0, found "1\\nKp=2"'),
-        ("b", "--set b: expected key=value, found no `=`"),
-        ("", "--set : expected key=value, found no `=`"),
-        ("=3", "--set =3: expected key=value, found no key"),
-        ("rates=3", "--set rates=3: rates: expected a table, found 3"),
-        (
-            "sweep.b.nu=3",
-            "--set sweep.b.nu=3: sweep.b.nu: expected one of start, stop, num, scale, found an unknown key; ",
-        ),
-        ("sweep.b.num=3", "--set sweep.b.num=3: sweep.b: expected both start and stop, found only num"),
-        (
-            "device.mas=1",
-            "--set device.mas=1: device.mas: expected one of preset, mass, damping, velocity, found an unknown key; ",
-        ),
-        ("a b=1", '--set a b=1: "a b": expected one of the tables'),
-        ("[rates]=1", '--set [rates]=1: "[rates]": expected one of the tables'),
-        (".=1", '--set .=1: "": expected one of the tables'),
-    ],
-)
-def test_mistakes_name_the_override(override, line):
-    with pytest.raises(SpecError) as error:
-        load(LOOP, [override])
-    assert str(error.value).splitlines()[0].startswith(line)
-
-
-def test_a_key_without_its_table_is_suggested_with_it():
-    with pytest.raises(SpecError, match=r"did you mean `controller\.kind`\?"):
-        load(LOOP, ["kind=dc"])
-
-
-def test_a_key_of_the_file_broken_by_an_override_is_placed_where_it_stands(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text('[controller]\nkind = "pmw"\n[environment]\ndelay = 20\n')
-    with pytest.raises(SpecError) as error:
-        load(path, ["rates.ratio=10"])
-    assert str(error.value).startswith(f"{path}:4:9: environment.delay: expected a whole number <= 10 (rates.ratio)")
 
 
 def test_an_override_without_a_value_leaves_the_key_out():

@@ -4,7 +4,6 @@ import tomllib
 
 import pytest
 from support.drawn import DRIVE, NETWORK, WALL
-from support.specs import nested
 
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load
@@ -14,12 +13,6 @@ from wavesweep.tables import kind_named
 
 def tables(**changes):
     return tomllib.loads(DRIVE) | changes
-
-
-def mistakes(source, *overrides):
-    with pytest.raises(SpecError) as refused:
-        load(source, overrides)
-    return [str(each) for each in refused.value.mistakes]
 
 
 def test_ports_are_read_with_and_without_units():
@@ -58,46 +51,6 @@ def test_a_loop_without_a_hand_has_frequencies_of_its_own_rate_and_a_step():
     assert (spec.frequency_hz[0], spec.frequency_hz[-1], len(spec.frequency_hz)) == (pytest.approx(2e-4), 9.8, 400)
     assert (spec.simulate["input"], spec.entry) == ("step", "ref")
     assert load(tables(), ["simulate.from=load", "simulate.input=noise"]).entry == "load"
-
-
-@pytest.mark.parametrize(
-    ("ports", "key", "expected", "found"),
-    [
-        ({"inputs": {"ref": "rf"}}, "ports.inputs.ref", "a signal that a wire reads", '"rf", which none reads'),
-        ({"inputs": {"ref": 3}}, "ports.inputs.ref", "for a signal from outside", "3"),
-        ({"inputs": {"ref": "kp"}}, "ports.inputs.ref", "a name that is no number", '"kp"'),
-        ({"inputs": {"a": "ref", "b": "ref"}}, "ports.inputs.b", "a signal of its own", '"ref" again'),
-        ({"inputs": {"x": "ref"}}, "ports.inputs.x", "`wavesweep keys ports` lists those", '"x"'),
-        ({"wall": {"stiffness": "kp"}}, "ports.wall", "a number that is 0 and multiplies the velocity", "no damping"),
-        ({"inputs": {"ref": {"unit": "rad"}}}, "ports.inputs.ref", "a signal, a signal from outside", "none"),
-        (
-            {"inputs": {"ref": {"signal": "ref", "uni": "rad"}}},
-            "ports.inputs.ref.uni",
-            "one of signal, unit",
-            "an unknown key",
-        ),
-        ({"inputs": "ref"}, "ports.inputs", "a table, NAME = a signal from outside", '"ref"'),
-        ({"outputs": {"ref": "motor.v"}}, "ports.outputs.ref", "another name than that of an input", '"ref"'),
-        ({"outputs": {"y": "motor.w"}}, "ports.outputs.y", "an output of motor: motor.v or motor.x", '"motor.w"'),
-        ({"outputs": {"y": "motor.v*motor.v"}}, "ports.outputs.y", "", "product"),
-        ({"output": {"y": "motor.v"}}, "ports.output", "hand, wall, inputs or outputs", "an unknown port"),
-    ],
-)
-def test_a_mistake_in_ports_is_one_line(ports, key, expected, found):
-    whole = {"inputs": {"ref": "ref", "load": "load"}} | ports
-    lines = [line for line in mistakes(tables(ports=whole)) if line.startswith(f"{key}:")]
-    assert len(lines) == 1
-    assert expected in lines[0]
-    assert found in lines[0]
-
-
-def test_ends_that_a_loop_does_not_have_are_mistakes():
-    (line,) = mistakes(tables(), "bode.from=rf")
-    assert 'bode.from: expected an input in [ports] of a drawn loop (ref, load), found "rf"; did you mean `ref`?' in line
-    (line,) = mistakes(tables(), "simulate.from=speed")
-    assert "simulate.from: expected an input in [ports] of a drawn loop (ref, load)" in line
-    (line,) = mistakes(nested({"controller.kind": "pmw"}), "simulate.from=ref")
-    assert "(it has none)" in line
 
 
 def test_a_loop_that_nothing_reaches_is_not_simulated():

@@ -7,19 +7,13 @@ import pytest
 from wavesweep.errors import SpecError
 from wavesweep.spec import load
 from wavesweep.spec.keys import SIMULATE_KEYS
-from wavesweep.spec.studies import MOST_TICKS, step_seconds
+from wavesweep.spec.studies import step_seconds
 
 LOOP = {"controller": {"kind": "pmw"}}
 
 
 def simulate(**given):
     return load(LOOP | {"simulate": given}).simulate
-
-
-def mistakes(tables, *overrides):
-    with pytest.raises(SpecError) as error:
-        load(LOOP | tables, overrides)
-    return str(error.value).splitlines()
 
 
 def test_every_key_has_its_default():
@@ -85,80 +79,6 @@ def test_a_simulated_spec_keeps_what_it_is_when_values_change_and_when_it_travel
 )
 def test_a_setting_overrides_it(override, name, value):
     assert load(LOOP | {"simulate": {"wall": 0.01, "seed": 1}}, [override]).simulate[name] == value
-
-
-def test_mistakes_come_at_once_with_place_and_nearest_name(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text(
-        '[controller]\nkind = "pmw"\n[simulate]\ninput = "stepped-sin"\nfricton = 0.1\njitter = 2\nlate = 0.5\n'
-        'preset = "phantom"\nfrequency_hz = { start = 0, stp = 3 }\nseed = -1\n'
-    )
-    with pytest.raises(SpecError) as error:
-        load(path)
-    inputs = '"sine", "stepped-sine", "chirp", "step", "pulse", "noise", "record"'
-    keys = ", ".join(name.split(".")[1] for name in SIMULATE_KEYS)
-    assert str(error.value).replace(f"{path}:", "").splitlines() == [
-        f'4:9: simulate.input: expected one of {inputs}, found "stepped-sin"; did you mean `stepped-sine`?',
-        f"5:1: simulate.fricton: expected one of {keys}, found an unknown key; did you mean `simulate.friction`?",
-        "6:10: simulate.jitter: expected a number <= 0.9, found 2",
-        "7:8: simulate.late: expected a whole number >= 0, found 0.5",
-        f"8:1: simulate.preset: expected one of {keys}, found an unknown key; did you mean `device.preset`?",
-        "9:1: simulate.frequency_hz: expected both start and stop, found only start, stp",
-        "9:26: simulate.frequency_hz.start: expected a number > 0, found 0",
-        (
-            "9:29: simulate.frequency_hz.stp: expected one of start, stop, num, scale, found an unknown key; "
-            "did you mean `stop`?"
-        ),
-        "10:8: simulate.seed: expected a whole number >= 0, found -1",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("given", "line"),
-    [
-        (
-            {"frequency_hz": [1, 2]},
-            (
-                'simulate.frequency_hz: expected one frequency for a sine (several are for input = "stepped-sine"), '
-                "found 2 frequencies"
-            ),
-        ),
-        (
-            {"input": "stepped-sine", "frequency_hz": {"start": 1, "stop": 2}},
-            "simulate.frequency_hz: expected num beside start and stop, or a list, found only a span",
-        ),
-        (
-            {"input": "record"},
-            "simulate.record: expected the name of a CSV file for this input, found nothing",
-        ),
-        ({"frequency_hz": True}, "simulate.frequency_hz[0]: expected a number > 0, found true"),
-        (
-            {"frequency_hz": 500},
-            "simulate.frequency_hz: expected numbers < 500.0 (half of rates.fast_hz), found 500.0",
-        ),
-        (
-            {"duration_s": 1001},
-            f"simulate.duration_s: expected at most 1000 s ({MOST_TICKS} ticks at rates.fast_hz), found 1001 s",
-        ),
-        (
-            {"input": "stepped-sine", "settle_s": 20},
-            f"simulate.frequency_hz: expected at most 1000 s ({MOST_TICKS} ticks at rates.fast_hz), found 1064.02 s",
-        ),
-        (
-            {"input": "pulse", "at_s": 3, "duration_s": 1},
-            "simulate.at_s: expected a number < 1.0 (simulate.duration_s), found 3.0",
-        ),
-        ({"input": "chirp", "duration_s": 0.0004}, "simulate.duration_s: expected at least a tick (0.001 s), found 0.0004"),
-        ({"input": "step", "at_s": 10}, "simulate.at_s: expected a number < 10.0 (simulate.duration_s), found 10.0"),
-    ],
-)
-def test_what_does_not_fit_together_is_said(given, line):
-    assert mistakes({"simulate": given}) == [line]
-
-
-@pytest.mark.parametrize(("given", "line"), [(3, "simulate: expected a table, found 3"), ({"x": {}}, "simulate.x: ")])
-def test_it_is_a_table(given, line):
-    assert mistakes({"simulate": given})[0].startswith(line)
 
 
 def test_a_slow_loop_is_no_mistake_until_it_is_simulated():
