@@ -6,7 +6,7 @@ import references as made
 
 from bench.accuracy import ENDS, RESPONSES
 from bench.frequency_responses import problem as response_problem
-from bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, coarse, digest, references, score
+from bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, digest, references, score
 from wavesweep.errors import WavesweepError
 
 NAMES = [problem.name for problem in PROBLEMS]
@@ -26,10 +26,6 @@ def test_coarser_questions_are_part_of_the_finest(problem, columns):
         return np.stack([part.ravel() for part in np.meshgrid(*axes, indexing="ij")], axis=-1)
 
     assert np.array_equal(combinations(few), combinations(whole)[numbers])
-
-
-def test_every_second_value_of_the_first_axis_that_can_be_halved_is_left():
-    assert coarse({"a": (1, 2, 3), "b": (1, 2, 3, 4)}, 6) == {"a": (1, 2, 3), "b": (1, 3)}
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=NAMES)
@@ -83,33 +79,18 @@ def answer(*intervals, column=0):
     return Intervals(np.full(low.size, column), low, high)
 
 
-def test_the_truth_has_no_error():
-    perfect = score(answer((0, 10), (20, 40)), HOLE, SPAN)
-    assert (perfect.error_max, perfect.found, perfect.there, perfect.wrong) == (0, 2, 2, 0)
-
-
-def test_ends_of_the_range_are_no_critical_stiffness():
-    seen = score(answer((1, 100)), [[[0.0, 100.0]]], SPAN)
-    assert (seen.found, seen.wrong) == (1, 0)
-    assert np.isnan(seen.error_max)
-
-
-def test_errors_are_relative():
-    seen = score(answer((0, 11), (20, 42)), HOLE, SPAN)
-    assert seen.error_max == pytest.approx(0.1)
-    assert seen.error_median == pytest.approx(0.05)
-
-
-def test_an_interval_over_a_hole_finds_none_of_its_sides():
-    seen = score(answer((0, 40)), HOLE, SPAN)
-    assert (seen.found, seen.there, seen.wrong) == (0, 2, 1)
-
-
-def test_an_interval_that_is_missed_does_not_spoil_the_error_of_others():
-    seen = score(answer((20, 40)), HOLE, SPAN)
-    assert (seen.error_max, seen.found, seen.wrong) == (0, 1, 1)
-
-
-def test_columns_are_kept_apart():
-    seen = score(answer((0, 10), (20, 40), column=1), [*HOLE, *HOLE], SPAN)
-    assert (seen.found, seen.there, seen.wrong) == (2, 4, 1)
+@pytest.mark.parametrize(
+    ("intervals", "column", "truth", "error", "found", "there", "wrong"),
+    [
+        ([(0, 10), (20, 40)], 0, HOLE, 0.0, 2, 2, 0),
+        ([(0, 11), (20, 42)], 0, HOLE, 0.1, 2, 2, 0),  # errors are relative
+        ([(0, 40)], 0, HOLE, None, 0, 2, 1),  # over a hole it finds none of its sides
+        ([(20, 40)], 0, HOLE, 0.0, 1, 2, 1),  # what is missed does not spoil the error of others
+        ([(0, 10), (20, 40)], 1, [*HOLE, *HOLE], 0.0, 2, 4, 1),
+        ([(1, 100)], 0, [[[0.0, 100.0]]], np.nan, 1, 1, 0),  # an end of the range is not critical
+    ],
+)
+def test_how_answers_are_scored(intervals, column, truth, error, found, there, wrong):
+    seen = score(answer(*intervals, column=column), truth, SPAN)
+    assert (seen.found, seen.there, seen.wrong) == (found, there, wrong)
+    assert error is None or seen.error_max == pytest.approx(error, nan_ok=True)

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,7 @@ import pytest
 
 import wavesweep
 from tests.explore.conftest import ARM, HOLE
-from wavesweep.explore.page import Page, saved_page
-from wavesweep.explore.server import GRACE, Server
+from wavesweep.explore.page import saved_page
 from wavesweep.plots.style import _DISTINCT
 from wavesweep.spec import load
 
@@ -116,12 +114,6 @@ def test_the_intervals_on_the_page_are_those_of_zwidth(opened, client):
     assert radius == pytest.approx(wavesweep.verdict(HOLE)["spectral_radius"], rel=1e-12)
 
 
-def test_a_browser_that_is_started_with_the_address_for_once_can_load_the_page_again(opened, client):
-    page = opened(client.server.invite())
-    assert page.url == client.server.address
-    assert page.reload().status == 200
-
-
 def test_a_slider_is_dragged_and_the_numbers_follow(opened, client):
     page = settled(opened(client.server.address))
     page.evaluate("""window.said = new Set();
@@ -147,32 +139,6 @@ def test_a_slider_is_dragged_and_the_numbers_follow(opened, client):
     page.click("#reset")
     settled(page)
     assert page.locator("#plane .ghostmark").count() == 0
-
-
-@pytest.mark.thorough
-def test_updates_come_while_a_slider_is_dragged(opened, client):
-    """Some 30 a second on a free core; the bound leaves room for a machine at work."""
-    page = settled(opened(client.server.address))
-    drag = """async () => {
-      const slider = document.getElementById("s-controller.b"), seen = [];
-      new MutationObserver(() => seen.push(performance.now())).observe(document.getElementById("own"), {childList: true});
-      for (let k = 0, start = performance.now(); performance.now() - start < 2000; k++) {
-        slider.value = 400 + k % 200; slider.dispatchEvent(new Event("input"));
-        await new Promise(requestAnimationFrame);
-      }
-      const tens = seen.slice(10).map((at, k) => at - seen[k]);
-      return [seen.length / 2, 1e4 / Math.min(...tens)];
-    }"""
-    rate, best = page.evaluate(drag)
-    print(f"{rate:g} updates a second, {best:.0f} in the fastest ten")  # noqa: T201 - pytest -s shows the measurement
-    assert rate > 3
-
-
-@pytest.mark.thorough
-def test_first_paint_takes_less_than_a_second(opened, client):
-    page = opened(client.server.address)
-    until(page, "performance.getEntriesByName('first-contentful-paint').length > 0")
-    assert page.evaluate(FIRST_PAINT) < 1000
 
 
 def test_the_page_can_be_used_by_the_keyboard_alone(opened, client):
@@ -358,50 +324,6 @@ def test_steps_are_taken_back_and_done_again(opened, client):
     assert_ends_of(page, table)
 
 
-def test_fields_show_all_digits_of_their_numbers(opened, client):
-    page = settled(opened(client.server.address))
-    for path in ("device.damping", "environment.K_VE"):
-        enter(page, path, "0.0001234567890123456")
-    settled(page)
-    fields = page.locator("input[type=text]").all()
-    assert [field.input_value() for field in fields if field.evaluate("each => each.scrollWidth > each.clientWidth")] == []
-    assert page.input_value("[id='s-device.damping-number']") == "0.0001234567890123456"
-
-
-def test_a_response_of_zero_has_no_place_on_a_scale_of_factors(opened, client):
-    page = settled(opened(client.server.address))
-    page.locator("#responses").scroll_into_view_if_needed()
-    until(page, "answer.response && visible && !busy")
-    page.evaluate("answer.response.impedance_abs[3] = 0; draw()")
-    assert "Infinity" not in page.inner_html("#c1")
-    assert page.locator("#c1 .curve").count() == 1
-
-
-def test_the_count_of_updates_is_that_of_the_last_second(opened, client):
-    page = settled(opened(client.server.address))
-    page.evaluate("""window.counts = [];
-      new MutationObserver(() => counts.push(Number(document.getElementById("how").dataset.updates)))
-        .observe(document.getElementById("how"), {attributes: true})""")
-    move(page, "controller.b", 0.9).mouse.up()
-    until(settled(page), "document.getElementById('how').dataset.updates === '0'")
-    assert page.evaluate("Math.max(...counts)") > 0
-    assert "updates" not in page.inner_text("#how")
-
-
-def test_what_a_slider_offers_at_its_ends_is_possible(opened, serving):
-    """A notch at 80 Hz needs a rate above 160 Hz."""
-    page = settled(opened(serving(ROOT / "sweeps/recipes/notch.toml").server.address))
-    for path in page.evaluate("data.sliders.map(s => s.path)"):
-        for key in ("Home", "End"):
-            page.focus(f"[id='s-{path}']")
-            page.keyboard.press(key)
-            until(
-                page, "!busy && !refused && !document.body.classList.contains('waiting')"
-            )  # axes that it rules out are fitted
-            assert page.locator(".fault:not(:empty)").count() == 0, (path, key)
-            page.keyboard.press("Control+z")
-
-
 def test_every_control_that_is_shown_does_something(opened, tmp_path):
     """In a saved page there is no slider without stops, and a row of the intervals has no mark that looks like a control."""
     (tmp_path / "page.html").write_text(saved_page(load(HOLE)), encoding="utf-8")
@@ -418,17 +340,6 @@ def test_every_control_that_is_shown_does_something(opened, tmp_path):
     assert "▸" not in page.inner_text("#intervals")
 
 
-def test_on_a_phone_all_columns_of_the_intervals_are_seen(opened, client):
-    page = settled(opened(client.server.address, viewport={"width": 390, "height": 844}))
-    cells = "[...document.querySelectorAll('#intervals td')].map(cell => cell.getBoundingClientRect())"
-    assert page.evaluate(f"Math.max(...{cells}.map(box => box.right))") <= 390
-    assert page.evaluate(f"{cells}.length") == 18
-    names = "[...document.querySelectorAll('#intervals td')].map(cell => getComputedStyle(cell, '::before').content)"
-    assert '"felt at the ends"' in page.evaluate(names)
-    columns = page.evaluate("[...document.querySelectorAll('main .card')].map(card => card.getBoundingClientRect().left)")
-    assert len(set(columns)) == 1
-
-
 def test_the_button_copies_the_spec(opened, client):
     page = opened(client.server.address, permissions=["clipboard-read", "clipboard-write"])
     page.evaluate("set('controller.b', 33.5)")
@@ -442,19 +353,6 @@ def load_text(text):
     import tomllib
 
     return load(tomllib.loads(text))
-
-
-def test_a_page_of_another_origin_gets_nothing(browser, client, serving):
-    """Another server of this machine, which is another origin to a browser."""
-    other = serving(ARM)
-    page = browser.new_context().new_page()
-    page.goto(other.server.address)
-    until(page, "window.ready")
-    page.evaluate("document.querySelector('meta[http-equiv]').remove()")
-    ask = """async address => { try { const got = await fetch(address + "quick", {method: "POST", body: "{}",
-      headers: {"Content-Type": "application/json"}}); return "got " + got.status; } catch (error) { return "nothing"; } }"""
-    assert page.evaluate(ask, client.server.address) == "nothing"
-    page.context.close()
 
 
 def test_drawn_loops_are_explored(opened, serving):
@@ -522,22 +420,6 @@ def luminance(colour):
     parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def test_the_server_ends_after_its_page(browser):
-    made = Page(load(ARM))
-    server = Server(made.text, made.answers)
-    thread = threading.Thread(target=server.serve, daemon=True)
-    thread.start()
-    page = browser.new_context().new_page()
-    page.goto(server.address)
-    until(page, "window.ready")
-    page.reload()
-    page.wait_for_timeout(1000 * (GRACE + 1))
-    assert thread.is_alive()
-    page.context.close()
-    thread.join(15)
-    assert not thread.is_alive()
 
 
 def test_what_was_measured_is_in_the_plane_and_in_the_responses(opened, serving, tmp_path):

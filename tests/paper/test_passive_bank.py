@@ -1,12 +1,9 @@
 """The way in of a filter bank: no LP2 makes it passive, two complementary filters do, and what that costs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from reproduce.documents import bank_text
 from reproduce.paper_loops import BASE
 from reproduce.passive_bank import (
     AS_DRAWN,
@@ -88,14 +85,6 @@ def test_waves_over_the_root_of_two_are_exactly_passive():
     assert inward_norm(scaled, loop()) == pytest.approx(1, abs=1e-12)
 
 
-def test_a_high_pass_alone_is_not_enough():
-    """Without F1 even a high-pass, which stops a constant wave, leaves the way in above 1: the hold takes all the room."""
-    whole = page(Design(IN_PLACE, 1, 10.0, 1), loop())
-    wires = {**whole.wires, "encoder.in": whole.wires["encoder.in"].replace("f1.y", "avatar.out")}
-    without = replace(whole, wires=wires)
-    assert lifted_gain(without, loop(), np.linspace(0.01, np.pi, 100)).min() > 1 + 1e-4
-
-
 def test_waves_marched_through_the_filters_gain_no_energy():
     """The filters are scipy's and share no code with the drawing's: random and constant waves, energies added up."""
     rng, M, frames = np.random.default_rng(3), 20, 400
@@ -142,22 +131,3 @@ def test_a_passive_way_in_costs_what_the_bank_gains_at_low_frequencies(banks):
     assert 5 * drawn_low.max() < scaled_low.min() < filtered.min()
     assert banks["felt"][banks["design"] == SCALED].max() < 250
     assert banks["felt"][banks["stable"] & (banks["order"] > 0)].min() > 490
-
-
-@pytest.mark.slow
-def test_a_high_pass_in_lp2s_place_rings_with_a_delayed_local_model(banks):
-    in_place = banks["design"] == IN_PLACE
-    assert not banks["stable"][in_place & (banks["local_delay"] == 1)].any()
-    assert banks["stable"][in_place & (banks["local_delay"] == 0)].all()
-    assert banks["stable"][banks["design"] == BEHIND].all()
-    assert np.isnan(banks["low"][~banks["stable"]]).all()
-
-
-@pytest.mark.slow
-def test_the_page_says_which_loops_are_unstable(banks):
-    text = bank_text(banks)
-    assert (
-        f"{np.count_nonzero(~banks['stable'])} of {len(DESIGNS)} loops are unstable: {IN_PLACE} with a local delay of 1."
-        in text
-    )
-    assert "| PMW+LM |  |  | 1 | 1.41421 | 0.0391 |" in text

@@ -5,7 +5,7 @@ import pytest
 
 from reproduce.felt_responses import respond
 from reproduce.paper_loops import PaperLoops
-from reproduce.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
+from reproduce.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, Reading, readings, under
 from reproduce.specs import load_paper
 from wavesweep.controllers import WALL
 from wavesweep.loops.controllers import keys_of_page
@@ -22,12 +22,6 @@ PAPERS = {  # what the paper gives for the figures that the statements are on; i
 def test_every_key_that_the_paper_leaves_open_and_the_loop_reads_has_choices(name, tried):
     varied = {path for reading in tried for path in reading.changes}
     assert varied == keys_of_page(load_paper(name).values) - PAPERS
-
-
-def test_the_slow_wall_is_read_with_its_delay():
-    read = keys_of_page(load_paper("dc", ('controller.kind="dc-lm"',)).values)
-    assert {path for reading in SLOW for path in reading.changes} == {"device.velocity", "environment.delay"}
-    assert {"device.velocity", "environment.delay"} <= read
 
 
 def test_no_choice_is_the_specs_own_and_every_one_makes_a_spec():

@@ -54,7 +54,3 @@ def test_the_commands_of_figure_7_simulate_its_three_loops(monkeypatch):
         assert kind == "simulate"
         loops.append(dict(load(source, [value for flag, value in pairs if flag == "--set"]).values))
     assert loops == [dict(load_paper("fig7", overrides).values) for overrides in CONTROLLERS.values()]
-
-
-def test_one_command_makes_all_figures_where_they_are():
-    assert COMMANDS[0] == "wavesweep paper --out sweeps/paper/figures --overwrite"

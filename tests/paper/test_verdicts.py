@@ -11,12 +11,8 @@ from reproduce.verdicts import (
     REPRODUCED,
     UNSTABLE,
     UNTESTABLE,
-    Answer,
     Finding,
     Outcome,
-    Statement,
-    over,
-    untestable,
 )
 
 
@@ -40,11 +36,6 @@ def finding(*held):
 )
 def test_the_verdict_of_outcomes(held, verdict):
     assert finding(*held).verdict == verdict
-
-
-def test_the_numbers_of_the_first_reading_and_of_the_first_that_decides_otherwise():
-    assert finding(True, True, False, False).numbers == "reading 0: 0 N/m; reading 2: 2 N/m"
-    assert Finding((Outcome(reading(), True, "5 N/m"),)).numbers == "5 N/m"
 
 
 TURNED = Finding(
@@ -71,26 +62,6 @@ def test_readings_that_contain_another_one_are_not_named():
     assert TURNED.readings(holds=True) == "the spec's own values"
     assert TURNED.readings(holds=False) == "a; b + c; e + f"
     assert TURNED.held == 2
-
-
-def test_a_statement_shows_how_it_is_judged():
-    statement = Statement("1", "so", untestable("no means"))
-    assert statement.test == "Not tested."
-    assert statement.judge(PaperLoops()).numbers == "no means"
-
-
-def test_each_reading_is_tried():
-    seen = []
-
-    def check(number, word):
-        seen.append((number, word))
-        return Answer(number > 0, "")
-
-    tried = (reading(), reading("a"))
-    assert over(tried, check, [1, 2], ["x", "y"]).verdict == REPRODUCED
-    assert seen == [(1, "x"), (2, "y")]
-    with pytest.raises(ValueError, match="shorter"):
-        over(tried, check, [1], ["x"])
 
 
 class Told(PaperLoops):

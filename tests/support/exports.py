@@ -1,9 +1,11 @@
 """Exported controllers: random specs, and their C compiled and run."""
 
+import re
 import shutil
 import subprocess
 
 import numpy as np
+import pytest
 
 import wavesweep
 from support.specs import nested, random_values
@@ -61,3 +63,16 @@ def made(folder, target, compiler, *flags):
     words = [make, "-s", target, f"CC={compiler}", f"CFLAGS={' '.join((*flags, *STRICT))}"]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
+
+
+def need(compiler):
+    """Skip the test if the compiler is not there."""
+    if compiler not in present():
+        pytest.skip(f"no {compiler}")
+
+
+def check(folder, compiler="gcc", *flags):
+    """Compile what is in a folder, and hold every bit against its vectors; gives the number of their ticks."""
+    code, said = made(folder, "check", compiler, *(flags or ("-O2",)))
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said
+    return int(re.search(r"^(\d+) ticks, ", said, re.MULTILINE)[1])
