@@ -4,7 +4,6 @@ import pathlib
 import re
 import struct
 import threading
-from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib
@@ -17,8 +16,8 @@ import wavesweep.sweep
 from wavesweep import plots
 from wavesweep.plots import sampling, style
 from wavesweep.plots.files import save
-from wavesweep.plots.layout import best_of, best_row, lay_out
-from wavesweep.plots.style import about_figure, as_asked, figure, note_below, symbol, warn_above
+from wavesweep.plots.layout import lay_out
+from wavesweep.plots.style import about_figure, as_asked, figure, note_below, warn_above
 from wavesweep.tables.comparison import compare
 from wavesweep.tables.intervals import intervals
 
@@ -66,10 +65,6 @@ def test_a_range_that_begins_at_0_is_dotted_below_where_the_number_goes_on(along
     assert bool(dotted) == shown == (axes.get_ylim()[0] < 0)
     legend = axes.figure.legends
     assert any(text.get_text() == "beyond the swept range" for each in legend for text in each.get_texts()) == shown
-
-
-def test_a_number_of_a_drawn_loop_is_written_as_in_its_spec():
-    assert [symbol(name) for name in ("tau_d", "rates.tick_hz", "device.mass")] == ["tau_d", "rate of the ticks", "device mass"]
 
 
 def png(figure):
@@ -189,39 +184,6 @@ def texts_of(canvas):
     return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
-def test_a_value_that_an_axis_has_twice_is_drawn_once(family, tmp_path):
-    again = {name: np.concatenate([column, column[family["b"] == 40]]) for name, column in family.items()}
-    for name, columns in (("once.png", family), ("twice.png", again)):
-        save(plots.zwidth(columns, {}), tmp_path / name, about_figure("zwidth", {}))
-    assert (tmp_path / "once.png").read_bytes() == (tmp_path / "twice.png").read_bytes()
-
-
-def test_every_hand_of_a_table_is_drawn(plane):
-    hands = ["free", "operator", "passive"]
-    columns = {name: np.tile(column, len(hands)) for name, column in plane.items()}
-    at = list(columns).index("along") + 1
-    hand = {"hand": np.repeat(np.array(hands, object), plane["low"].size)}
-    columns = dict([*list(columns.items())[:at], *hand.items(), *list(columns.items())[at:]])
-    said = texts_of(plots.zwidth(columns, {}))
-    assert [text for text in said if "device" in text or "hand" in text or "operator" in text] == said[: len(hands)]
-
-
-def test_the_star_of_walls_whose_feel_is_not_known_is_at_the_stiffest(plane):
-    unknown = plane | {"felt_high": np.full(plane["high"].size, np.nan)}
-    said = [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text]
-    assert said == ["largest certified: 4500 N/m, from 2600"]
-    nothing = unknown["B_VE"] == unknown["B_VE"][0]  # the first slice has no interval
-    lost = {"intervals": 0, "low": np.nan, "high": np.nan}
-    unknown |= {name: np.where(nothing, value, unknown[name]) for name, value in lost.items()}
-    said = [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text]
-    assert said == ["largest certified: 4475 N/m, from 2650"]
-    some = plane | {"felt_high": np.where(plane["B_VE"] == 15, plane["felt_high"], np.nan)}
-    assert [text for text in texts_of(plots.zwidth(some, {})) if "largest" in text] == ["largest certified: 2300 N/m"]
-    one = {name: column[-1:] for name, column in plane.items()}
-    known = best_row(one)
-    assert best_of([best_row(unknown), known]) == known
-
-
 def test_the_legend_is_low_above_one_column_and_beside_the_panels_of_two(family, panels):
     felt = family | {"felt_low": family["low"] / 2, "felt_high": family["high"] / 2}
     figure = plots.zwidth(felt, {})
@@ -257,30 +219,6 @@ def test_the_star_of_bars_of_hands_is_at_its_hand(bars):
     assert (star.get_xdata().item(), star.get_ydata().item()) == (3000.0, 1.0)
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("low", "high", "shown"), [(20, 300, ["20", "50", "100", "200"]), (0.01, 0.03, []), (1, 1000, [])])
-def test_short_logarithmic_axes_have_plain_numbers(low, high, shown):
-    with figure(3.5, 2.5) as canvas:
-        axes = canvas.subplots()
-        style.by_factors(axes.xaxis, low, high)
-        axes.set_xlim(low, high)
-        canvas.draw_without_rendering()
-        texts = [text.get_text() for text in axes.get_xticklabels() if low <= text.get_position()[0] <= high]
-        assert not any(text.get_text() for text in axes.get_xticklabels(minor=True))
-    if high > 100 * low:
-        assert all("10^" in text for text in texts)
-    else:
-        assert texts[: len(shown)] == shown or not shown
-        assert len([float(text) for text in texts]) >= 3
-
-
-def test_the_star_is_said_to_be_certified_if_others_are_not(plane):
-    """The island reaches further; where it is smallest it is not certified."""
-    doubted = plane | {"certified": plane["interval"] == 0}
-    assert [text for text in texts_of(plots.zwidth(doubted, {})) if "largest" in text] == ["largest certified: 2300 N/m"]
-    assert not any("certified" in text for text in texts_of(plots.zwidth(plane | {"certified": plane["low"] >= 0}, {})))
-
-
 WALL = {
     "rates": {"tick_hz": 1000},
     "numbers": {"K": 5.0, "B": 0.01},
@@ -301,15 +239,6 @@ def test_an_axis_that_goes_by_factors_is_drawn_so():
     rows = wavesweep.zwidth(WALL | {"sweep": damping | {"K": {"start": 0, "stop": 1e5}}})
     columns = {"spec": np.full(len(rows), "wall", object)} | {name: rows[name].to_numpy() for name in rows}
     assert [axes.get_xscale() for axes in plots.compare(columns, FACTS).axes] == ["log"]
-
-
-def test_the_legend_of_a_comparison_names_the_marks_that_are_there(plane):
-    columns = {"spec": np.full(plane["low"].size, "one", object)} | plane
-    assert texts_of(plots.compare(columns, {})) == ["one", "not certified"]
-    first = {name: column[columns["interval"] == 0] for name, column in columns.items()}
-    assert texts_of(plots.compare(first, {})) == ["one"]
-    clipped = first | {"high_omega": np.full(first["low"].size, np.nan)}
-    assert texts_of(plots.compare(clipped, {})) == ["one", "beyond the swept range"]
 
 
 def test_specs_of_a_comparison_differ_by_their_looks_and_values_have_panels(family):
@@ -391,26 +320,6 @@ def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
     assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked
 
 
-@pytest.mark.thorough
-def test_limits_that_an_even_scale_squeezes_have_one_of_factors_and_lines_that_are_right_on_it():
-    loop = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
-    loop |= {"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
-    compiled = wavesweep.compile(loop)
-    figure = compiled.plot_zwidth("b", (0.5, 1000), K_VE=np.linspace(0, 6000, 12))
-    (axes,) = figure.axes
-    assert (axes.get_yscale(), axes.get_ylim()[0]) == ("log", pytest.approx(0.5 / 1.15))
-    lines = [each for lines in axes.collections for each in (lines.get_segments() if hasattr(lines, "get_segments") else [])]
-    pixels, steps = axes.transData.transform, [pair for line in lines for pair in pairwise(line)]
-    steps = [(a, b) for a, b in steps if 700 < a[0] < b[0] < 6000 and b[0] - a[0] > 50]  # of the upper limit
-    assert len(steps) > 5
-    table = compiled.stable_intervals("b", (0.5, 1000), K_VE=sorted({(a[0] + b[0]) / 2 for a, b in steps[:12]}))
-    for a, b in steps[:12]:
-        middle, drawn = (a[0] + b[0]) / 2, (pixels(a)[1] + pixels(b)[1]) / 2
-        found = table[middle == table.K_VE].high
-        assert np.abs(pixels([(middle, high) for high in found])[:, 1] - drawn).min() < 0.75
-    assert compiled.plot_zwidth(B_VE=[0.0, 5.0, 10.0]).axes[0].get_yscale() == "linear"
-
-
 @pytest.mark.parametrize("number", [3, 9, 51])
 def test_a_number_that_varies_smoothly_is_along_the_figure_however_few_values_it_has(number):
     """Three values were bars that lay, nine or more a region that stood."""
@@ -433,23 +342,6 @@ def test_space_that_is_not_swept_does_not_pass_for_unstable():
     assert not [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
 
 
-def test_a_limit_below_all_others_has_room_for_what_is_unstable_below_it():
-    """The mass drifts at 0 of the spring, where stability begins, and what was swept below it is shown."""
-    tables = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"k": 5.0, "d": 1.0},
-        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "h": {"type": "hold", "every": 20}},
-        "wire": {"h.u": "-k*m.x - d*m.v", "m.f": "h.y"},
-    }
-    for start in (-500.0, -1.0):
-        spec = tables | {"sweep": {"along": "k", "k": {"start": start, "stop": 1e4}, "d": [1.0, 1.5, 2.0]}}
-        table = intervals(wavesweep.load(spec))
-        assert table.columns["low"].tolist() == [0.0, 0.0, 0.0]
-        largest = table.columns["high"].max()
-        low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_ylim()
-        assert low == pytest.approx(max(-0.06 * largest, start))
-
-
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("values", [[0.0, 10.0, 100.0, 300.0, 1000.0], [0.0, 100.0]])
 def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
@@ -469,29 +361,6 @@ def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
     fine = wavesweep.passivity({"controller": {"kind": "pmw"}, "sweep": {"K_VE": [1.0, 2.0]}})
     figure = plots.passivity({name: fine[name].to_numpy() for name in fine}, fine.attrs["facts"])
     assert "unstable, not passive" not in texts_of(figure)
-
-
-def test_the_end_that_is_explained_is_no_stiffness_felt_whatever_the_order_of_its_rows():
-    rows = wavesweep.why({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "delay": 1}})
-    columns = {name: rows[name].to_numpy() for name in rows}
-    assert set(columns["quantity"]) == {"end", "felt"}
-    figures = [plots.why({name: column[::step] for name, column in columns.items()}, rows.attrs["facts"]) for step in (1, -1)]
-    titles = [[axes.get_title(loc="left") or axes.get_title() for axes in figure.axes] for figure in figures]
-    assert sorted(titles[0]) == sorted(titles[1])
-    limit = columns["limit_value"][columns["quantity"] == "end"].max()
-    assert f"= {limit:.5g} N/m" in "".join(titles[0])
-
-
-def test_ends_without_bars_have_a_line_each_that_says_why_and_no_empty_panel():
-    path = pathlib.Path(__file__).parents[2] / "sweeps/recipes/network.toml"
-    rows = wavesweep.why(wavesweep.load(path, ["k=5"]))  # with this delay two oscillations set the high end at once
-    figure = plots.why({name: rows[name].to_numpy() for name in rows}, rows.attrs["facts"])
-    assert not figure.axes
-    lines = figure._supxlabel.get_text().splitlines()
-    assert [line.partition(": ")[2] for line in lines] == [
-        "no bars, as a per cent of 0 is nothing.",
-        "no bars, since they are not known (defective).",
-    ]
 
 
 def test_a_range_above_0_fills_its_figure_and_has_what_is_felt_only_if_that_is_in_it():
@@ -523,18 +392,6 @@ def test_a_comparison_has_the_figures_of_both_tables():
     )
     assert {(x, y) for x, y in own if y > 0}
     assert own == above
-
-
-def test_a_comparison_with_a_loop_that_turns_names_both_units():
-    tables = wavesweep.load(pathlib.Path(__file__).parents[2] / "sweeps" / "recipes" / "two-rate-wall.toml").tables() | {
-        "bode": {"frequency_hz": [1.0, 2.0]}
-    }
-    turning = tables | {"ports": {**tables["ports"], "hand": {**tables["ports"]["hand"], "turns": True}}}
-    specs = [replace(wavesweep.load(each), name=name) for name, each in (("slides", tables), ("turns", turning))]
-    walls, responses = compare(specs)
-    figure = plots.compare(walls.columns, walls.facts, responses.columns, responses.facts)
-    lower = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel() and "phase" not in axes.get_ylabel()]
-    assert lower == ["admittance\n(mm/N or mrad/(N·m))", "impedance\n(N/m or N·m/rad)"]
 
 
 def test_numbers_below_a_narrow_panel_do_not_touch():

@@ -50,14 +50,6 @@ def test_the_static_limit_is_a_mark_at_the_left_edge():
     assert mark.get_ydata() == 1e3 * columns["admittance_abs"][0]
 
 
-def test_a_static_limit_of_0_has_no_mark():
-    """It has no place on a scale of factors, where a mark far below the panel left no room for it."""
-    free = {"controller": {"kind": "dc"}, "environment": {"K_VE": 0.0}, "bode": {"frequency_hz": [0.0, 0.1, 1.0]}}
-    columns, figure = figure_of(**free)
-    assert columns["impedance_abs"][0] == 0.0
-    assert [line for axes in figure.axes for line in axes.lines if line.get_marker() == "<"] == []
-
-
 def test_one_frequency_is_drawn_over_the_axis_that_varies():
     columns, figure = figure_of(bode={"frequency_hz": [5.0], "b": {"start": 5, "stop": 200, "num": 40, "scale": "log"}})
     axes = figure.axes[0]
@@ -66,15 +58,6 @@ def test_one_frequency_is_drawn_over_the_axis_that_varies():
     assert np.array_equal(axes.lines[0].get_ydata(), 1e3 * columns["admittance_abs"])
     assert "b" in figure.axes[2].get_xlabel()
     assert "At 5 Hz" in figure.get_supxlabel()
-
-
-def test_points_that_no_line_joins_are_marks():
-    """Stable and unstable loops by turns, as lines of one point each, would be invisible."""
-    wall = {"environment": {"integration": "explicit", "delay": 1}, "device": {"velocity": "difference"}}
-    columns, figure = figure_of(bode={"frequency_hz": [3.0], "b": [1.0, 10.0, 100.0]}, **wall)
-    assert columns["stable"].tolist() == [False, True, False]
-    marked = [(line.get_marker(), line.get_markevery()) for line in figure.axes[0].lines]
-    assert marked == [("o", [1]), ("o", [0, 2])]
 
 
 @pytest.mark.sample(2)
@@ -92,11 +75,6 @@ def test_more_than_a_dozen_curves_have_a_scale_of_colours():
         _, figure = figure_of(bode={"frequency_hz": [0.1, 1.0, 30.0], "b": {"start": 5, "stop": 200, "num": count}})
         assert any("b" in axes.get_ylabel() and "N·s/m" in axes.get_ylabel() for axes in figure.axes) == (count > 12)
         assert len(figure.legends[0].get_texts()) == legend
-
-
-def test_the_slow_nyquist_frequency_is_marked():
-    _, figure = figure_of(bode={"frequency_hz": {"start": 1, "stop": 50, "num": 20}})
-    assert "slow Nyquist frequency, 25 Hz" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 @pytest.mark.thorough
@@ -121,17 +99,6 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
         drawn.figure(None)
         assert pictures == [whole._repr_png_()]
     assert said == ["figure of spec: shown: 20 of 40 values of b"] * 2
-
-
-def test_a_single_frequency_has_few_places_along_its_curve_and_few_curves():
-    from wavesweep.plots.sampling import Curves
-
-    columns = {"b": np.repeat(np.arange(5000.0), 3), "Kp": np.tile([0.0, 1, 2], 5000), "spec": np.full(15000, "s", object)}
-    curves = Curves(lambda: (columns | {"frequency_hz": np.ones(15000)},))
-    curves.add(columns | {"frequency_hz": np.ones(15000)})
-    rows, said = curves.chosen()
-    assert (len(rows["b"]), np.unique(rows["b"]).size, np.unique(rows["Kp"]).size) == (6000, 2000, 3)
-    assert said == "Shown: 2000 of 5000 values of b."
 
 
 def test_a_spec_without_an_axis_of_the_others_is_one_curve(responses):

@@ -64,12 +64,6 @@ def test_the_detail_is_where_contact_changes(force):
     assert 0 < touching.mean() < 1
 
 
-@pytest.mark.parametrize(("kind", "start"), [("step", 0), ("noise", 1200)])
-def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kind, start):
-    columns = {"tick": np.arange(2000), "time_s": 1e-3 * np.arange(2000), "touching": np.ones(2000, dtype=bool)}
-    assert _spans(columns, _facts(kind))[1] == slice(start, start + 800)
-
-
 @pytest.mark.slow
 def test_the_linear_loop_is_drawn_between_the_tones_as_well():
     """Straight lines between three tones hid a resonance between two of them."""
@@ -84,15 +78,6 @@ def test_the_linear_loop_is_drawn_between_the_tones_as_well():
     assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
     assert magnitude.max() > 3 * dots.get_ydata().max()
     assert (frequency.min(), frequency.max()) == (0.5, 20.0)
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [1, 30])
-def test_a_response_is_drawn_over_the_linear_one(count):
-    rng = np.random.default_rng(0)
-    columns = {field.name: rng.uniform(1, 2, count) for field in fields("simulate-response")}
-    assert struct.unpack(">II", plots.simulate_response(columns, {})._repr_png_()[16:24])[0] == 1400
 
 
 @pytest.mark.sample(2)

@@ -132,16 +132,6 @@ def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):
     assert 7 / 72 * 1280 / figure.get_figwidth() >= 10
 
 
-def test_the_wiring_has_gains_signs_rates_and_phases():
-    spec = load(tomllib.loads(ARM))
-    loop = wired(spec)
-    parts = {part.name: part for part in loop.parts}
-    assert list(parts) == ["hand", "arm", "net", "displacement"]
-    assert parts["arm"].inputs == (("f", (("net.y", "-kp"), ("arm.v", "-kd + c"), ("hand", "1"))),)
-    assert (parts["net"].type, parts["net"].every, parts["net"].phase) == ("delay", 20, 10)
-    assert (loop.ticks, loop.tick_s) == (20, 1e-4)
-
-
 def test_a_plant_of_several_blocks_shows_what_is_continuous_and_what_is_held():
     spec = load(joint())
     parts = {part.name: part for part in wired(spec).parts}
@@ -164,20 +154,6 @@ def test_a_controller_shows_its_blocks_its_wall_and_its_numbers():
     assert dict(parts["encoder"].inputs)["in"] == back
     direct = [part.name for part in wired(built_in("dc")).parts]
     assert direct == ["f_h", "device", "displacement", "reaction"]  # of one rate: nothing is sampled, and nothing held
-
-
-@pytest.mark.slow
-def test_the_picture_is_the_same_each_time():
-    one, other = (plots.diagram(load(tomllib.loads(WALL)))._repr_png_() for _ in range(2))
-    assert one == other
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_controller_at_one_rate_can_be_drawn(kind):
-    """Samples and holds are wires there, one behind the other."""
-    loop = wired(load({"controller": {"kind": kind}, "rates": {"ratio": 1}}))
-    made = {signal for part in loop.parts for _, signal in part.outputs}
-    assert {signal for part in loop.parts for _, terms in part.inputs for signal, _ in terms} <= made
 
 
 def test_the_picture_of_rates_that_do_not_divide_has_the_frame_in_which_they_meet():
