@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.identification.points import MOST_POINTS, response_of, walls_of
+from wavesweep.errors import SpecError
+from wavesweep.identification.points import response_of, walls_of
 
 RESPONSE = "frequency_hz,admittance_abs,admittance_deg\n1,0.002,-1\n2,0.003,-5\n"
 
@@ -35,41 +35,6 @@ def test_a_table_of_bode_is_a_response(tmp_path):
     table = wavesweep.bode(spec)
     found = response_of(spec_of(tmp_path, "response", table.to_csv(index=False)))
     assert found.admittance == pytest.approx(table.admittance_re + 1j * table.admittance_im)
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "said"),
-    [
-        ("z_width", "B_VE,K\n1,2\n", "expected the columns B_VE and K_VE, found B_VE, K; is K_VE meant|found B_VE, K"),
-        ("z_width", "B_VE,k_ve\n1,2\n", "found B_VE, k_ve; is k_ve meant"),
-        ("z_width", "", "expected the columns B_VE and K_VE, found nothing"),
-        ("z_width", "B_VE,K_VE\n", "expected at least 1 rows of numbers below the header, found 0"),
-        ("z_width", "B_VE,K_VE\n0,900\n1,nan\n", r"points.csv:3: K_VE: expected a finite number, found nan"),
-        ("z_width", "B_VE,K_VE\n0,900\n\n,950\n", r"points.csv:4: B_VE: expected a number, found nothing"),
-        ("z_width", "B_VE,K_VE\n0,900\n1,-5\n", "K_VE: expected numbers of at least 0, found -5"),
-        ("z_width", "B_VE,K_VE\n0,900\n1,0\n", "K_VE: expected limits above 0, found 0; .* with a column stable"),
-        ("z_width", "B_VE;K_VE\n0;900\n", ":1: expected commas between columns .* found semicolons"),
-        ("z_width", "B_VE,K_VE\n0,5,900,0\n", "points.csv:2: .*are these decimal commas"),
-        ("z_width", "B_VE,K_VE\n0,900,7\n", "points.csv:2: expected 2 values as in the header, found 3"),
-        ("z_width", "B_VE,K_VE,stable\n0,900,yes\n", "points.csv:2: stable: expected 1 or 0, found yes"),
-        ("z_width", "B_VE,K_VE\n" + "1,2\n" * (MOST_POINTS + 1), "expected at most 10000 points, found 10001"),
-        ("z_width", b"B_VE,K_VE\n\xff\xfe", "expected a CSV file in UTF-8"),
-        ("z_width", None, r"points.csv: cannot be read: No such file"),
-        (
-            "response",
-            "hz,admittance_abs,admittance_deg\n1,1,1\n",
-            "expected columns admittance_abs .* beside frequency_hz, found hz",
-        ),
-        ("response", RESPONSE + "2,0.003,-5\n", "expected frequencies above 0 that increase; take one response of several"),
-        ("response", RESPONSE + "3,0,-5\n", "admittance_abs: expected an admittance above 0 at every frequency"),
-        ("response", RESPONSE.replace("-5", "inf"), "points.csv:3: admittance_deg: expected a finite number, found inf"),
-    ],
-)
-def test_a_file_that_cannot_be_used_is_one_message(name, text, said, tmp_path):
-    spec = spec_of(tmp_path, name, text)
-    with pytest.raises(UsageError, match=said) as caught:
-        (walls_of if name == "z_width" else response_of)(spec)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_drawn_loop_without_wall_or_hand_has_no_measured_ones():

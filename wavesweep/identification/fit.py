@@ -1,4 +1,4 @@
-"""The fit of a model to a log: numbers near by, least squares, wild readings, and then the likelihood of rounded readings.
+"""The fit of a model to a log: rough numbers, least squares, outliers, and then the likelihood of rounded readings.
 
 The force before the first row is not known, so the fit begins where it no longer matters, at a free position and velocity.
 """
@@ -9,32 +9,32 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wavesweep.errors import UsageError
-from wavesweep.identification.intervals import Told, told
+from wavesweep.identification.intervals import Estimate, estimated
 from wavesweep.identification.model import STEP, Model, euler, positions, sensitivities
 
-ONE_WAY = 0.98  # share of the way in one direction, beyond which friction is like a constant force
-RESTING = 10  # equal readings at the start of a log, of a device that is held by friction
-START = 5  # rows from which the velocity at the start is guessed
-PART = 5000  # samples of a long log that are first fitted with friction
-COARSE = 4000  # samples, at most, of the first search
-RATES = np.geomspace(0.03, 300, 13)  # damping over mass that it tries (1/s)
-TONES = np.geomspace(0.2, 100, 16)  # natural frequencies that it tries (Hz)
-NEAR = np.geomspace(0.5, 2, 7)  # of the best of these
-LATE = (0, 1, 2, 4, 8, 16, 32)  # ticks that it tries
-NO_MASS = "no mass, however large or small, moves as the log says; is the sign of the force that of the position?"
-SECANT = 0.01  # of a number's scale, the widest step of its derivative in a march with friction
-ROUNDS = 3  # of least squares without wild readings, and of the likelihood around new numbers
-WILD = 6.0  # standard deviations, from the median, of a wild reading; and two steps of the encoder
-FEW = 0.02  # of the rows; more of them are no wild readings
-HUBER = 1.5  # the same of readings that count less while the others are found
-SETTLED = 0.05  # half-widths, below which the numbers of another round are those of the last one
+ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
+RESTING = 10  # equal readings at the start of a log show a device held by friction
+START = 5  # rows from which the initial velocity is guessed
+PART = 5000  # samples of a long log from which rough numbers are found
+COARSE = 4000  # samples at most of the first search
+RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
+TONES = np.geomspace(0.2, 100, 16)  # natural frequencies tried first (Hz)
+NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
+LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
+NO_MASS = "no mass, however large or small, fits the log; do force and position have the same sign?"
+SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
+ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
+OUTLIER = 6.0  # standard deviations from the median beyond which a reading is an outlier, if it is also two steps off
+FEW = 0.02  # share of the rows that may be outliers; more are not
+HUBER = 1.5  # standard deviations beyond which readings count less while outliers are searched
+SETTLED = 0.05  # half-widths; smaller changes end the rounds
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
     """A log as it is fitted: force (N), held over each tick, and position (m), both of all rows; period (s).
 
-    resolution: step of the encoder (m), 0 for none. skip: rows at the start that are left out; used: false for wild readings
+    resolution: step of the encoder (m), 0 for none. skip: rows at the start that are left out; used: false for outliers
     among the others, `(ticks - skip,)`.
     """
 
@@ -46,12 +46,12 @@ class Rows:
     used: np.ndarray | float = 1.0
 
     def residual(self, model: Model, theta: np.ndarray) -> np.ndarray:
-        """Position less that of the model (m), 0 for a wild reading."""
+        """Position minus that of the model (m), 0 for an outlier."""
         found = positions(model, theta, self.force, self.period, self.skip)
         return (self.position[self.skip :] - found) * self.used
 
     def slopes(self, model: Model, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Derivatives of the model's positions by its numbers, 0 for a wild reading."""
+        """Derivatives of the model's positions with respect to its numbers, 0 for an outlier."""
         found = sensitivities(model, theta, self.force, self.period, steps, self.skip)
         return found * np.broadcast_to(self.used, len(found))[:, None]
 
@@ -60,8 +60,8 @@ class Rows:
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`. rows: the log as it was fitted. positions: fitted, and residual: what is left, both of
-    all rows (m). told: what the readings tell of the numbers near theta. extra: see `widened`.
+    theta: the numbers of `model.names`. rows: the log as it was fitted. positions, residual: of all rows (m). estimate: the
+    intervals about theta. extra: by how much `widened` makes them wider.
     """
 
     model: Model
@@ -69,7 +69,7 @@ class Fit:
     rows: Rows
     positions: np.ndarray
     residual: np.ndarray
-    told: Told
+    estimate: Estimate
     extra: np.ndarray | float = 0.0
 
     @property
@@ -79,8 +79,8 @@ class Fit:
 
     @property
     def half(self) -> np.ndarray:
-        """Half the widths of the intervals of a model that explains the log; `extra` comes to both sides of others."""
-        return self.told.half
+        """Half the widths of the intervals of a model that explains the log; otherwise add `extra` on both sides."""
+        return self.estimate.half
 
 
 def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float) -> Fit:
@@ -89,7 +89,7 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
     begun = replace(model, without=_hidden(model, position[rows.skip :], np.diff(position)))
     model, theta, rows = _later(begun, _begun(begun, rows), rows)
     for _ in range(ROUNDS):
-        used = _usual(model, theta, rows)
+        used = _inliers(model, theta, rows)
         if np.array_equal(used, rows.used):
             break
         rows = replace(rows, used=used)
@@ -102,7 +102,7 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
             raise UsageError(NO_MASS)
-        found = told(J, left, resolution)
+        found = estimated(J, left, resolution)
         theta = theta + found.step
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
             raise UsageError(NO_MASS)
@@ -117,10 +117,10 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
 def widened(fit: Fit) -> Fit:
     """The same fit with intervals for a model that does not explain the log.
 
-    They are wider by how far the numbers move if changes of the position from row to row are fitted in its place, which weighs
-    what is left of it in another way; and the mass and the damping by T d/2m of them, the error of Euler's rule.
+    They are wider by how far the numbers move if the changes of the position from row to row are fitted instead, which weights
+    the residual differently; those of mass and damping also by the share T d/2m, the error of Euler's rule.
     """
-    rows, J, left = fit.rows, fit.told.slopes, fit.residual[fit.rows.skip :]
+    rows, J, left = fit.rows, fit.estimate.slopes, fit.residual[fit.rows.skip :]
     both = (rows.used[1:] & rows.used[:-1])[:, None]
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     moved = np.abs(np.linalg.lstsq(np.diff(J / size, axis=0) * both, np.diff(left) * both[:, 0])[0] / size)
@@ -152,8 +152,8 @@ def _later(model, theta, rows):
             return model, theta, replace(rows, used=np.ones(len(place), bool))
 
 
-def _usual(model, theta, rows):
-    """Which readings are not wild, `(ticks - skip,)`, from a linear fit in which those far off count less (Huber)."""
+def _inliers(model, theta, rows):
+    """Which readings are no outliers, `(ticks - skip,)`, from a linear fit in which distant ones count less (Huber)."""
     rows = replace(rows, used=np.ones(len(rows.used)))
     left, J = rows.residual(model, theta), rows.slopes(model, theta, STEP * scales(model, theta, rows))
     basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
@@ -162,12 +162,12 @@ def _usual(model, theta, rows):
         deviation = np.median(np.abs(off)) / 0.6745 + 1e-300
         root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), 1e-300)))[:, None]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
-    used = np.abs(off) <= max(WILD * deviation, 2 * rows.resolution)
+    used = np.abs(off) <= max(OUTLIER * deviation, 2 * rows.resolution)
     return used if np.mean(~used) < FEW else np.ones(len(used), bool)
 
 
 def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
-    """Sizes of changes of the numbers that move the device about as far as it moves."""
+    """Changes of the numbers that move the device by about as much as it moves in the log."""
     found, reach, rms = model.numbers(theta), float(np.ptp(rows.position)), float(np.std(rows.force))
     mass, seconds = found["mass"], rows.period * len(rows.force)
     sizes = {
@@ -184,7 +184,7 @@ def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
 
 
 def refined(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
-    """The numbers of the least squares, from others near by."""
+    """The numbers of the least squares, from numbers close to them."""
     size = scales(model, theta, rows)
     reach = float(np.ptp(rows.position))
 
@@ -198,14 +198,14 @@ def refined(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
             found = rows.slopes(model, theta + (part - 1) * size, STEP * size)
         return np.nan_to_num(found * (size / reach), posinf=1e6, neginf=-1e6)
 
-    # The march with friction has kinks, in which smaller steps are lost.
+    # With friction the positions have kinks, so smaller steps mean nothing.
     finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
     done = least_squares(off, np.ones(len(theta)), slopes, x_scale="jac", gtol=None, max_nfev=40, **finest)
     return theta + (done.x - 1) * size
 
 
 def _begun(model, rows):
-    """Numbers near the best ones: those of the same model with the delay held, of the part of a long log with most force."""
+    """Numbers near the best ones, found with the delay held, from the part of a long log with the largest forces."""
     if len(rows.force) > PART:
         blocks = rows.force[: len(rows.force) // PART * PART].reshape(-1, PART)
         first = PART * int(np.argmax(blocks.std(axis=1)))
@@ -215,16 +215,17 @@ def _begun(model, rows):
     shares = [share * float(np.std(rows.force)) for share in (0.05, 0.3)] if model.friction else [0.0]
     lates = dict.fromkeys([late, 0.0] if model.friction and model.delay is None else [late])
     best = min((_near(model, known, each, share, rows) for each in lates for share in shares), key=lambda each: each[0])
-    if best[1][1] < 0 and model.delay is None:  # with another delay it may be a damping above 0, and so it rather is
+    if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
         others = [_near(model, known, each, shares[-1], rows) for each in LATE]
         best = min(best, *others, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
     return best[1]
 
 
 def _near(model, known, delay, friction, rows):
-    """The squares that the best numbers near others leave, and these numbers.
+    """The sum of squares of the best numbers near given ones, and these numbers.
 
-    The delay is held first: it moves far as long as the other numbers are rough. With friction, a long march, it stays so.
+    The delay is held at first, since it moves far while the other numbers are rough. With friction, which is slow to compute,
+    it stays held.
     """
     held, known = replace(model, delay=delay), known | {"friction": friction}
     theta = refined(held, np.array([known[name] for name in held.names]), rows)
@@ -236,7 +237,7 @@ def _near(model, known, delay, friction, rows):
 
 
 def _first(model, rows):
-    """Numbers to begin with: of each rate of decay and frequency tried the rest is linear; then delays with the best."""
+    """Rough numbers: for each rate of decay and frequency tried, the other numbers follow linearly; then delays are tried."""
     every = -(-len(rows.force) // COARSE)
     whole = len(rows.force) // every * every
     push, place, tick = rows.force[:whole].reshape(-1, every).mean(axis=1), rows.position[:whole:every], rows.period * every
@@ -245,7 +246,7 @@ def _first(model, rows):
     held = (model.delay or 0.0) / every
     tried = [_beginning(push, place, tick, rate, square, held) for square in tones for rate in RATES]
     best = min(filter(None, tried), default=None)
-    for near in (NEAR, NEAR**0.25) if best else ():  # of rates and frequencies between those tried, and of delays
+    for near in (NEAR, NEAR**0.25) if best else ():  # values between those tried, and delays
         rates, squares = (near * best[2], near * best[3]) if model.spring else (near * best[2], [0.0])
         tried = [_beginning(push, place, tick, rate, square, best[4]) for square in squares for rate in rates]
         best = min([best, *filter(None, tried)])

@@ -1,14 +1,15 @@
-"""What readings tell of the numbers of a model near a fit: the likeliest ones, and intervals that hold in 95 % of all logs.
+"""Estimates of the numbers of a model from the residual of a fit: the likeliest numbers, and their 95 % intervals.
 
-The positions are taken to be linear in the numbers, with slopes J. What is left may be three things:
+The positions are treated as linear in the numbers, with slopes J. The residual r may be one of three things:
 
-- Rounding alone: each reading is within half a step of the model. The numbers for which this is so are a polytope, and its ends
-  are found by linear programs. Its interval is as sure as that the encoder has no noise.
-- Rounding and white noise of deviation s: a reading has the probability F((r + q/2)/s) - F((r - q/2)/s), with r what is left,
-  q the step and F the normal distribution. Newton finds the largest likelihood, and its curvature the interval.
-- Coloured noise: an autoregression (Burg's method, its order by BIC) gives the spectrum of the score u, the slope of the
-  logarithm of that probability; the sandwich H^-1 J'E[u u']J H^-1 gives the interval. In logs that are not long the spectrum is
-  known roughly, so its quantile is that of logs drawn from the same autoregression, each with a spectrum of its own.
+- Rounding alone: each reading is within half a step of the model. The numbers for which this holds form a polytope, whose ends
+  are found by linear programs. The interval is valid if the encoder has no noise.
+- Rounding and white noise of deviation s: a reading has the probability F((r + q/2)/s) - F((r - q/2)/s), where q is the step
+and
+  F the normal distribution. Newton's method finds the largest likelihood, and its curvature gives the interval.
+- Coloured noise: an autoregression (Burg's method, order by BIC) gives the spectrum of the score u, the derivative of the
+  logarithm of that probability; the sandwich H^-1 J'E[u u']J H^-1 gives the interval. In short logs the spectrum is known only
+  roughly, so the quantile is that of logs drawn from the same autoregression, each with an estimated spectrum.
 """
 
 from dataclasses import dataclass
@@ -18,23 +19,23 @@ from scipy.optimize import linprog, minimize_scalar
 from scipy.signal import lfilter
 from scipy.special import log_ndtr, stdtrit
 
-SMOOTH = 0.5  # steps of white noise, above which rounded readings are like others
-NOISE = np.log([0.02, SMOOTH])  # steps of white noise between which it is searched
-NEWTON = 30  # steps of Newton's method, at most
-SLACK = 1e-3  # steps by which a reading may be off its rounding: digits of the file
-SEARCHED = 20_000  # rows, at most, by which the noise is found
-ORDER, ROWS_PER_ORDER = 30, 15  # of the autoregression, at most
-DRAWS, SHORT, WARM = 159, 5000, 1000  # logs drawn, rows up to which it is done, rows before each
+SMOOTH = 0.5  # white noise, in steps, above which rounding acts like more white noise
+NOISE = np.log([0.02, SMOOTH])  # range, in steps, in which the white noise is searched
+NEWTON = 30  # steps of Newton's method at most
+SLACK = 1e-3  # steps by which a reading may miss its rounding, because of the digits of the file
+SEARCHED = 20_000  # rows at most from which the noise is estimated
+ORDER, ROWS_PER_ORDER = 30, 15  # largest order of the autoregression, and fewest rows for each order
+DRAWS, SHORT, WARM = 159, 5000, 1000  # logs drawn, rows up to which logs are drawn, rows before each
 ADDED = 40  # constraints of a linear program that are added at a time
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What the readings tell of the numbers near those at which the slopes were taken.
+class Estimate:
+    """Numbers and intervals, estimated near the numbers at which the slopes were taken.
 
-    step: to the likeliest numbers, or the middle of the possible ones. half: of the widths of the intervals. noise: standard
-    deviation of white noise beside rounding (m). score (1/m) and weight (1/m^2): minus the first and the second derivative of
-    the logarithm of the likelihood by what is left, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding
+    step: to the likeliest numbers, or the middle of the possible ones. half: half the widths of the intervals. noise: standard
+    deviation of the white noise (m). score (1/m) and weight (1/m^2): minus the first and the second derivative of the logarithm
+    of the likelihood with respect to the residual, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding
     alone explains each reading.
     """
 
@@ -47,14 +48,14 @@ class Told:
     rounded: bool = False
 
 
-def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
-    """What is told by the residual (m) of numbers with such slopes. resolution: step of the encoder (m), 0 for none."""
+def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Estimate:
+    """Estimate the numbers from a residual (m) and slopes of the positions. resolution: step of the encoder (m), 0 for none."""
     size = np.linalg.norm(slopes, axis=0)
     basis, upper = np.linalg.qr(slopes / size)
     inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
     if resolution and (ends := _polytope(basis, residual, resolution, inverse)) is not None:
         weight, step = np.full(rows, 12 / resolution**2), np.mean(ends, axis=0)
-        return Told(step, np.ptp(ends, axis=0) / 2, 0.0, weight * (residual - slopes @ step), weight, slopes, rounded=True)
+        return Estimate(step, np.ptp(ends, axis=0) / 2, 0.0, weight * (residual - slopes @ step), weight, slopes, rounded=True)
     change, noise = _likeliest(basis, residual, resolution)
     score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
     curved = basis.T @ (weight[:, None] * basis)
@@ -66,7 +67,7 @@ def told(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Told:
     half = np.sqrt(square * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
     wider = _coloured(inverse, curved, basis, weight, score)
     half = half if wider is None else np.maximum(half, wider)
-    return Told(inverse @ change, half, noise, score, weight, slopes)
+    return Estimate(inverse @ change, half, noise, score, weight, slopes)
 
 
 def _polytope(basis, residual, resolution, aims):
@@ -108,7 +109,7 @@ def _lowest(cost, A, b, active, bound):
 
 
 def _likeliest(basis, residual, resolution):
-    """The likeliest change, and the deviation of the white noise beside rounding (m)."""
+    """The likeliest change, and the deviation of the white noise (m)."""
     change = basis.T @ residual
     left = residual - basis @ change
     square = left @ left / (len(left) - len(change))
@@ -146,7 +147,7 @@ def _climbed(basis, residual, resolution, noise, change):
 
 
 def _readings(left, resolution, noise):
-    """Logarithm of the likelihood of what is left, with minus its first and second derivatives, `(rows,)` each."""
+    """Logarithm of the likelihood of residuals, and minus its first and second derivatives, `(rows,)` each."""
     if noise > SMOOTH * resolution:
         square = noise**2 + resolution**2 / 12
         return -(left**2) / (2 * square), left / square, np.full(len(left), 1 / square)
@@ -181,7 +182,7 @@ def _autoregression(series):
 
 
 def _coloured(inverse, curved, basis, weight, score):
-    """Half the intervals if the score is an autoregression; None if it is white."""
+    """Half the widths of the intervals if the score is an autoregression; None if it is white."""
     (rows, numbers), (past, power) = basis.shape, _autoregression(score[None])
     if past.shape[1] == 1:
         return None

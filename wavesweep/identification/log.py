@@ -1,4 +1,4 @@
-"""A log of force and position, read from a CSV file; what cannot be used is refused with one message."""
+"""A log of force and position, read from a CSV file; a log that cannot be used is refused with one message."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -7,25 +7,25 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.identification.columns import read_csv
+from wavesweep.identification.csv_files import read_csv
 from wavesweep.spec.checking import nearest
 
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50
-JITTER = 0.01  # of a period, from which it is said
+JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
-UNEVEN = 0.5  # of a period, from which the steps are not equal
-GAP = 1.5  # periods between two rows of which one may be missing
+UNEVEN = 0.5  # of a period: deviation of a time above which the steps are not equal
+GAP = 1.5  # periods between two rows above which one may be missing
 TURNING = {"force": "torque", "position": "angle"}
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Equally spaced samples: `force` is held from a row to the next, `position` is that at the row's time.
+    """Equally spaced samples: `force` is held from a row to the next, `position` is measured at the time of the row.
 
-    period: s. start: time of the first row (s). turns: torque (N*m) and angle (rad) are in the place of force (N) and position
-    (m). jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file. scaled: names of the columns
-    whose scale was given.
+    period: s. start: time of the first row (s). turns: force and position are a torque (N*m) and an angle (rad), in place of N
+    and m. jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file. scaled: names of the
+    columns whose scale was given.
     """
 
     force: np.ndarray
@@ -44,7 +44,7 @@ class Log:
 
 
 def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float]) -> Log:
-    """Read a log. columns: name in the file of time, force (or torque) and position (or angle), where it is another one.
+    """Read a log. columns: the name in the file of time, force (or torque) and position (or angle), where it differs.
 
     scales: factors that turn the numbers of the file into s, N (or N*m) and m (or rad).
     Errors: UsageError that names the file, the line or the column, what was expected and what was found.
@@ -68,7 +68,7 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
         known = [each for each in tries if each in names]
         if not known:
             meant = nearest(wanted, names)
-            hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME tells it"
+            hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME gives its name"
             raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
         used[role] = known[0]
     rows = file.numbers(list(used.values()), LEAST_ROWS)
@@ -126,7 +126,7 @@ def pairs(given: Iterable[str], option: str) -> dict[str, str]:
 
 
 def step_of(position: np.ndarray) -> float:
-    """The step of the encoder that the readings show (m), 0 if they show none."""
+    """The step of the encoder that is visible in the readings (m), 0 if there is none."""
     steps = np.unique(np.abs(np.diff(position)))
     steps = steps[steps > 1e-9 * np.ptp(position)]
     if not steps.size:

@@ -1,9 +1,9 @@
-"""The sampled model of a log: a device under a force that is held over a tick, maybe late, and Coulomb friction.
+"""The sampled model of a log: a device with Coulomb friction under a force that is held over a tick and may be late.
 
     m a + d v + k x = f(t - D T) + f_0 - F_c sgn(v)
 
-What is fitted is the logarithm of the mass, the other numbers that are free, and three that only this log has: position and
-velocity at its start, and a constant force (gravity, the offset of an amplifier, where a spring rests).
+Fitted are the logarithm of the mass, the other free numbers of the device, and three numbers of the log alone: its initial
+position and velocity, and a constant force (gravity, the offset of an amplifier, the rest position of a spring).
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from scipy.signal import lfilter
 from wavesweep.loops.device import impulse_and_step, motion
 
 OWN = ("start", "velocity", "offset")  # numbers of the log alone
-LARGEST = 100.0  # logarithm of a mass, beyond which none is tried
-STEP = 1e-4  # of finite differences, in units in which a number moves the position by about its range
+LARGEST = 100.0  # logarithm of the largest mass that is tried
+STEP = 1e-4  # of finite differences, relative to the scale of a number
 
 
 @dataclass(frozen=True)
 class Model:
-    """What is fitted.
+    """The numbers that are fitted.
 
-    spring, friction: whether there are some. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0.
+    spring, friction: whether the model has them. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0.
     """
 
     spring: bool = False
@@ -47,10 +47,10 @@ class Model:
 
 
 def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
-    """Position (m) at the start of each tick from tick `skip` on, `(ticks - skip,)`, where the numbers of the start hold.
+    """Position (m) at the start of each tick from tick `skip` on, `(ticks - skip,)`; there the initial numbers hold.
 
-    force: (N) of each tick, of all ticks; period: s. The force before the log is not known: with `skip` above the delay it is
-    not needed, otherwise it is taken to be the first one.
+    force: N, of all ticks; period: s. The force before the log is not known. With `skip` above the delay it is not needed,
+    otherwise the first one is used.
     """
     found = model.numbers(theta)
     if not abs(found["delay"]) < len(force):
@@ -60,7 +60,7 @@ def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float,
 
 
 def _pushes(found, force, period, skip):
-    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its parts; and what 1 N would add.
+    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its two parts; the effect of 1 N.
 
     A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then:
     the parts are pairs of seconds and N.
@@ -74,7 +74,7 @@ def _pushes(found, force, period, skip):
 
 
 def late(force: np.ndarray, ticks: int) -> np.ndarray:
-    """The force so many ticks later; before the log it is taken to be what it is at the start."""
+    """The force, delayed by some ticks; before the log it has its first value."""
     at = np.clip(np.arange(len(force)) - ticks, 0, len(force) - 1)
     return force[at] if ticks else force
 
@@ -87,19 +87,19 @@ def reach(found, length):
 
 
 def step(found, period):
-    """The matrix of a tick, of velocity and position."""
+    """The matrix of velocity and position over a tick."""
     mass, damping, stiffness = found["mass"], found["damping"] / found["mass"], found["stiffness"] / found["mass"]
     s, g, *_ = impulse_and_step(damping, stiffness, period)
     return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
 
 
 def _linear(found, push, period):
-    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which keeps the digits of poles next to 1."""
+    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for poles near 1."""
     A = step(found, period)
     half = found["damping"] / (2 * found["mass"])
     root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
     fast = -half - root
-    slow = found["stiffness"] / found["mass"] / fast if fast else 0.0  # the sum of the two would lose its digits
+    slow = found["stiffness"] / found["mass"] / fast if fast else 0.0  # the sum would cancel
     one, two = np.exp(fast * period), np.exp(slow * period)
     if not root.imag:
         one, two = one.real, two.real
@@ -111,7 +111,7 @@ def _linear(found, push, period):
 
 
 def _sliding(found, push, parts, full, period):
-    """The same with friction, tick by tick; a tick in which the device stops or starts is divided there."""
+    """The positions with friction, tick by tick; a tick in which the device stops or starts is divided there."""
     A, friction = step(found, period), found["friction"]
     vv, vx, xv, xx = (float(each) for each in A.ravel())
     by_v, by_x = friction * float(full[0]), friction * float(full[1])
@@ -140,7 +140,7 @@ def _sliding(found, push, parts, full, period):
 def _through_rest(found, friction, v, x, pull, left):
     """Velocity and position after `left` seconds in which the device stops, under a constant force, by Taylor's series."""
     mass, damping, stiffness = found["mass"], found["damping"], found["stiffness"]
-    for _ in range(4):  # a tick with more than a few reversals is none that a log could show
+    for _ in range(4):  # more reversals within a tick would not be visible in a log
         net = pull - stiffness * x
         if v == 0.0 and abs(net) <= friction:
             return 0.0, x
@@ -170,15 +170,15 @@ def _root(v, a, jerk):
 
 
 def euler(found, period):
-    """How far Euler's rule moves the logarithm of the mass and the damping, to those of another device: T d/2m of them."""
+    """The error of Euler's rule in the logarithm of the mass and in the damping: the share T d/2m."""
     share = period * abs(found["damping"]) / (2 * found["mass"])
     return np.array([share, share * abs(found["damping"])])
 
 
 def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, steps, skip: int = 0) -> np.ndarray:
-    """Derivatives of the positions by the numbers, `(ticks - skip, numbers)`, from central differences over `steps`.
+    """Derivatives of the positions with respect to the numbers, `(ticks - skip, numbers)`, by central differences.
 
-    With friction the steps should be as wide as the interval of the number: narrow ones may lie on one side of a stop.
+    steps: of the numbers. With friction they should be as wide as the intervals, since a stop makes the positions kink.
     """
     columns = []
     for at, size in enumerate(steps):

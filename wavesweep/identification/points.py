@@ -1,4 +1,4 @@
-"""What was measured: limits of walls or walls that were tried, and a frequency response, from the files that a spec names."""
+"""Measured limits of walls, walls that were tried, and measured responses, from the files that a spec names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.identification.columns import SHOWN, Csv, read_csv
+from wavesweep.identification.csv_files import SHOWN, Csv, read_csv
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.reading import read_bytes
 
@@ -46,20 +46,20 @@ class Walls:
 
 
 def is_response(path: str | Path) -> bool:
-    """Whether a file has frequencies and not times."""
+    """Whether a file contains a frequency response and not a log."""
     header = read_bytes(path, MOST_BYTES * 10).partition(b"\n")[0].decode("utf-8-sig", "replace")
     return FREQUENCY in [name.strip() for name in header.split(",")]
 
 
 def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BYTES) -> FrequencyResponse:
-    """Read a frequency response of at least so many rows, of at most so many bytes.
+    """Read a frequency response with at least `least` rows and at most `most` bytes.
 
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
     parts = next((p for p in (("abs", "deg"), ("re", "im")) if {f"{NAME}_{each}" for each in p} <= set(file.names)), None)
     if parts is None or FREQUENCY not in file.names:
-        expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, beside {FREQUENCY}"
+        expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
         raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
     names = [FREQUENCY, *(f"{NAME}_{each}" for each in parts), *([COHERENCE] if COHERENCE in file.names else [])]
     hertz, one, two, *rest = file.numbers(names, least).T
@@ -75,14 +75,14 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
 
 
 def read_walls(path: str | Path) -> Walls:
-    """Read walls with the columns B_VE and K_VE and perhaps `stable`: 1 or 0, true or false.
+    """Read walls from the columns B_VE, K_VE and, optionally, `stable` (1 or 0, true or false).
 
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, MOST_BYTES_OF_POINTS)
     for name in WALL:
         if name not in file.names:
-            meant = nearest(name, file.names)
+            meant = nearest(name, [each for each in file.names if each not in WALL])
             hint = f"; is {meant} meant?" if meant else ""
             raise UsageError(f"{path}: expected the columns {' and '.join(WALL)}, found {file.listed}{hint}")
     damping, stiffness = file.numbers(WALL).T
@@ -92,7 +92,7 @@ def read_walls(path: str | Path) -> Walls:
     if STABLE in file.names:
         return Walls(damping, stiffness, _flags(file), file.sha256)
     if (stiffness == 0).any():
-        hint = "where none is stable, give a wall that was tried, in a file with a column stable"
+        hint = "where no wall is stable, give one that was tried, in a file with a column stable"
         raise UsageError(f"{path}: K_VE: expected limits above 0, found 0; {hint}")
     return Walls(damping, stiffness, None, file.sha256)
 
@@ -129,9 +129,10 @@ def _bounded(found, path):
 
 
 def facts_of_points(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
-    """The points that belong into the figure of a table of that kind, as the fact `measured` of the run, if there are some.
+    """The measured points for the figure of a table of that kind, as the fact `measured` of the run, if there are any.
 
-    They are kept with the table, so that `plot` draws those of its run. Errors: UsageError for a file that cannot be used.
+    They are stored with the table, so that `plot` draws the points of the run. Errors: UsageError for a file that cannot be
+    used.
     """
     found: dict[str, Mapping[str, Any]] = {}
     for spec in specs if kind in OF_WALLS or kind in OF_RESPONSES else ():

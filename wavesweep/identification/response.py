@@ -1,4 +1,4 @@
-"""The same device from a frequency response: the sampled model's admittance against the measured one, with relative errors."""
+"""The fit of a device to a frequency response: the admittance of the sampled model, with relative errors."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -12,20 +12,20 @@ from wavesweep.identification.fit import LATE
 from wavesweep.identification.model import OWN, Model, euler, reach, step
 from wavesweep.identification.points import FrequencyResponse
 
-RELATED = 3.5  # deviations of the correlation of neighbouring residuals, beyond which they are no noise
-ALIKE = 0.99  # correlation of neighbouring residuals up to which intervals are widened by it
-RARE = 9.0  # the logarithm of the odds against noise, at which an effect or a single frequency is none
+RELATED = 3.5  # standard deviations of the correlation of neighbouring residuals beyond which they are not noise
+ALIKE = 0.99  # largest correlation of neighbouring residuals by which intervals are widened
+RARE = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
 TONES = 80  # frequencies of a resonance that are tried
 RINGING = 0.03  # damping ratio of a resonance that is tried
-CLEAR = 0.3  # share of what is left that an effect has to take away to be named
+CLEAR = 0.3  # share of the residual that an effect has to remove to be named
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseFit:
     """The numbers `names` of a model, half the widths of their intervals, and the judgement, as for a log.
 
-    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals. extra: by how much more the
-    intervals reach to both sides if the model does not explain the response.
+    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals. extra: by how much
+    wider the intervals are on both sides if the model does not explain the response.
     """
 
     model: Model
@@ -63,7 +63,7 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: f
     """Admittance (m/N) of the sampled model, `(frequencies,)`: positions at the ticks over the force that is held between."""
     (vv, vx), (xv, xx) = step(numbers, period)
     angle, whole = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
-    # A force that is a part of a tick late is that of the tick before in this part, see `model`.
+    # With a delay of part of a tick, the force of the tick before acts in this part, see `model`.
     full, rest = reach(numbers, period), reach(numbers, (1 - numbers["delay"] + whole) * period)
     by_v, by_x = rest[:, None] + (full - rest)[:, None] * np.exp(-1j * angle)
     ahead = np.exp(1j * angle)
@@ -82,21 +82,21 @@ def fitted_response(measured: FrequencyResponse, period: float, model: Model) ->
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
     named = max(_tried(measured, period, model, theta, left, J), key=lambda each: each[2])
-    rare = len(H) * named[2] > np.log(TONES) + RARE  # noise takes shares of 1/n, and of many the largest is ln(number)/n
+    rare = len(H) * named[2] > np.log(TONES) + RARE  # noise explains shares of 1/n; the largest of many is ln(number)/n
     far = float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300)) > np.log(len(H)) + RARE
     explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
     if explained:
         named = ("", float("nan"), 0.0)
     elif named[2] < CLEAR:
         named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
-    if not explained:  # what is left has fewer independent errors than frequencies
+    if not explained:  # there are fewer independent errors than frequencies
         extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, ALIKE))) - 1)
         extra[:2] += euler(_numbers(model, theta), period)
     return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra)
 
 
 def _weights(measured):
-    """One over the standard deviation of the relative error, but for a factor that is the same at all frequencies."""
+    """One over the standard deviation of the relative error, up to a factor common to all frequencies."""
     square = np.minimum(measured.coherence, 0.9999)
     return np.sqrt(square / (1 - square)) / np.sqrt(0.9999 / 0.0001)
 
@@ -131,12 +131,12 @@ def _first(measured, period, model):
         if x[0] > 0 and (best is None or error < best[0]):
             best = (error, np.array([np.log(x[0]), *x[1:], *([float(late)] if model.delay is None else [])]))
     if best is None:
-        raise UsageError("no mass, however large or small, has this response; is the sign of the force that of the position?")
+        raise UsageError("no mass, however large or small, has this response; do force and position have the same sign?")
     return best[1]
 
 
 def _tried(measured, period, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
-    """Yield effects that the model does not have, and the share of what is left that each takes away."""
+    """Yield effects that the model lacks, and the share of the residual that each removes."""
     before, known = float(left @ left), _numbers(model, theta)
     more = [] if model.spring else [("spring", replace(model, spring=True))]
     more += [] if model.delay is None else [("delay", replace(model, delay=None))]

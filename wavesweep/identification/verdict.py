@@ -1,4 +1,4 @@
-"""Whether a fit explains a log: what is left, held against what the encoder leaves by itself, and which effect is missing."""
+"""Whether a fit explains a log: the residual against that of the encoder alone, and which effect is missing."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,30 +11,30 @@ from scipy.special import gammaincc
 from wavesweep.identification.fit import Fit, fitted, refined, widened
 from wavesweep.identification.model import Model, late, positions
 
-SHOWN = 12  # places of the encoder's steps, from which the usual size of rounding errors is told
+SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
 BANDS = 24  # of the spectrum, equally wide in octaves
-EXACT = 1e-10  # of the motion, below which what is left is that of double precision
-RARE = 1e-8  # probability of the power of a band, below which white noise does not make it
-SIGMAS = 5.0  # beyond which an effect that the model does not have is seen
+EXACT = 1e-10  # residual, relative to the motion, that double precision alone explains
+RARE = 1e-8  # probability of the power of a band below which white noise does not explain it
+SIGMAS = 5.0  # significance at which an effect that the model lacks is seen
 TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
-SWINGING = 0.25  # share of the mass that swings in it
-SURE = 8.0  # sigmas of an effect that surely goes beyond SIGMAS, with errors of three against it
-ONE_WAY = 0.98  # share of the motion in one direction, beyond which friction is like a constant force
-CLEAR = 0.3  # share of what is left that an effect has to take away to be named
-TRIED = 8000  # samples, at most, to which a model with one effect more is fitted
+SWINGING = 0.25  # share of the mass that takes part in it
+SURE = 8.0  # expected significance at which an effect is seen in spite of errors of three sigmas
+ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
+CLEAR = 0.3  # share of the residual that an effect has to remove to be named
+TRIED = 8000  # samples at most to which a model with one more effect is fitted
 
 
 @dataclass(frozen=True)
 class Verdict:
     """The judgement of a fit.
 
-    explained: the residual is what the encoder and white noise leave. missing: "friction", "spring", "delay", "resonance",
-    "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no resonance at all), or empty if it is
-    explained. frequency_hz: of the resonance, or where most is left; otherwise NaN. share: of the residual's power that the
-    effect would take away. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring
-    residuals; correlation_expected: of the encoder alone. resonance_hz: between these the log shows a
-    resonance in which a quarter of the mass swings.
+    explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", "one-way"
+    (friction or a constant force), "unknown", "unseen" (the log would show no resonance at all), or empty if it is explained.
+    frequency_hz: of the resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that the
+    effect would remove. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring residuals;
+    correlation_expected: of the encoder alone. resonance_hz: the range in which a resonance with a quarter of the mass would be
+    seen.
     """
 
     explained: bool
@@ -57,11 +57,11 @@ def identified(model: Model, force: np.ndarray, position: np.ndarray, period: fl
 
 def judged(fit: Fit) -> Verdict:
     """Judge a fit."""
-    rows, told = fit.rows, fit.told
-    # Divided by the roots of its weights the score is white if the model is right.
-    root = np.sqrt(told.weight)
-    basis = np.linalg.qr(_sized(root[:, None] * told.slopes))[0]
-    left = _projected(basis, told.score / np.maximum(root, 1e-300))
+    rows, estimate = fit.rows, fit.estimate
+    # Divided by the square roots of its weights, the score is white if the model is right.
+    root = np.sqrt(estimate.weight)
+    basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
+    left = _projected(basis, estimate.score / np.maximum(root, 1e-300))
     edges = _edges(len(left))
     # Powers of white noise are Gamma distributed.
     odds = gammaincc(np.diff(edges), _powers(left, edges) / np.sum(left**2))
@@ -78,7 +78,7 @@ def judged(fit: Fit) -> Verdict:
             tone, taken = frequency, share
     residual, step = fit.residual[rows.skip :], rows.resolution
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
-    exact = told.rounded or rms < EXACT * np.ptp(rows.position)
+    exact = estimate.rounded or rms < EXACT * np.ptp(rows.position)
     alike, remains = _like_friction(fit), not exact and (seen or float(odds.min()) < RARE)
     band = _band(shown)
     explained = not (remains or alike or band is None)
@@ -95,13 +95,13 @@ def judged(fit: Fit) -> Verdict:
 
 
 def _band(shown):
-    """The first and the last frequency of the first stretch in which a resonance is seen; None if it never is."""
+    """The first and the last frequency of the first range in which a resonance would be seen; None if there is none."""
     stretch = list(takewhile(lambda each: each[1], dropwhile(lambda each: not each[1], shown)))
     return (stretch[0][0], stretch[-1][0]) if stretch else None
 
 
 def _like_friction(fit: Fit) -> bool:
-    """Whether a constant force against a device that moves one way alone was found, which Coulomb friction would be as well."""
+    """Whether a constant force opposes a device that moves in one direction only, as Coulomb friction would."""
     if fit.model.friction or fit.model.spring:
         return False
     moves = np.diff(fit.positions[fit.rows.skip :])
@@ -111,7 +111,7 @@ def _like_friction(fit: Fit) -> bool:
 
 
 def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
-    """Yield each number that the model does not have, and the share of what is left that a fit with it takes away."""
+    """Yield each number that the model lacks, and the share of the residual that a fit with it removes."""
     model, rows = fit.model, fit.rows
     end = rows.skip + TRIED
     rows = replace(rows, force=rows.force[:end], position=rows.position[:end], used=rows.used[:TRIED])
@@ -130,7 +130,7 @@ def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
 
 
 def _left(model, theta, rows):
-    """The squares that are left of a log by the best numbers."""
+    """The sum of squares of the residual of the best numbers."""
     return float(np.sum(rows.residual(model, refined(model, theta, rows)) ** 2))
 
 
@@ -139,7 +139,7 @@ def _projected(basis, errors):
 
 
 def _orthogonal(basis, directions):
-    """The directions without what the fit takes of them, orthonormal."""
+    """An orthonormal basis of the directions, orthogonal to the basis of the fit."""
     rest = _sized(directions)
     for _ in range(2):
         rest = rest - basis @ (basis.T @ rest)
@@ -169,7 +169,7 @@ def _neighbours(errors):
 
 
 def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield what each effect that the model does not have changes in the positions; of a resonance with its frequency."""
+    """Yield the changes of the positions by each effect that the model lacks; for a resonance with its frequency, else 0."""
     found, (force, period, skip) = fit.numbers | {"friction": 0.0}, (fit.rows.force, fit.rows.period, fit.rows.skip)
     places = fit.positions[skip:]
     for by in (
@@ -192,9 +192,9 @@ def _response(found, force, period):
 
 
 def _ringing(force, tone, period, mass):
-    """What a swinging share of the mass adds to the position (m), and its change from tick to tick, `(ticks, 2)`.
+    """What the swinging share of the mass adds to the position (m), and its change from tick to tick, `(ticks, 2)`.
 
-    Of two masses m (1 - q) and m q the first has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
+    With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
     """
     angle = 2 * np.pi * tone * period
     pole = np.exp(angle * complex(-RINGING, 1.0))

@@ -43,7 +43,7 @@ IDENTIFY = (
     Field("position", "number", "m", "position of the log"),
     Field("fitted", "number", "m", "position of the fitted model; missing in the first rows, which are not fitted"),
     Field("residual", "number", "m", "position minus fitted"),
-    Field("weight", "number", "1", "1 if the row is fitted; 0 in the first rows, and for a wild reading"),
+    Field("weight", "number", "1", "1 if the row is fitted; 0 in the first rows, and for an outlier"),
 )
 IDENTIFY_RESPONSE = (
     Field("frequency_hz", "number", "Hz", "frequency"),
@@ -226,7 +226,7 @@ def _residual(fit, verdict) -> dict[str, Any]:
         "rms": verdict.rms,
         "rms_of_encoder": verdict.expected,
         "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
-        "white_noise": fit.told.noise,
+        "white_noise": fit.estimate.noise,
         "correlation": verdict.correlation,
         "correlation_of_encoder": verdict.correlation_expected,
         "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
@@ -246,7 +246,7 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
         yield f"{found}; --resolution gives those of the encoder"
     if len(wild):
-        yield f"{len(wild)} wild reading{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
+        yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

@@ -1,4 +1,4 @@
-"""Columns of numbers from a CSV file; what cannot be used is refused with one message."""
+"""Columns of numbers from CSV files; a file that cannot be used is refused with one message."""
 
 import csv
 import hashlib
@@ -41,12 +41,13 @@ class Csv:
                 rows = np.loadtxt(StringIO(self.body), delimiter=",", ndmin=2, comments=None, usecols=places, quotechar='"')
             except ValueError:
                 raise UsageError(self._fault(columns) or f"{self.path}: {_NONE}, found none that can be read") from None
-        # A row of another length is told by its commas, but for those within quotes.
+        # Commas show rows of another length, except where they are within quotes.
         suspect = self.body.count(",") != (len(self.names) - 1) * len(rows) or not np.isfinite(rows).all()
         if suspect and (fault := self._fault(columns)):
             raise UsageError(fault)
         if len(rows) < least:
-            raise UsageError(f"{self.path}: expected at least {least} rows of numbers below the header, found {len(rows)}")
+            expected = "a row" if least == 1 else f"at least {least} rows"
+            raise UsageError(f"{self.path}: expected {expected} of numbers below the header, found {len(rows) or 'none'}")
         return rows
 
     def texts(self, column: str) -> list[tuple[int, str]]:
@@ -60,7 +61,7 @@ class Csv:
         return self.names.index(name)
 
     def _fault(self, columns):
-        """What is wrong with the first row that cannot be used; empty if nothing is."""
+        """The message about the first row that cannot be used; empty if there is none."""
         width = len(self.names)
         for number, row in enumerate(csv.reader(self.body.splitlines()), start=2):
             line = f"{self.path}:{number}"
@@ -86,7 +87,7 @@ def read_csv(path: str | Path, most: int) -> Csv:
     data = read_bytes(path, most)
     text = data.decode("utf-8-sig", "replace")
     if "\0" in text or "\ufffd" in text:
-        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are no text; export it as CSV")
+        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV")
     header, _, body = text.replace("\r\n", "\n").replace("\r", "\n").partition("\n")
     for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
         if mark in header.strip() and "," not in header:
