@@ -64,10 +64,14 @@ def having(columns: Columns, wanted: Mapping[str, Sequence[float]]) -> np.ndarra
     return flags
 
 
+def where(columns: Columns, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Some of the rows, by flags or numbers."""
+    return {name: column[rows] for name, column in columns.items()}
+
+
 def rows_with(columns: Columns, values: Mapping[str, float]) -> dict[str, np.ndarray]:
     """The rows with one value of each of these axes."""
-    flags = having(columns, {axis: (value,) for axis, value in values.items()})
-    return {name: column[flags] for name, column in columns.items()}
+    return where(columns, having(columns, {axis: (value,) for axis, value in values.items()}))
 
 
 def axes_of(columns: Columns) -> dict[str, tuple[float, ...]]:
@@ -177,3 +181,12 @@ def is_logarithmic(values: np.ndarray) -> bool:
     if len(steps) < 4 or steps[0] <= 0:
         return False
     return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
+
+
+def goes_by_factors(values: np.ndarray) -> bool:
+    """Whether a scale of factors suits values of any spacing, by which of both spacings is more even, or by their range."""
+    steps = np.unique(values)
+    if len(steps) < 3:
+        return False
+    even, factors = np.ptp(np.diff(steps)) / np.ptp(steps), np.ptp(np.diff(np.log(steps))) / np.log(steps[-1] / steps[0])
+    return bool(steps[-1] > 20 * steps[0]) if min(even, factors) > 1e-6 else bool(factors < even or steps[-1] > 200 * steps[0])

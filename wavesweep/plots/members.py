@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import rows_with
+from wavesweep.plots.layout import rows_with, where
 from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, shortened, valued
 from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, incomplete
 
@@ -51,10 +51,6 @@ class Member:
 def whose_of(columns: Columns) -> str:
     """The column that says for whom a row is, if the table has one."""
     return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
-
-
-def where(columns: Columns, flags: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: column[flags] for name, column in columns.items()}
 
 
 def members_of(

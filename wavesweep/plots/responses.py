@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns, complex_columns
+from wavesweep.plots.layout import goes_by_factors, where
 from wavesweep.plots.measured import coloured, draw_responses
 from wavesweep.plots.sampling import Curves
 from wavesweep.plots.style import (
@@ -36,7 +37,7 @@ from wavesweep.plots.style import (
 from wavesweep.stability.certificate import SPARED
 from wavesweep.tables.regions import spec_of
 
-_AT_HAND = (("admittance", "mm/N"), ("impedance", "N/m"))
+_ERRORS = ("admittance_error", "impedance_error")
 ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
 LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
@@ -53,6 +54,19 @@ class Curve:
     style: dict[str, Any]
 
 
+@dataclass(frozen=True, eq=False)
+class _Quantity:
+    """What a pair of panels shows: the stem of its columns, the labels of magnitude and phase, and the unit of its curves.
+
+    unit: None for all curves.
+    """
+
+    stem: str
+    magnitude: str
+    phase: str
+    unit: str | None = None
+
+
 def bode(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
     """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz, with decibels at the right.
 
@@ -64,10 +78,13 @@ def bode(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None
     """
     columns, left_out = _shown(columns, left_out)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
-    quantities = [
-        _Quantity(name, at_hand(name, f"{name}_abs", unit, facts), f"phase of {name} (deg)") for name, unit in _AT_HAND
-    ]
-    return _drawn(columns, quantities, left_out, facts)
+    return _drawn(columns, _at_hand(facts), left_out, facts)
+
+
+def _at_hand(facts: Mapping[str, Any]) -> list[_Quantity]:
+    """Admittance and impedance at the hand."""
+    units = (("admittance", "mm/N"), ("impedance", "N/m"))
+    return [_Quantity(name, at_hand(name, f"{name}_abs", unit, facts), f"phase of {name} (deg)") for name, unit in units]
 
 
 def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
@@ -89,26 +106,30 @@ def _shown(columns: Columns, left_out: str | None) -> tuple[Columns, str]:
     return curves.chosen()
 
 
-@dataclass(frozen=True, eq=False)
-class _Quantity:
-    """What a pair of panels shows: the stem of its columns, the labels of magnitude and phase, and the unit of its curves.
-
-    unit: None for all curves.
-    """
-
-    stem: str
-    magnitude: str
-    phase: str
-    unit: str | None = None
-
-
 def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]) -> Any:
-    """The figure with a magnitude above a phase for each quantity; in a narrow one all panels are below each other."""
-    x = _axis_of(columns)
+    """The figure of the curves of a table."""
+    one = len(np.unique(columns["frequency_hz"])) == 1
+    x = next(iter(_swept(columns)), "frequency_hz") if one else "frequency_hz"  # or the longest axis
     curves, scale = _curves(columns, x, facts)
+    place = "" if x == "frequency_hz" else f"At {columns['frequency_hz'][0]:g} Hz."
+    return _figure(curves, quantities, x, facts, scale, (place, left_out, assumption(facts)))
+
+
+def _figure(
+    curves: Sequence[Curve],
+    quantities: Sequence[_Quantity],
+    x: str,
+    facts: Mapping[str, Any],
+    scale: tuple[str, Any] | None = None,
+    notes: Sequence[str] = (),
+) -> Any:
+    """A magnitude above a phase for each quantity; in a narrow figure all panels are below each other.
+
+    scale: of the colours of many curves, and the axis that it is for.
+    """
+    specs = dict.fromkeys(each for curve in curves for each in curve.rows["spec"].tolist())
+    measured = {spec: distinct_colour(number) for number, spec in enumerate(specs if x == "frequency_hz" else ())}
     named = [curve.label for curve in curves if curve.label]
-    specs = dict.fromkeys(columns["spec"].tolist()) if x == "frequency_hz" else ()
-    measured = {spec: distinct_colour(number) for number, spec in enumerate(specs)}
     in_a_row = fitting([*named, *coloured(facts, "response", measured)], wide(TWO_COLUMNS))
     shape = (2 * len(quantities), 1) if is_narrow() or len(quantities) == 1 else (2, len(quantities))
     with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
@@ -120,19 +141,19 @@ def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, fac
                 name = f"{quantity.stem}_{part}"
                 _draw_panel(axes, own, name, x, partial(draw_responses, axes, facts, name, measured))
                 axes.set_ylabel(title)
-                _mark_nyquist(axes, columns, x, number == 0 and axes is above)
+                if x == "frequency_hz":
+                    _mark_nyquist(axes, curves, number == 0 and axes is above)
             _add_decibels(above)
         for axes in grid[-1]:
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
         canvas.align_ylabels()
-        place = "" if x == "frequency_hz" else f"At {columns['frequency_hz'][0]:g} Hz."
-        note_below(canvas, place, left_out, assumption(facts))
+        note_below(canvas, *notes)
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
         shown = pairs[:1, 0] if quantities[0].unit is None else pairs[:, 0]  # all panels of the hand have the same curves
         entries = [entry for axes in shown for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
-        handles, labels = zip(*entries, strict=True) if entries else ((), ())
-        if handles:
+        if entries:
+            handles, labels = zip(*entries, strict=True)
             canvas.legend(handles, labels, loc="outside upper center", ncols=min(in_a_row, len(handles)))
     return canvas
 
@@ -144,15 +165,10 @@ def _swept(columns: Columns) -> list[str]:
     return sorted((name for name in names if count[name] > 1), key=lambda name: -count[name])
 
 
-def _axis_of(columns: Columns) -> str:
-    """The axis along the figure: frequency or, if there is only one, the longest axis."""
-    return next(iter(_swept(columns)), "frequency_hz") if len(np.unique(columns["frequency_hz"])) == 1 else "frequency_hz"
-
-
 def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured: Callable[[], np.ndarray]) -> None:
     """draw_measured: draws what was measured, and gives its places along the figure."""
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
-    logarithmic = _is_logarithmic(everywhere[everywhere > 0])
+    logarithmic = goes_by_factors(everywhere[everywhere > 0])
     everywhere = np.append(everywhere, draw_measured())
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     for curve in curves:
@@ -196,14 +212,6 @@ def _rounded(rows: Columns, name: str) -> np.ndarray:
     return (rows["doubt"] == "rounding") & ~(rows[f"{name.partition('_')[0]}_error"] <= SPARED)
 
 
-def _is_logarithmic(values: np.ndarray) -> bool:
-    steps = np.unique(values)
-    if len(steps) < 3:
-        return False
-    even, factors = np.ptp(np.diff(steps)) / np.ptp(steps), np.ptp(np.diff(np.log(steps))) / np.log(steps[-1] / steps[0])
-    return bool(steps[-1] > 20 * steps[0]) if min(even, factors) > 1e-6 else bool(factors < even or steps[-1] > 200 * steps[0])
-
-
 def _in_degrees(axes: Any) -> None:
     """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies."""
     from matplotlib.ticker import MultipleLocator
@@ -224,22 +232,20 @@ def _broken(places: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.insert(places.astype(float), jumps, np.nan), np.insert(degrees, jumps, np.nan)
 
 
-def _mark_nyquist(axes: Any, columns: Columns, x: str, named: bool) -> None:
+def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:
     """A line at the Nyquist frequency of the slow rate (omega T_s is pi); none if the specs have different slow rates."""
-    scale = _normalised(columns)
-    if x != "frequency_hz" or scale is None:
-        return
-    nyquist = np.pi / scale
-    if columns["frequency_hz"].min() < nyquist < 0.99 * columns["frequency_hz"].max():
-        words = {"label": f"slow Nyquist frequency, {nyquist:.4g} Hz"} if named else {}
-        axes.axvline(nyquist, color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
+    hertz, turns = (np.concatenate([curve.rows[name] for curve in curves]) for name in ("frequency_hz", "omega_Ts"))
+    slow = np.pi * hertz[hertz > 0] / turns[hertz > 0]
+    if len(slow) and np.ptp(slow) <= 1e-9 * slow[0] and hertz.min() < slow[0] < 0.99 * hertz.max():
+        words = {"label": f"slow Nyquist frequency, {slow[0]:.4g} Hz"} if named else {}
+        axes.axvline(slow[0], color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
 
 
 def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Curve], tuple[str, Any] | None]:
     """The curves and, if they are many, the axis that the scale of colours is for, and the scale."""
     axes = [name for name in _swept(columns) if name != x]
     specs = list(dict.fromkeys(columns["spec"].tolist()))
-    found = [_responses(_chosen(columns, columns["spec"] == spec), axes, facts) for spec in specs]
+    found = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
     several = len(axes) > 0 and sum(map(len, found)) > _MOST_CURVES
     scale = _scale(columns[axes[0]]) if several else None
     curves = []
@@ -265,7 +271,7 @@ def _scale(values: np.ndarray) -> Any:
     from matplotlib.colors import LogNorm, Normalize
 
     known = values[~np.isnan(values)]
-    norm = LogNorm if _is_logarithmic(known[known > 0]) and known.min() > 0 else Normalize
+    norm = LogNorm if goes_by_factors(known[known > 0]) and known.min() > 0 else Normalize
     return ScalarMappable(norm(float(known.min()), float(known.max())), family_map())
 
 
@@ -276,15 +282,11 @@ def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> l
     different, which = np.unique(values, axis=0, return_inverse=True)
     found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
     for number, combination in enumerate(different):
-        rows = _chosen(columns, which.reshape(-1) == number)
+        rows = where(columns, which.reshape(-1) == number)
         known = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
         place = ", ".join(valued(name, value, facts) for name, value in known)
         found.setdefault(b"".join(rows[name].tobytes() for name in rows if name.endswith("_re")), (place, rows))
     return list(found.values())
-
-
-def _chosen(columns: Columns, rows: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: column[rows] for name, column in columns.items()}
 
 
 def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -313,13 +315,6 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
 
 
-def _normalised(columns: Columns) -> float | None:
-    """omega T_s per Hz; None if the specs have different slow rates."""
-    positive = columns["frequency_hz"] > 0
-    ratios = columns["omega_Ts"][positive] / columns["frequency_hz"][positive]
-    return float(ratios[0]) if len(ratios) and np.ptp(ratios) <= 1e-9 * ratios[0] else None
-
-
 def _add_decibels(axes: Any) -> None:
     """An axis at the right in dB of the unit at the left, for magnitudes that have a scale of factors."""
     if axes.get_yscale() != "log":
@@ -335,29 +330,28 @@ def _add_decibels(axes: Any) -> None:
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop.
 
-    The line is computed for the figure between the frequencies of the table and an octave beyond them; without the spec, or of
-    an unstable loop, there are marks at these frequencies alone.
+    The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
+    loop, there are marks at these frequencies alone.
     """
-    order = np.argsort(columns["frequency_hz"])
-    rows = {name: column[order] for name, column in columns.items()}
-    linear = {name.removeprefix("linear_"): column for name, column in rows.items() if name.startswith("linear_")}
-    linear = _linear(rows, facts) or {**linear, "frequency_hz": rows["frequency_hz"]}
-    rows, linear = ({**each, "admittance_abs": 1e3 * each["admittance_abs"]} for each in (rows, linear))
-    narrow = is_narrow()
-    with figure(TWO_COLUMNS, 7.0 if narrow else 4.0) as canvas:
-        grid = canvas.subplots(*((4, 1) if narrow else (2, 2)), sharex=True, squeeze=False)
-        for (above, below), (name, unit) in zip(grid.reshape(2, 2) if narrow else grid.T, _AT_HAND, strict=True):
-            for axes, column in ((above, f"{name}_abs"), (below, f"{name}_deg")):
-                _draw_seen(axes, rows, linear, column)
-                _mark_nyquist(axes, rows, "frequency_hz", column == "admittance_abs")
-            above.set_ylabel(at_hand(name, f"{name}_abs", unit, facts))
-            below.set_ylabel(f"phase of {name} (deg)")
-        for axes in grid[-1]:
-            axes.set_xlabel("frequency (Hz)")
-        canvas.align_ylabels()
-        handles, labels = grid[0, 0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside upper center", ncols=1 if narrow else 3)
-    return canvas
+    rows = {name: column for name, column in columns.items() if not name.startswith("linear_")}
+    linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}
+    linear = _linear(columns, facts) or {**linear, "frequency_hz": columns["frequency_hz"]}
+    alone = (
+        {"marker": "_", "markersize": 14, "linestyle": "none"}
+        if len(linear["frequency_hz"]) == len(columns["frequency_hz"])
+        else {}
+    )
+    slow = float(np.median(columns["omega_Ts"] / columns["frequency_hz"]))
+    curves = []
+    for each, name, style in (
+        (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **alone}),
+        (rows, "simulated", {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}),
+    ):
+        count = len(each["frequency_hz"])
+        own = {"omega_Ts": slow * each["frequency_hz"], "admittance_abs": 1e3 * each["admittance_abs"]}
+        words = {"spec": np.full(count, "", object), "doubt": np.full(count, "", object)}
+        curves.append(Curve({**each, **own, **words, **dict.fromkeys(_ERRORS, np.zeros(count))}, name, style))
+    return _figure(curves, _at_hand(facts), "frequency_hz", facts)
 
 
 def _linear(rows: Columns, facts: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
@@ -371,25 +365,9 @@ def _linear(rows: Columns, facts: Mapping[str, Any]) -> dict[str, np.ndarray] | 
     seen = rows["frequency_hz"]
     band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)
     frequency = np.unique(np.concatenate([band, seen]))
-    found = respond(loop_at_hand(spec), frequency)
-    columns = complex_columns("admittance", found.admittance.ravel()) | complex_columns("impedance", found.impedance.ravel())
-    return columns | {"frequency_hz": frequency}
-
-
-def _draw_seen(axes: Any, columns: Columns, linear: Columns, name: str) -> None:
-    frequency, values = linear["frequency_hz"], linear[name]
-    alone = {"marker": "_", "markersize": 14, "linestyle": "none"} if len(frequency) == len(columns["frequency_hz"]) else {}
-    drawn = _broken(frequency, values) if name.endswith("_deg") else (frequency, values)
-    axes.plot(*drawn, color=IDEAL, linewidth=0.9, label="linear loop", **alone)
-    axes.plot(columns["frequency_hz"], columns[name], "o", color=distinct_colour(0), markersize=3, label="simulated")
-    if not alone:
-        by_factors(axes.xaxis, frequency.min(), frequency.max())
-        axes.set_xlim(frequency.min(), frequency.max())
-    if name.endswith("_deg"):
-        _in_degrees(axes)
-    else:
-        scale_magnitudes(axes)
-    axes.grid(**GRID)
+    response = respond(loop_at_hand(spec), frequency)
+    parts = (("admittance", response.admittance), ("impedance", response.impedance))
+    return {"frequency_hz": frequency} | {k: v for name, each in parts for k, v in complex_columns(name, each.ravel()).items()}
 
 
 def scale_magnitudes(axes: Any) -> None:
