@@ -7,8 +7,7 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from html import escape
 from importlib.resources import files
-from io import BytesIO
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -228,39 +227,26 @@ def _table(title, table):
     from wavesweep import results
     from wavesweep.plots import drawn
 
-    table, text = drawn(table), _Head()
-    results.stream(table, text)  # the picture is drawn from the rows that it sees here
+    table = drawn(table)
     with TemporaryDirectory() as folder:
-        path = Path(folder, "figure.svg")
-        table.figure(path)
-        figure = base64.b64encode(path.read_bytes()).decode()
-    lines = text.getvalue().decode().splitlines()[: MOST_ROWS + 1]
+        figure, text = Path(folder, "figure.svg"), Path(folder, "table.csv")
+        with text.open("wb") as file:
+            results.stream(table, file)  # the picture is drawn from the rows that it sees here
+        table.figure(figure)
+        picture = base64.b64encode(figure.read_bytes()).decode()
+        with text.open(encoding="utf-8") as file:
+            lines = [line.rstrip("\n") for line in islice(file, MOST_ROWS + 1)]
+            rows = len(lines) - 1 + sum(1 for _ in file)
     fields = results.fields_of(table.kind, next(iter(table.blocks())), table.facts)
     return {
         "title": title,
         "kind": table.kind,
         "units": [field.unit for field in fields],
         "csv": "\n".join(lines),
-        "rows": text.lines - 1,
+        "rows": rows,
         "facts": table.facts,
-        "figure": f"data:image/svg+xml;base64,{figure}",
+        "figure": f"data:image/svg+xml;base64,{picture}",
     }
-
-
-class _Head(BytesIO):
-    """A stream that keeps the first MOST_ROWS lines or so, and counts them all."""
-
-    lines = 0
-
-    def write(self, part) -> int:
-        if self.lines <= MOST_ROWS:
-            super().write(part)
-        self.lines += bytes(part).count(b"\n")
-        return len(part)
-
-    def writelines(self, parts) -> None:
-        for part in parts:
-            self.write(part)
 
 
 def page_text(data: Mapping[str, object]) -> str:

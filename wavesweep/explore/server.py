@@ -1,9 +1,10 @@
 """The server of a page: on this machine's loopback alone, behind a token, and over as soon as the page is closed.
 
-A request is answered only if it names this address as its host (which a page of another site cannot make a browser do), comes
-from the page itself if it has an origin and from a process of this user as far as the system tells, and has the token in its
-path. There is no path to any file. A browser is started with another address, since all users can see its arguments: it leads
-to the page once, and soon. (A cookie would go to the servers of other users as well, whose addresses differ in the port alone.)
+A request is answered only if it names this address as its host (a page of another site cannot make a browser do so), comes
+from the page itself if it has an origin, comes from a process of this user as far as the system shows, and has the token in its
+path. There is no path to any file. A browser is started with another address, since all users can see its arguments; that
+address leads to the page once, and only for a minute. (A cookie would also go to the servers of other users, whose addresses
+differ in the port alone.)
 """
 
 import hmac
@@ -30,8 +31,13 @@ STRANGERS = 64  # connections without a request that was answered, beyond which 
 HURRY = 5.0  # s that such a connection has for its request
 TICKET = 60.0  # s in which a browser has to be there
 LOOK = 0.25  # s between two looks at the pages
-POLICY = "no-store", "no-referrer", "nosniff", "same-origin", "DENY"
-HEADERS = ("Cache-Control", "Referrer-Policy", "X-Content-Type-Options", "Cross-Origin-Resource-Policy", "X-Frame-Options")
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Frame-Options": "DENY",
+}
 
 USED = (
     "This address works once and soon. The one on the terminal opens the page again. If no page of yours was opened by it, "
@@ -59,7 +65,7 @@ class Server(ThreadingHTTPServer):
         self.page, self.answers, self.token = page, answers, secrets.token_urlsafe(24)
         self._pages, self._seen, self._lock = 0, None, Lock()
         self._strangers: dict[socket.socket, float] = {}
-        self._ticket, self._until = secrets.token_urlsafe(24), 0.0
+        self.ticket, self._until = secrets.token_urlsafe(24), 0.0
 
     @property
     def address(self) -> str:
@@ -69,14 +75,10 @@ class Server(ThreadingHTTPServer):
     def invite(self) -> str:
         """An address that leads to the page once, within TICKET seconds."""
         self._until = time.monotonic() + TICKET
-        return self.address.replace(self.token, self._ticket)
-
-    def is_ticket(self, ticket: str) -> bool:
-        """Whether this is the ticket of `invite`."""
-        return hmac.compare_digest(ticket.encode(), self._ticket.encode())
+        return self.address.replace(self.token, self.ticket)
 
     def redeem(self) -> bool:
-        """Whether the ticket is still good, which it is once."""
+        """Redeem the one-time ticket; true the first time only, and until it expires."""
         with self._lock:
             good, self._until = time.monotonic() < self._until, 0.0
         return good
@@ -101,12 +103,12 @@ class Server(ThreadingHTTPServer):
         super().shutdown_request(request)
 
     def know(self, request) -> None:
-        """Let a connection stay: it had the token, or is over."""
+        """Let a connection stay: it had the token, or has ended."""
         with self._lock:
             self._strangers.pop(request, None)
 
     def _close_strangers(self) -> None:
-        """Close connections that are too many, or have taken too long; their threads end by that."""
+        """Close connections that are too many or have taken too long, which ends their threads."""
         with self._lock:
             late, many = time.monotonic() - HURRY, len(self._strangers) - STRANGERS
             closed = [each for number, (each, since) in enumerate(self._strangers.items()) if since < late or number < many]
@@ -116,7 +118,7 @@ class Server(ThreadingHTTPServer):
                     each.shutdown(socket.SHUT_RDWR)
 
     def over(self) -> bool:
-        """Whether there was a page and there is none any more."""
+        """Whether the last page has been closed for GRACE seconds."""
         with self._lock:
             return self._pages == 0 and self._seen is not None and time.monotonic() - self._seen > GRACE
 
@@ -127,7 +129,7 @@ class Server(ThreadingHTTPServer):
             self._seen = time.monotonic()
 
     def handle_error(self, request, client_address) -> None:  # noqa: ARG002 - the names of the base
-        """Say a line of an error, but nothing of a connection that the browser has given up."""
+        """Print an error in one line, and nothing about a connection that the browser has given up."""
         error = sys.exception()
         if not isinstance(error, OSError):
             sys.stderr.write(f"Error: {type(error).__name__}: {error} (a fault of wavesweep)\n")
@@ -150,11 +152,11 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """The page, and the connection that it keeps open."""
         address = self.path.partition("?")[0]
-        if self._from_here() and self.server.is_ticket(address.strip("/")):
+        if self._from_here() and hmac.compare_digest(address.strip("/").encode(), self.server.ticket.encode()):
             self._let_in()
             return
         name = self._asked()
-        if name == "" and not address.endswith("/"):  # the page asks beside its own address
+        if name == "" and not address.endswith("/"):  # addresses of questions are relative to the page's
             self._head(HTTPStatus.PERMANENT_REDIRECT, "text/plain; charset=utf-8", 0, place=f"{address}/")
         elif name == "":
             self._send(HTTPStatus.OK, self.server.page().encode(), "text/html; charset=utf-8")
@@ -242,7 +244,7 @@ class Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", kind)
         if place:
             self.send_header("Location", place)
-        for name, value in zip(HEADERS, POLICY, strict=True):
+        for name, value in HEADERS.items():
             self.send_header(name, value)
         if length is not None:
             self.send_header("Content-Length", str(length))

@@ -175,15 +175,11 @@ def _move(boxes, band):
 
 
 def _place(boxes, band, column, wanted):
-    """Rows as near as possible to those that are wanted, in the order of the column: pooled where they violate it."""
-    offset, pools = 0, []
-    for i in column:
-        goal = wanted.get(i, band.top[i]) - offset
-        pools.append([goal, 1.0 if i in wanted else 0.1, [(i, offset)]])
-        offset += boxes[i].rows + 1
-        while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
-            (one, m, first), (two, n, second) = pools[-2:]
-            pools[-2:] = [[(one * m + two * n) / (m + n), m + n, first + second]]
-    for goal, _, members in pools:
-        for i, shift in members:
-            band.top[i] = int(np.floor(goal + 0.5)) + shift
+    """Rows as near as possible to those that are wanted, in the order of the column: those that violate it share a mean."""
+    from scipy.optimize import isotonic_regression
+
+    above = np.cumsum([0, *(boxes[i].rows + 1 for i in column)])[: len(column)]
+    goals = np.array([wanted.get(i, band.top[i]) for i in column], float) - above
+    weights = [1.0 if i in wanted else 0.1 for i in column]
+    rows = np.floor(isotonic_regression(goals, weights=weights).x + 0.5) + above if len(column) else above
+    band.top |= dict(zip(column, rows.astype(int).tolist(), strict=True))

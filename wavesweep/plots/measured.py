@@ -1,4 +1,4 @@
-"""What was measured, as points beside computed curves; the facts of a run have them."""
+"""What was measured, as points next to computed curves; the facts of a run have them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -49,12 +49,10 @@ def walls_in_plane(facts: Facts, x: str | None, along: str) -> Walls:
 def draw_walls(axes: Any, walls: Walls, colour: Any = "black") -> None:
     """Draw the walls within the limits of the axes, which have to be set; those on the frame are whole."""
     for kind, points in walls.items():
-        axes.plot(*points[:, _inside(points, axes)], **_look(kind, colour), clip_on=False)
-
-
-def _inside(points: np.ndarray, axes: Any) -> np.ndarray:
-    spans = zip(points, (axes.get_xlim(), axes.get_ylim()), strict=True)
-    return np.all([(each >= low) & (each <= high) for each, (low, high) in spans], axis=0)
+        spans = zip(points, (axes.get_xlim(), axes.get_ylim()), strict=True)
+        inside = np.all([(each >= low) & (each <= high) for each, (low, high) in spans], axis=0)
+        if inside.any():
+            axes.plot(*points[:, inside], **_look(kind, colour), clip_on=False)
 
 
 def highest(walls: Walls, most: float = np.inf) -> float:
@@ -103,13 +101,6 @@ def coloured(facts: Facts, part: str, colours: Mapping[str, Any]) -> dict[str, A
             same.setdefault(points["sha256"], []).append(spec)
     alone = len(colours) == 1
     return {each[0]: "black" if alone or len(each) > 1 else colours[each[0]] for each in same.values()}
-
-
-def response_handle() -> Any:
-    """The entry of a legend for the measured responses of several specs."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color="0.4", label="measured response", **_OF_RESPONSE)
 
 
 def draw_responses(axes: Any, facts: Facts, name: str, colours: Mapping[str, Any]) -> np.ndarray:
