@@ -5,12 +5,10 @@ import re
 import control
 import numpy as np
 import pytest
-from flint import arb
 
 import wavesweep
 from wavesweep.loops.from_drawing import assembled, scalar_place
 from wavesweep.loops.integrator_modes import equations_of
-from wavesweep.prove.ticks import Loop
 from wavesweep.simulation.parts import loop_of
 from wavesweep.spec import load
 
@@ -178,20 +176,6 @@ def test_a_word_does_what_its_difference_equation_says_and_control_makes_of_it(n
         assert np.abs(np.subtract(found, expected)).max() < 1e-12 * size
     if continuous is not None:
         assert np.abs(control.forced_response(continuous, U=u).outputs - expected).max() < 1e-11 * size
-
-
-@pytest.mark.parametrize("name", WORDS)
-def test_a_word_in_balls_is_the_same(name):
-    """The response at a point of the plane, from the entries of the balls and of doubles."""
-    spec = spec_of(WORDS[name][0])
-    loop, z = Loop(spec.drawing, spec.values, "none"), 0.8 + 0.3j
-    A, B, C, D = (
-        np.array([[float(arb(each)) for each in row] for row in part]) for part in loop._block(1, loop.blocks[1], arb(0))
-    )
-    block, n = word_of(spec), len(A)
-    own = block.D + block.C @ np.linalg.solve((z - 1) * np.eye(len(block.states)) - block.E, block.B)
-    B, C = B.reshape(n, 1), C.reshape(1, n)
-    assert (D + C @ np.linalg.solve(z * np.eye(n) - A.reshape(n, n), B))[0, 0] == pytest.approx(own[0, 0], rel=1e-12)
 
 
 @pytest.mark.parametrize(
