@@ -131,63 +131,6 @@ def test_a_pole_at_1_and_a_number_of_a_sweep_stay_about_1(den):
     assert np.diag(tf("f", 1e-3, [1.0], den, discrete=True).E)[-1] == 0
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("every", [10, 100])
-@pytest.mark.parametrize(("p", "q", "order"), [(255, 256, 5), (509, 512, 5), (127, 128, 4)])
-def test_plain_poles_that_nearly_meet_at_minus_1_are_certified(p, q, order, every):
-    """`(z + p/q)^order`, whose coefficients are exact."""
-    den = [float(comb(order, i) * p**i) / q**i for i in range(order + 1)]
-    table = loop({"type": "tf", "num": [1.0], "den": den}, every).stable_intervals("K", span=(-1e-7, 1e-7))
-    assert table.certified.all()
-    assert len(table) == 1
-    for end, outwards in ((table.low[0], -1), (table.high[0], 1)):
-        step = mp.mpf(1e-9) * abs(mp.mpf(end)) * outwards
-        assert radius([0.0] * order + [1.0], den, every, mp.mpf(end) - step) < 1
-        assert abs(end) == 1e-7 or radius([0.0] * order + [1.0], den, every, mp.mpf(end) + step) > 1
-
-
-@pytest.mark.parametrize(
-    ("pole", "count", "every"), [(0.99, 2, 100), (0.99, 3, 10), (0.99, 5, 100), (0.99, 7, 10), (0.99, 7, 100)]
-)
-def test_a_radius_that_rounding_hides_is_missing(pole, count, every):
-    """Poles that nearly meet at j times `pole`, whose true radius is less than 1."""
-    lost = loop({"type": "tf", "num": [1.0], "den": np.poly([1j * pole, -1j * pole] * count).real.tolist()}, every)
-    radius = float(lost.spectral_radius(K=0.0))
-    if np.isfinite(radius):  # of three pairs it depends on the processor's last bits
-        assert radius == pytest.approx(pole**every, rel=1e-3)
-        assert count <= 3
-    else:
-        assert count > 2
-        assert set(lost.response([0.0, 1.0], K=0.0).doubt) == {"overflow"}
-
-
-@pytest.mark.parametrize(("order", "every", "doubt"), [(3, 160, "rounding"), (5, 160, "overflow")])
-def test_a_frame_whose_ticks_grow_and_cancel_is_not_vouched_for(order, every, doubt):
-    num, den = (each.tolist() for each in butter(order, 0.01))
-    known = loop({"type": "tf", "num": num, "den": den}, every)
-    lost = loop({"type": "ss", **dict(zip("ABCD", companion(num, den), strict=True))}, every)
-    table = lost.stable_intervals("K")
-    assert not table.certified.any()
-    assert set(table.doubt) <= {doubt, "crowded", "counts"}
-    if doubt == "overflow":
-        assert np.isnan(lost.spectral_radius())
-        assert set(lost.response([0.0, 1.0]).doubt) == {"overflow"}
-        assert np.isnan(lost.passivity().port_margin[0])
-    else:
-        assert lost.spectral_radius() == pytest.approx(known.spectral_radius(), rel=1e-6)
-    assert known.spectral_radius() == pytest.approx(float(radius(num, den, every, mp.mpf("0.5"))), rel=1e-11)
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("p", "q", "order"), [(255, 256, 5), (509, 512, 5), (255, 256, 6), (63, 64, 6)])
-def test_poles_that_nearly_meet_are_not_counted_on_either_side_of_the_circle(p, q, order):
-    """`(z + p/q)^order` is stable; over a frame rounding moves its poles by a tenth, across the circle, if a number of the spec
-    keeps them from being written about -1."""
-    den = ["a", *(float(comb(order, i) * p**i) / q**i for i in range(1, order + 1))]
-    table = loop({"type": "tf", "num": [1.0], "den": den}, 10, a=1.0).stable_intervals("K", (-1e-9, 1e-9))
-    assert not table.certified.any()
-
-
 @pytest.mark.parametrize("name", ["leak", "a", "c", "f", "b"])
 def test_a_pole_at_one_in_coefficients_that_are_expressions(name):
     """`1 - (2 - leak) + (1 - leak)` is 0, whatever rounding leaves of it; what it leaves depends on the numbers."""

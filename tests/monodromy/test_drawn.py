@@ -11,7 +11,6 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.loops import blocks
-from wavesweep.loops.block import Block
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.monodromy.cut import cut_of, open_frame
 from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
@@ -179,26 +178,6 @@ def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
     off = np.array([[float(abs(Fraction(E[i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
     assert np.all(off <= dE)
     assert np.all(dE <= 100 * length * np.finfo(float).eps * units)
-
-
-def test_a_frame_that_is_too_long_is_refused():
-    placed = tuple(ScheduledBlock(blocks.hold(f"h{every}", T), every) for every in (97, 101, 103))
-    with pytest.raises(UsageError, match="1009091 ticks"):
-        MultirateLoop(T, placed, {})
-
-
-def test_a_position_that_nothing_reads_is_no_limit():
-    """Velocity feedback on a free mass: kd < 2 m/T, its position drifts."""
-    assert along_any(lambda p: pd(0.0, p), (1, 2000)) == ([(1, pytest.approx(400, rel=1e-9))], True)
-
-
-@pytest.mark.parametrize("state", ["x", "y held"])
-def test_the_name_of_a_state_that_nothing_reads_does_not_take_it_out(state):
-    none = np.zeros((1, 0))
-    grows = Block("own", (), ("y",), (state,), np.array([[0.5]]), none, np.zeros((1, 1)), none)
-    placed = (ScheduledBlock(blocks.mass("m", T, 0.2)), ScheduledBlock(grows))
-    loops = [MultirateLoop(T, placed, {"m.f": {"m.x": -kp, "m.v": -3.0}}) for kp in (100.0, 101.0)]
-    assert wavesweep.compile(loops[0]).spectral_radius() == pytest.approx(1.5, rel=1e-12)
 
 
 def test_a_state_that_a_tick_forgets_is_forgotten_exactly():

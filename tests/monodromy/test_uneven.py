@@ -11,9 +11,8 @@ import wavesweep
 from wavesweep.controllers import CONTROLLERS, WALL
 from wavesweep.errors import SpecError
 from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
-from wavesweep.monodromy.drift import closed, closed_frame
+from wavesweep.monodromy.drift import closed
 from wavesweep.monodromy.open_ticks import OpenTicks
-from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.spec import load
 from wavesweep.sweep.drawn_loops import drift_of, frames, radii_of
 from wavesweep.sweep.grid import own_loop
@@ -104,12 +103,6 @@ def test_rates_that_divide_and_others_in_one_sweep():
         np.testing.assert_allclose(table.high[table["rates.slow_hz"] == [50.0, 60.0][number]], other.high, rtol=1e-9)
 
 
-def test_the_spec_of_the_results_says_the_rate_as_it_was_given():
-    spec = spec_of("pmw", rates={"slow_hz": 60})
-    assert spec.tables()["rates"] == {"fast_hz": 1000.0, "slow_hz": 60.0}
-    assert load(spec.tables()).values == spec.values
-
-
 def test_what_rates_that_do_not_divide_cannot_have_is_refused():
     for tables in ({"rates": {"slow_hz": 700}}, {"rates": {"slow_hz": 47.1234567}}):
         with pytest.raises(
@@ -133,29 +126,6 @@ def test_a_simulation_shows_the_response_of_the_loop(kind):
         linear = response[f"linear_{name}_re"] + 1j * response[f"linear_{name}_im"]
         found = response[f"{name}_re"] + 1j * response[f"{name}_im"]
         np.testing.assert_allclose(found, linear, rtol=1e-5)
-
-
-def test_every_slow_block_runs_in_the_ticks_of_its_steps():
-    drawn = assembled(*own_loop(spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 16})))
-    when = {each.block.name: np.flatnonzero(each.runs(drawn.ticks)).tolist() for each in drawn.placed}
-    assert drawn.ticks == 50
-    assert when["avatar"] == [0, 16, 33]
-    assert (when["v_1_kept"], when["v_1_shown"]) == ([15, 32, 49], [0, 16, 33])
-
-
-@pytest.mark.parametrize(("path", "shared"), [("environment.K_VE", True), ("device.mass", False)])
-def test_points_of_several_loops_give_the_bits_of_all_pairs(path, shared):
-    """Ticks in which nothing reads the wall are connected once for all points of a loop."""
-    drawing, values = own_loop(spec_of("pmw-lm", rates={"slow_hz": 60.0}))
-    b, drift = np.linspace(5, 60, 7), drift_of(drawing, values)
-    points = np.geomspace(0.1, 3, 28).reshape(7, 4) * values[path]
-    of_points, of_pairs = (
-        assembled(drawing, values | {"controller.b": b, path: p})
-        for b, p in ((b[:, None], points), (np.repeat(b, 4), points.ravel()))
-    )
-    found, expected = (closed_frame(drawn, drift) for drawn in (of_points, of_pairs))
-    assert np.array_equal(found.reshape(expected.shape), expected)
-    assert ((7, 1) in {each.E.shape[:-2] for each in ticks_of(of_points).maps}) == shared
 
 
 @pytest.mark.sample(7)

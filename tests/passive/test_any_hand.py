@@ -6,7 +6,6 @@ from support.held import any_hand_walls, damping_needed, hands_at, port_margin, 
 from support.published import colgate_schenkel
 
 from wavesweep.passive.hand import HandBox
-from wavesweep.passive.hinf import SOFT, peak_by_levels
 
 ENCODER = {"device.velocity": "difference"}
 
@@ -83,44 +82,6 @@ def test_walls_that_are_passive_end_at_the_bound(values):
     inside, outside = (values("dc", K_VE=walls.high[0] * (1 + by), **ENCODER) for by in (-1e-8, 1e-6))
     assert port_margin(inside).passive
     assert not port_margin(outside).passive
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("gain", [0.3, 0.05, 0.01])
-def test_a_weak_position_feedback_asks_for_damping_at_the_lowest_frequencies(values, gain):
-    """The slow mode turns with some mrad/s or less: heavy masses find it, and the weaker condition at the port does too."""
-    v = values("pmw", Kp=gain, **{"device.damping": 40.0, "rates.ratio": 1} | ENCODER)
-    high = any_hand_walls(v, (0.0, 2000.0)).high[0]
-    assert high <= port_passive_walls(v, (0.0, 2000.0)).high[0] <= high * (1 + 1e-4)
-    masses = np.geomspace(1e2, 1e10, 200)
-    hands = np.stack([masses, 0 * masses, 0 * masses], axis=-1)
-    inside, outside = (worst_modes(v, hands, high * share, v["environment.B_VE"])[0].max() for share in (0.99, 1.2))
-    assert inside < 1
-    assert outside > 1 + 5e-11
-
-
-@pytest.mark.parametrize("slow", [1e-7, 3e-5])
-def test_a_slow_peak_is_found_without_the_eigenvalues_of_its_level(slow):
-    """The angles that are tried first lie half a decade apart; the others are decades away."""
-
-    def value(_, theta, floor):
-        assert floor.shape == theta.shape
-        return 1 / (1 + (np.log10(np.maximum(theta, 1e-30) / slow)) ** 2)
-
-    def found(more):
-        return peak_by_levels(value, lambda owner, _: np.full((owner.size, 1), np.nan), 1, lambda *_: 1e-3, more).value[0]
-
-    assert found(()) < 0.3
-    assert found(SOFT) > 0.9
-
-
-def test_along_the_fast_rate_the_bound_is_that_of_colgate_and_schenkel(values):
-    """K T/2 + B < d: the rate has to be above K/(2 (d - B))."""
-    v = values("dc", **ENCODER, K_VE=800.0, B_VE=0.5, **{"device.damping": 1.5})
-    found = any_hand_walls(v, (100.0, 4000.0), path="rates.fast_hz")
-    assert found.low == [pytest.approx(400.0, rel=1e-5)]
-    assert found.low[0] >= 400.0
-    assert found.high == [4000.0]
 
 
 @pytest.mark.parametrize(("K", "low"), [(800.0, [0.05]), (5000.0, [])])

@@ -84,32 +84,6 @@ def test_what_is_outside_the_ports_does_not_matter(values):
     assert late.norm == pytest.approx(one.norm, rel=1e-12)
 
 
-def test_arrays_give_what_numbers_give(values):
-    cutoffs = np.array([[2.0, 10.0, 40.0], [5.0, 80.0, 300.0]])
-
-    def of(cutoff):
-        return channel_norm(values("pmw", **{"filters.lp1.cutoff_hz": cutoff, "filters.lp1.order": 3}))
-
-    found = of(cutoffs)
-    alone = [of(cutoff).norm for cutoff in cutoffs.flat]
-    assert found.norm.shape == (2, 3)
-    np.testing.assert_allclose(found.norm.ravel(), alone, rtol=2e-10)
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0, 66, 200])
-def test_hundreds_of_ticks_in_a_frame(values, delay):
-    v = values("pmw-lm", **{"rates.ratio": 200, "environment.delay": delay, "filters.lp1.order": 8})
-    found = channel_norm(v)
-    power = low_pass_power(aliases(np.linspace(0, np.pi, 201), 200), 8, 10.0)
-    high = 1 - low_pass_power(aliases(np.linspace(0, np.pi, 201), 200), 1, 10.0)
-    H = np.linalg.eigvalsh(np.sqrt(power[:5, :, None] * power[:5, None, :]) + high[:5, :, None] * np.eye(200))[:, -1]
-    assert found.certified
-    assert found.outward**2 >= H.max() * (1 - 1e-9)
-    assert found.outward**2 == pytest.approx(H[0], rel=1e-2)  # the limit of many ticks
-
-
 def test_a_peak_is_certified_only_if_its_level_is_out_of_reach(monkeypatch):
     """Of a narrow peak, whose side the first level meets, in a search that ends before it is climbed."""
 

@@ -61,29 +61,6 @@ def test_the_named_hand_swings_up_beyond_the_end(values, kind):
     assert spectral_radius(held | {"environment.K_VE": row["high"] * 1.01}) > 1
 
 
-@pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
-def test_a_larger_box_bears_less(values, kind):
-    v = values(kind, **LOOPS[kind])
-    narrow, wide = (box_intervals(v, SPAN, box) for box in (NARROW, HandBox((0.02, 0.3), (2.5, 5.0), (200.0, 600.0))))
-    assert narrow["settled"].all()
-    assert wide["settled"].all()
-    assert 0 < wide["high"][0] < narrow["high"][0]
-
-
-def test_a_box_that_is_a_point_has_the_walls_of_that_hand(values):
-    v, hand = values("pmw", **LOOPS["pmw"]), (0.2, 3.0, 300.0)
-    (row,) = box_intervals(v, SPAN, HandBox(*((number, number) for number in hand)))
-    assert row["settled"]
-    assert hand_of(row) == list(hand)
-    inside, outside = worst_modes(v, [hand] * 2, row["high"] * np.array([1 - 1e-9, 1 + 1e-9]), 1.0)[0]
-    assert inside < 1 < outside
-
-
-def test_a_loop_that_overflows_within_a_frame_has_no_proof_and_no_warning(values):
-    rows = box_intervals(values("dc-lm", ratio=1000, K_LM=5e5, velocity="difference"), (1.0, 10.0), NARROW)
-    assert not (rows["intervals"].any() and rows["settled"].any())
-
-
 def test_a_box_with_a_negative_or_empty_range_is_refused():
     with pytest.raises(ValueError, match="stiffness expected 0 <= low <= high"):
         HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))

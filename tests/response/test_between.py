@@ -81,13 +81,6 @@ def test_a_path_that_is_held_over_the_frame_has_no_component_at_multiples_of_its
     assert found.doubt.eq("").all()
 
 
-def test_a_batch_is_the_loops_by_themselves():
-    many = loop().response(FREQUENCIES, from_="ref", to="speed", kp=[0.2, 0.5], ki=[4, 8])
-    for (kp, ki), rows in many.groupby(["kp", "ki"]):
-        alone = loop().with_(kp=kp, ki=ki).response(FREQUENCIES, from_="ref", to="speed")
-        np.testing.assert_allclose(value(rows), value(alone), rtol=1e-12)
-
-
 def test_from_the_hand_to_its_position_it_is_the_admittance():
     tables = tomllib.loads(WALL.replace("[ports]", '[ports]\ninputs = { push = "hand" }\noutputs = { place = "m.x" }'))
     own = wavesweep.compile(tables)
@@ -111,17 +104,6 @@ def test_to_control_is_the_loop_at_the_starts_of_frames_under_inputs_held_over_t
     own = loop().poles()
     shown = np.sort_complex(np.round(system.poles(), 9))
     assert np.isin(np.round(own.z_re + 1j * own.z_im, 9)[own.radius > 1e-9], shown).all()
-
-
-def test_to_control_of_one_rate_is_python_controls():
-    tables = tomllib.loads(DRIVE)
-    tables["block"]["control"] |= {"every": 1, "phase": 0, "C": [["ki*0.001"]]}
-    tables["ports"]["outputs"] = {"speed": "motor.v"}
-    plant = control.sample_system(control.ss([[-2.5]], [[50.0]], [[1.0]], [[0.0]]), 0.001)
-    wanted = control.feedback(control.ss([[1.0]], [[1.0]], [[0.008]], [[0.5]], 0.001) * plant, 1)
-    found = wavesweep.compile(tables).to_control("outputs")
-    z = np.exp(1j * np.array([0.01, 0.3, 2.0]))
-    np.testing.assert_allclose(found(z)[0, 0], wanted(z), rtol=1e-10)
 
 
 def at_50_digits(frequency, source):

@@ -4,20 +4,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.monodromy.shifts import DelayLines
-
-
-def test_what_is_kept():
-    """A chain of two behind state 0, to which state 0 adds; a ring; a sum of two; a copy that is weighted by 2."""
-    A = np.zeros((8, 8))
-    A[0, 0] = 0.5
-    A[1, 0] = A[2, 1] = A[3, 4] = A[4, 3] = 1
-    A[2, 0] = -0.25
-    A[5, [1, 2]], A[6, 5], A[7, 6] = 1, 2, 1
-    lines = DelayLines.of(A - np.eye(8))
-    assert set(lines.kept) >= {0, 3, 4}
-    assert {1, 2, 7} <= set(lines.delayed)
-    assert len(lines.kept) <= 5
 
 
 @pytest.mark.sample(2)

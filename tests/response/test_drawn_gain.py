@@ -6,7 +6,7 @@ import pytest
 from support.drawn import random_tables
 
 import wavesweep
-from wavesweep.response.gain import Gain, gain_of
+from wavesweep.response.gain import Gain
 from wavesweep.response.steady import respond
 from wavesweep.spec import load
 from wavesweep.sweep.drawn_loops import loop_at_hand
@@ -43,12 +43,6 @@ def test_a_held_loop_has_the_gain_of_its_impulses_in_time():
     assert (table.doubt == "").all()
 
 
-def test_direct_coupling_has_a_frame_as_long_as_that_of_the_others():
-    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 300.0}}
-    uneven, even = (wavesweep.compile(tables | {"rates": {"slow_hz": hz}}).response(FREQUENCY) for hz in (60.0, 20.0))
-    np.testing.assert_allclose(uneven.worst_gain, even.worst_gain, rtol=1e-10)
-
-
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("ticks", [96])
@@ -74,57 +68,6 @@ DRIFTING = {  # with a damping from differences of the velocity
     },
     "ports": {"hand": {"force": "push", "displacement": "device.x"}},
 }
-
-
-UNEVEN = {  # the slow results come after irregular numbers of ticks, and velocities are differences of positions
-    "rates": {"fast_hz": 1000.0, "slow_hz": 60.0},
-    "device": {"mass": 0.045, "damping": 0.5, "velocity": "difference"},
-    "environment": {"K_VE": 400.0, "B_VE": 2.0, "integration": "explicit", "delay": 16},
-    "filters": {"lp1": {"order": 3, "cutoff_hz": 12.0}, "hp": {"order": 3, "cutoff_hz": 17.0}},
-    "local_model": {"K_LM": 400.0, "B_LM": 1.0, "integration": "explicit"},
-}
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("free", [False, True])
-@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
-def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
-    """The map of the same ticks at 60 digits; its largest singular value loses no digits."""
-    tables = UNEVEN | {"controller": {"kind": kind, "b": 20.0, "Kp": 10.0}}
-    tables |= {"environment": {"K_VE": 0.0, "B_VE": 0.0}} if free else {}
-    loop, frequency = loop_at_hand(load(tables)), np.array([0.1, 5.0, 29.0])
-    port, (found, error) = loop.port, gain_of(loop)(frequency)
-    assert error.max() < 1e-9
-    with mpmath.workdps(60):
-        n, ticks = port.maps[0][0].shape[0], port.kind.size
-        maps = [[mpmath.matrix(part.tolist()) for part in each] for each in port.maps]
-        state, rows, moved = mpmath.zeros(n, n + ticks), [], mpmath.zeros(1, n + ticks)
-        for i in range(n):
-            state[i, i] = 1
-        for tick, which in enumerate(port.kind.tolist()):
-            E, B, C, D = maps[which]
-            rows.append(moved if port.position is None else mpmath.matrix(port.position.tolist()) * state)
-            if port.position is None:
-                moved = moved + C[0, :] * state
-                moved[n + tick] += D[0, 0]
-            state += E * state
-            state[:, n + tick] = B
-        frame = loop.whole
-        for (part, bound), exact in (
-            (frame.inner, np.array([[row[n + i] for i in range(ticks)] for row in rows])),
-            (frame.left, np.array([[state[i, n + k] for k in range(ticks)] for i in range(n)])),
-        ):
-            off = np.abs(part[: len(exact)] - exact).astype(float)
-            assert (off <= bound[: len(exact)]).all()
-            assert off.max() > 0
-        for at, each in enumerate(frequency):
-            z = mpmath.expjpi(2 * mpmath.mpf(each) * port.period * ticks)
-            X = mpmath.inverse(z * mpmath.eye(n) - state[:, :n]) * state[:, n:]
-            drift = (moved[:, :n] * X + moved[:, n:]) / (z - 1)
-            whole = [row[:, :n] * X + row[:, n:] + drift for row in rows]
-            exact = np.linalg.svd(np.array([[complex(value) for value in row] for row in whole]), compute_uv=False)[0]
-            assert abs(found[at] / exact - 1) <= error[at]
 
 
 @pytest.mark.sample(5)
@@ -163,13 +106,3 @@ def test_a_drift_is_unbounded_at_multiples_of_the_frame_at_any_rate(rate):
     assert np.isnan(rows.worst_gain[:2]).all()
     assert (rows.doubt == "").all()
     np.testing.assert_allclose(rows.worst_gain[2], 2**10 * rows.worst_gain[3], rtol=1e-5)
-
-
-def test_a_drift_at_rates_that_do_not_divide_is_unbounded_at_multiples_of_the_frame():
-    """A frame of 25 ticks and 3 slow steps at 25000 Hz."""
-    tables = {
-        "rates": {"fast_hz": 25000, "slow_hz": 3000},
-        "controller": {"kind": "pmw"},
-        "environment": {"K_VE": 0, "B_VE": 1},
-    }
-    assert np.isnan(wavesweep.compile(tables).response([1000.0, 3000.0]).worst_gain).all()

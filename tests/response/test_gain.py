@@ -75,41 +75,6 @@ def test_without_a_wall_nothing_holds_the_hand(kind):
     assert np.isnan(found).tolist() == [False, True, False]
 
 
-def test_the_gain_of_a_constant_force_is_that_at_rest():
-    """A soft spring and a strong damper: the response falls below 1e-12 Hz already."""
-    spec = {"controller": {"kind": "dc"}, "device": {"damping": 60.0}, "operator": {"stiffness": 1e-6}, "rates": {"ratio": 4}}
-    rows = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0, 250.0])
-    assert (np.abs(rows.worst_gain - 1e6) <= 1e6 * rows.worst_gain_error).all()
-    assert (rows.worst_gain_error < 1e-9).all()
-
-
-@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
-def test_what_is_conserved_without_a_wall_does_not_move_a_hand_on_a_spring(kind):
-    """With a wall the gain at multiples of the slow rate is unbounded, which is no doubt."""
-    tables = {"controller": {"kind": kind, "Kp": 0.0}, "rates": {"ratio": 4}, "operator": {"stiffness": 30.0}}
-    loop = wavesweep.compile(tables)
-    rows = loop.response([0.0, 1e-7, 250.0], K_VE=[0.0, 100.0])
-    free, wall = rows[rows.K_VE == 0], rows[rows.K_VE == 100]
-    assert free.worst_gain.to_numpy() == pytest.approx(free.worst_gain.iloc[1], rel=1e-9)
-    assert (free.worst_gain_error < 1e-9).all()
-    assert wall.worst_gain.isna().tolist() == [True, False, True]
-    assert (rows.doubt.iloc[[0, 2]] == "").all()
-    alone = loop.response([0.0, 1e-7, 250.0], K_VE=0.0)
-    assert alone.worst_gain.tolist() == free.worst_gain.tolist()
-
-
-def test_two_singular_values_that_nearly_meet_are_told_apart():
-    """At a multiple of the slow rate, beside a constant force; the value is that next to the multiple."""
-    tables = {
-        "rates": {"fast_hz": 2000.0, "ratio": 100}, "controller": {"kind": "dc-slow"},
-        "device": {"mass": 0.035043, "damping": 0.074793, "velocity": "difference"},
-        "operator": {"mass": 0.091993, "stiffness": 1667.4185}, "environment": {"K_VE": 0.0, "B_VE": 0.00406, "delay": 28},
-    }  # fmt: skip
-    found = wavesweep.compile(tables).response([20.0, 20.0 + 1e-9])
-    assert found.worst_gain[0] == pytest.approx(found.worst_gain[1], rel=1e-10)
-    assert found.worst_gain[0] >= found.admittance_abs[0]
-
-
 def test_the_ticks_of_a_circle_do_not_depend_on_what_was_asked_before():
     frequency = np.geomspace(0.1, 400, 50)
     fresh, asked = (Circle(frequency, 1000.0, 20) for _ in range(2))

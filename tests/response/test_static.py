@@ -96,29 +96,6 @@ def test_a_device_that_is_held_is_not_taken_for_one_that_moves(tables, K_VE, wan
     assert end.felt_high == pytest.approx(wanted, rel=1e-9)
 
 
-def test_with_a_position_correction_the_wall_itself_is_felt_however_soft_the_waves_are():
-    for b, ratio, K_VE in ((1e-4, 1, 1.0), (1e-5, 1, 1519.0), (0.01, 2, 500.0)):
-        spec = {"controller": {"kind": "pmw", "b": b, "Kp": 20.0}, "rates": {"ratio": ratio}, "environment": {"K_VE": K_VE}}
-        row = wavesweep.compile(spec).response([0.0]).iloc[0]
-        assert row.impedance_re == pytest.approx(K_VE, rel=1e-9)
-        assert abs(row.impedance_re / K_VE - 1) <= row.impedance_error
-
-
-def test_a_share_of_the_force_is_no_rounding_because_it_is_small():
-    spec = {"controller": {"kind": "dc"}, "operator": {"stiffness": 1e10, "damping": 5.0}, "environment": {"K_VE": 1e-3}}
-    row = wavesweep.compile(spec).response([0.0]).iloc[0]
-    assert abs(row.impedance_re / 1e-3 - 1) <= row.impedance_error < 0.1
-    none = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0]).iloc[0]
-    assert (none.impedance_re, none.impedance_error, none.doubt) == (0.0, 0.0, "")
-
-
-def test_a_limit_that_low_frequencies_do_not_show_is_missing():
-    """The loop explodes within a frame, so that no digit is left."""
-    tables = {"controller": {"kind": "pmw", "Kp": 20.0}, "device": {"mass": 0.001}, "rates": {"ratio": 100}}
-    rows = wavesweep.compile(tables | {"environment": {"integration": "explicit"}}).response([0.0, 1e-3])
-    assert rows[["admittance_re", "impedance_re", "admittance_error", "impedance_error"]].isna().all(axis=None)
-
-
 @pytest.mark.parametrize(
     ("spec", "wanted"),
     [

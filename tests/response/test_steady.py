@@ -81,12 +81,6 @@ def test_a_millihertz_keeps_nine_digits(kind, changes):
     assert worst_error(values_of(kind, **changes), [1e-3], exact.response) < 1e-9
 
 
-@pytest.mark.parametrize("kind", ["dc", "dc-slow"])
-@pytest.mark.parametrize("changes", [{}, {"damping": 0.1, "K_VE": 2000.0}])
-def test_a_millihertz_keeps_nine_digits_without_waves(kind, changes):
-    assert worst_error(values_of(kind, **changes), [1e-3], exact.response) < 1e-9
-
-
 # (kind, changes): long and slow filters, many ticks.
 HARD = [
     ("pmw", {"lp1_order": 12, "lp1_cutoff_hz": 10.0}), ("pmw", {"lp1_order": 10, "lp1_cutoff_hz": 1.0, "delay": 20}),
@@ -147,17 +141,6 @@ def test_a_marched_sine_settles_to_the_same_answer(kind):
     admittance, impedance = response(values, 5.0)
     assert abs(x - admittance[0]) <= 1e-8 * abs(x)
     assert abs(f_m / x - impedance[0]) <= 1e-8 * abs(f_m / x)
-
-
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_frequencies_do_not_see_each_other(kind):
-    """A request of many is that of each alone, to the digits that the choice of method may move."""
-    values, frequency = values_of(kind, Kp=20.0), np.geomspace(0.1, 400, 40)
-    together = np.array(response(values, frequency))
-    alone = np.concatenate([np.array(response(values, f)) for f in frequency], axis=1)
-    np.testing.assert_allclose(together, alone, rtol=1e-9)
 
 
 @pytest.mark.parametrize("kind", KINDS)

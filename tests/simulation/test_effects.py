@@ -135,12 +135,6 @@ def test_what_a_loop_cannot_have_is_refused_with_what_it_lacks(text, effects, wo
         run(text, [1.0], **effects)
 
 
-def test_a_second_mass_may_be_there_for_other_effects():
-    seen = run(TWO_MASSES, np.ones(300), friction=0.1, resolution=1e-5).signals
-    assert np.isfinite(seen["x"]).all()
-    assert len(seen["x"]) == 300
-
-
 def test_a_hand_between_two_masses_has_the_effects_of_the_one_that_it_pushes():
     """Its displacement is none of the device alone, so that the last one is read from a tick after the record.
 

@@ -52,7 +52,3 @@ def test_the_sections_agree_with_scipys():
         found.append(y)
     expected = signal.sosfilt(signal.butter(5, 30.0, output="sos", fs=1000.0), samples)
     np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-def test_order_0_is_no_filter():
-    assert step(butterworth(1e-3, 0, 10.0, "low"), {}, 0.7) == ({}, 0.7)

@@ -13,7 +13,6 @@ from wavesweep.robust.words import growth as growth_of
 from wavesweep.simulation import simulated, table
 from wavesweep.spec import load
 from wavesweep.tables.intervals import intervals
-from wavesweep.tables.simulation import simulate
 
 FIG4 = {
     "controller": {"kind": "pmw", "b": 10.0},
@@ -180,19 +179,6 @@ def test_blocks_of_a_drawn_loop_follow_each_at_its_phase():
     np.testing.assert_array_equal(seen["frame"][[0, 3, 4, 10, 11, 15, 16, 20]], [0, 0, 1, 1, 2, 2, 3, 4])
 
 
-def test_a_controller_of_proportion_and_integral_adds_up_each_frame_over_its_own_time():
-    """So it is the same as an integrator beside a hold, whatever the frames."""
-    pi = {"type": "pi", "kp": 100.0, "ki": 500.0, "method": "explicit", "every": "n"}
-    parts = {"up": {"type": "hold", "every": "n"}, "sum": {"type": "integrator", "method": "explicit", "every": "n"}}
-    apart = {"up.u": "m.x", "sum.u": "m.x", "m.f": "push - 100*up.y - 500*sum.y"}
-    drawn = ({"pi": pi}, {"pi.u": "m.x", "m.f": "push - pi.y"}), (parts, apart)
-    found = []
-    for blocks, wires in drawn:
-        spec = load({**DRAWN, "block": {"m": DRAWN["block"]["m"], **blocks}, "wire": wires, "simulate": {"frames": [3, 3, 20]}})
-        found.append(simulated(spec, np.ones(100)).signals["x"])
-    np.testing.assert_allclose(*found, rtol=1e-11)
-
-
 def test_energy_out_of_the_channel_is_counted_over_the_step_of_each_frame():
     """What the avatar takes up is its force times its way, which the wall's spring and damper see."""
     seen = simulated(fig4([5, 9, 7]), np.random.default_rng(1).normal(size=84))
@@ -200,13 +186,6 @@ def test_energy_out_of_the_channel_is_counted_over_the_step_of_each_frame():
     force, speed = (seen.signals[name][first] for name in ("F_s", "x_dot_s"))
     way = 1e-3 * np.resize([7, 5, 9], first.sum()) * speed
     assert seen.energy.slow[-1] == pytest.approx((force * way).sum(), rel=1e-12)
-
-
-def test_there_is_no_response_beside_that_of_frames_of_one_length():
-    spec = fig4([20, 20]).as_simulated()
-    (found,) = simulate(spec)
-    assert any(notice.startswith("simulate.frames: ") for notice in found.facts["notices"])
-    assert load(spec.tables()).as_simulated().sha256 == spec.sha256
 
 
 @pytest.mark.parametrize("frames", [[16, {"ticks": 20, "delay": 0}], [{"ticks": 20, "lost": True}]])
