@@ -7,7 +7,6 @@ from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
 from wavesweep.monodromy import open_ticks
 from wavesweep.monodromy.open_ticks import OpenTicks, facts_of
 from wavesweep.monodromy.periodic import frame_of
-from wavesweep.monodromy.rounding import measured_frame
 from wavesweep.spec import load
 
 
@@ -97,19 +96,3 @@ def test_without_a_solution_of_direct_terms_there_is_no_frame():
     assert not np.isfinite(E[0]).all()
     assert np.isfinite(E[1]).all()
     assert pivot[0] == 0
-
-
-def test_a_ramp_over_a_frame_is_summed_tick_by_tick():
-    """The last input grows with every tick; a loop that overflows leaves the others as they are."""
-    random = np.random.default_rng(13)
-    changes = [random.normal(scale=scale, size=(40, 4, 7)) for scale in (0.5, 0.1)]
-    for E in changes:
-        E[..., 6] = 0.0
-    changes[0][7, 0, 0] = np.nan
-    kind = np.array([0, 1, 1, 1, 1, 1])
-    E, _, lost = measured_frame(kind, changes, np.abs(random.normal(size=(5, 5))), ramp=True)
-    assert np.flatnonzero(~np.isfinite(lost)).tolist() == [7]
-    x = np.zeros((40, 4))
-    for tick, at in enumerate(kind):
-        x = x + (changes[at][..., :4] @ x[..., None])[..., 0] + tick * changes[at][..., 5]
-    np.testing.assert_allclose(np.delete(E[..., 6], 7, 0), np.delete(x, 7, 0), rtol=1e-12)

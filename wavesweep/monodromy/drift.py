@@ -242,7 +242,7 @@ def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
     ticks = ticks_of(drawn, alone=True)
-    E, growth, _ = measured_frame(ticks.kind, [each.E for each in ticks.maps])
+    E, growth = measured_frame(ticks.kind, [each.E for each in ticks.maps])
     return known_frames(filled(without_drift(E, drift)), growth)
 
 
@@ -250,10 +250,10 @@ def telling_frame(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.ndarray, n
     """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), or
     by ticks that grow and leave no digits of their product."""
     ticks = ticks_of(drawn, alone=True, terms=True)
-    E, growth, cancellation = measured_frame(ticks.kind, [each.E for each in ticks.maps], beyond=LOST)
+    E, growth = measured_frame(ticks.kind, [each.E for each in ticks.maps])
     E = filled(without_drift(E, drift))
     lost = (growth > LOST) & np.isfinite(E).all((-1, -2))
-    hidden, lost = (np.broadcast_to(part, E.shape[:-2]) for part in (hidden_in(ticks) | (cancellation > LOST), lost))
+    hidden, lost = (np.broadcast_to(part, E.shape[:-2]) for part in (hidden_in(ticks, growth), lost))
     E = known_frames(E, growth)
     if lost.all() or not hidden.any():
         return E, lost

@@ -4,24 +4,17 @@ If terms cancel within a tick, as the impedance of a wave line does that passes 
 have lost digits, and show no sign of it.
 """
 
-from functools import partial
-from math import prod
-
 import numpy as np
 
 from wavesweep.monodromy.batches import in_parts
 from wavesweep.monodromy.circle import inverse
-from wavesweep.monodromy.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of, then
+from wavesweep.monodromy.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
 HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
-CANCELLED = 1e3  # times the entries of a row of a stretch: sizes of terms in it, from which on their effect is looked for
-SURELY = 64.0  # times the same of several loops, up to which it is not that of each
-LITTLE = 1e-3  # of an entry in units that give all ticks similar sizes: its digits do not matter
 BALANCING = 3  # sweeps
-SWEEPS = 12  # the same, where units have to go round long ways
 NEAREST = 4  # number of eigenvalues that are examined
 
 
@@ -40,98 +33,37 @@ def _error(first, second):
     return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
 
 
-def measured_frame(
-    kind, changes, links=None, ramp: bool = False, beyond: float = CANCELLED
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the frame less identity, its growth (see `growth_of`), and how far terms of its stretches of ticks cancel.
+def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frame less identity and its growth, `(...)` (see `growth_of`).
 
-    kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`, or with columns of inputs that are held over
-    a frame behind it, `(..., n, n + inputs)`. links: sizes of other entries that close a loop of the states and the first
-    input, `(n + 1, n + 1)`, if it is open. ramp: whether the last input becomes one that grows by the one before it with every
-    tick, from 0. beyond: from which on the measure of cancellation is that of each loop.
-
-    Of stretches P and Q each entry of `|Q| |P|` is compared to the largest entries of its row and column of `Q P`, in units of
-    the states that give the rows and columns of all ticks together similar sizes, and in a closed loop to LITTLE, below which
-    no digits matter to an eigenvalue beside the circle. So it shows by way of how ever many states terms cancel.
-    Accuracy: both are measures of the digits that are lost, `(...)`, and not bounds. Growth is given as 1 where the products of
-    the largest entries in many loops of a batch are no larger than GROWING.
+    kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`.
+    Accuracy: growth is a measure of the digits that are lost, and not a bound. It is given as 1 where the products of the
+    largest entries in many loops of a batch are no larger than GROWING, which is quick to see.
     """
     kinds, batch = kind.tolist(), np.broadcast_shapes(*(each.shape[:-2] for each in changes))
-    n, growth, measure = changes[0].shape[-2], np.ones(batch), np.zeros(batch)
-    little, links = (LITTLE, np.zeros((n, n))) if links is None else (0.0, links)
-    changes, size = [_spread(each, batch) for each in changes], len(links)
-    scale = _scale(links + sum(_square(_largest(each), size) for each in changes))
+    n, growth = changes[0].shape[-1], np.ones(batch)
+    changes = [np.broadcast_to(each, (*batch, *each.shape[-2:])) if each.ndim > 2 else each for each in changes]
 
     def frame(part):
         some = [each[part] if each.ndim > 2 else each for each in changes]
-        ticks = [(Change.of(each), 1, _extremes(each, scale)[0], 1.0, 0.0) for each in some]
-        E, _, _, grown, most = in_a_row(kinds, ticks, within)
-        if not grown <= GROWING:
-            growth[part] = growth_of(kind, [each[..., :n] for each in some])
-        if not most * SURELY <= beyond:
-            own = _scale(links + sum(np.abs(_square(each, size)) for each in some))
-            stretches = [(each, np.abs(np.eye(size) + each) * own, 0.0) for each in (_square(each, size) for each in some)]
-            most = in_a_row(kinds, stretches, partial(_joined_in_units, own, little))[2]
-        measure[part] = most
+        E, _, largest = in_a_row(kinds, [(Change.of(each), _largest(each), 1.0) for each in some], joined)
+        if not largest <= GROWING:
+            growth[part] = growth_of(kind, some)
         return E.E
 
-    def within(first, second):
-        (P, count, one, *known), (Q, more, other, *others) = first, second
+    def joined(first, second):
+        (P, one, *known), (Q, other, *others) = first, second
         both = P.then(Q)
-        if ramp:
-            both.E[..., -1] += count * Q.E[..., -2]
-        (high, low), terms = _extremes(both.E, scale), other @ one
-        lost = _cancelled(terms, low.max(-1, initial=0.0), low.max(-2, initial=0.0), little)
-        # The size of a product is the same in all units.
-        found = np.nan_to_num(size_of(terms), nan=np.inf), lost
-        return both, count + more, high, *map(max, known, others, found)
+        terms = np.nan_to_num(size_of(other @ one), nan=np.inf)
+        return both, _largest(both.E), max(*known, *others, terms)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        return in_parts(frame, batch, n, float), growth, measure
-
-
-def _joined_in_units(scale, little, first, second):
-    (P, one, most), (Q, other, least) = first, second
-    both = then(P, Q)
-    size = np.abs(np.eye(both.shape[-1]) + both) * scale
-    lost = _cancelled(other @ one, size.max(-1, initial=0.0), size.max(-2, initial=0.0), little)
-    return both, size, np.maximum(np.maximum(most, least), lost)
-
-
-def _square(E, size):
-    """The changes of the states, and of the first input, which keeps its value, if size is larger by 1."""
-    n = E.shape[-2]
-    if n == size:
-        return E[..., :n]
-    return np.concatenate([E[..., :size], np.zeros((*E.shape[:-2], 1, size))], axis=-2)
-
-
-def _extremes(E, scale):
-    """The largest and the smallest sizes of entries in a batch."""
-    rows, columns = E.shape[-2], len(scale)
-    found = np.zeros((2, columns, columns))
-    found[:, rows:, rows:] = 1.0
-    size, over = np.abs(E[..., :columns] + np.eye(rows, columns)), tuple(range(E.ndim - 2))
-    found[:, :rows] = size.max(over), size.min(over)
-    return found * scale
-
-
-def _scale(whole):
-    """The factors of entries in units that give the rows and columns of matrices similar sizes."""
-    n = whole.shape[-1]
-    units = balance(whole.reshape(prod(whole.shape[:-2]), n, n), SWEEPS)[1].reshape(whole.shape[:-1])
-    return units[..., None, :] / units[..., :, None]
+        return in_parts(frame, batch, n, float), growth
 
 
 def _largest(E):
-    return np.abs(E).max(tuple(range(E.ndim - 2)))
-
-
-def _cancelled(terms, row, column, little):
-    """The largest size of terms of an entry beside the largest ones in its row and column, `(...)`; infinite after overflow."""
-    left = np.maximum(np.minimum(row[..., :, None], column[..., None, :]), little)
-    found = np.where(terms == 0, 0.0, terms / left).max((-1, -2), initial=0.0)
-    return np.where(np.isnan(found), np.inf, found)
+    """The largest sizes of the entries of I + E in a batch."""
+    return np.abs(E + np.eye(E.shape[-1])).max(tuple(range(E.ndim - 2)))
 
 
 @np.errstate(all="ignore")
@@ -161,25 +93,17 @@ def balance(E, sweeps: int = BALANCING):
     return E * (units[:, None, :] / units[:, :, None]), units
 
 
-def _spread(part, batch):
-    """The matrices over the whole batch, unless all loops have the same."""
-    return np.broadcast_to(part, (*batch, *part.shape[-2:])) if part.ndim > 2 else part
-
-
-def hides(changes, sizes) -> np.ndarray:
-    """Return in which loops of a batch the terms of some entry of a tick nearly cancel, `(...)`."""
-    with np.errstate(all="ignore"):
-        found = [(size > HIDDEN * np.abs(E)).any((-1, -2)) for E, size in zip(changes, sizes, strict=True)]
-    return np.logical_or.reduce(np.broadcast_arrays(*found))
-
-
 def hidden_in(ticks: Ticks, growth=1.0) -> np.ndarray:
-    """`hides` for all entries of ticks with the sizes of their terms, or if their stretches grow (see `growth_of`)."""
-    found = [
-        hides(*zip(*((getattr(each, part), each.terms[at]) for each in ticks.maps), strict=True))
-        for at, part in enumerate("EBCD")
-    ]
-    return np.logical_or.reduce(np.broadcast_arrays(*found, np.asarray(growth) > GROWING))
+    """Return in which loops terms of an entry of a tick nearly cancel, or stretches of ticks grow (see `growth_of`), `(...)`.
+
+    ticks: with the sizes of their terms.
+    """
+    found = [np.asarray(growth) > GROWING]
+    with np.errstate(all="ignore"):
+        for each in ticks.maps:
+            parts = each.E, each.B, each.C, each.D
+            found += [(size > HIDDEN * np.abs(part)).any((-1, -2)) for part, size in zip(parts, each.terms, strict=True)]
+    return np.logical_or.reduce(np.broadcast_arrays(*found))
 
 
 def may_have(E, dE, points) -> np.ndarray:

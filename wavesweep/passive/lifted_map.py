@@ -79,7 +79,7 @@ class TickMaps:
         """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding leaves nothing of it."""
         changes = [each[0] for each in self.maps]
         if measured:
-            E, growth, _ = measured_frame(self.kind, changes)
+            E, growth = measured_frame(self.kind, changes)
             return known_frames(E, growth)
         with np.errstate(all="ignore"):
             return in_a_row(self.kind.tolist(), [Change.of(each) for each in changes], Change.then).E
