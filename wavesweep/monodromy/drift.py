@@ -9,12 +9,13 @@ from wavesweep.loops.from_drawing import POSITION, REACTION
 from wavesweep.loops.integrator_modes import shifts
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.circle import solve
-from wavesweep.monodromy.periodic import LOST, Ticks, frame_of, known_frames, ticks_of
+from wavesweep.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
 from wavesweep.monodromy.product import product_with_errors
-from wavesweep.monodromy.rounding import hidden_in, measured_frame, radius_hidden
+from wavesweep.monodromy.rounding import balance, measured_frame, radius_hidden
 
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
 ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
+ROUGH = 1e-9  # error of an entry, in units that give rows and columns similar sizes, from which on its effect is looked for
 NEGLIGIBLE = 1e-10  # of the largest entry of a row, up to which an entry of that size may be set to 0
 SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding
 ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
@@ -247,17 +248,14 @@ def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
 
 
 def telling_frame(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), or
-    by ticks that grow and leave no digits of their product."""
-    ticks = ticks_of(drawn, alone=True, terms=True)
-    E, growth = measured_frame(ticks.kind, [each.E for each in ticks.maps])
-    E = filled(without_drift(E, drift))
-    lost = (growth > LOST) & np.isfinite(E).all((-1, -2))
-    hidden, lost = (np.broadcast_to(part, E.shape[:-2]) for part in (hidden_in(ticks, growth), lost))
-    E = known_frames(E, growth)
-    if lost.all() or not hidden.any():
-        return E, lost
-    return E, lost | hidden & radius_hidden(*errors_of_closed(ticks, drift))
+    """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
+    E, dE = errors_of_closed(ticks_of(drawn, alone=True, terms=True), drift)
+    finite = np.isfinite(E).all((-1, -2))
+    flat, errors = (np.where(finite[..., None, None], part, 0.0).reshape(-1, *E.shape[-2:]) for part in (E, dE))
+    units = balance(flat)[1]
+    rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
+    rough[rough] = radius_hidden(flat[rough], errors[rough])
+    return E, rough.reshape(finite.shape)
 
 
 def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:

@@ -8,11 +8,10 @@ import numpy as np
 
 from wavesweep.monodromy.batches import in_parts
 from wavesweep.monodromy.circle import inverse
-from wavesweep.monodromy.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of
+from wavesweep.monodromy.periodic import GROWING, Change, growth_of, in_a_row, size_of
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
-HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 BALANCING = 3  # sweeps
 NEAREST = 4  # number of eigenvalues that are examined
@@ -91,19 +90,6 @@ def balance(E, sweeps: int = BALANCING):
         if not changed:
             break
     return E * (units[:, None, :] / units[:, :, None]), units
-
-
-def hidden_in(ticks: Ticks, growth=1.0) -> np.ndarray:
-    """Return in which loops terms of an entry of a tick nearly cancel, or stretches of ticks grow (see `growth_of`), `(...)`.
-
-    ticks: with the sizes of their terms.
-    """
-    found = [np.asarray(growth) > GROWING]
-    with np.errstate(all="ignore"):
-        for each in ticks.maps:
-            parts = each.E, each.B, each.C, each.D
-            found += [(size > HIDDEN * np.abs(part)).any((-1, -2)) for part, size in zip(parts, each.terms, strict=True)]
-    return np.logical_or.reduce(np.broadcast_arrays(*found))
 
 
 def may_have(E, dE, points) -> np.ndarray:
