@@ -125,8 +125,8 @@ def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
     ):
         intervals, partly = columns.get(place, ((), False))
         if stable:  # an omega is NaN if the range ends the interval
-            real = (not isnan(omega) for omega in omegas)
-            intervals = (*intervals, Interval(low, high, *real, bool(certified), felt_low, felt_high))
+            low_real, high_real = (not isnan(omega) for omega in omegas)
+            intervals = (*intervals, Interval(low, high, low_real, high_real, bool(certified), felt_low, felt_high))
         columns[place] = intervals, partly or unknown
     return columns
 
@@ -146,7 +146,9 @@ def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) 
     smallest = whole / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
     left = BUDGET
     while cells:
-        taken, wanted, designs = [], [], set()
+        taken: list[tuple[int, list[float]]] = []
+        wanted: list[tuple[int, float]] = []
+        designs: set[int] = set()
         for cell in cells:
             inside = view.between(*cell[1:], max(parts if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
             if source.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
@@ -171,7 +173,8 @@ def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) 
 
 def known_gaps(columns: Mapping[float, Column], view: View, tolerance: float) -> dict[tuple[float, float], str]:
     """The gaps of columns, two by two, in which lines are right to the tolerance (see `View.height`), by the middle column."""
-    places, gaps = sorted(columns), {}
+    places = sorted(columns)
+    gaps: dict[tuple[float, float], str] = {}
     for a, middle, b in zip(places[:-2:2], places[1::2], places[2::2], strict=True):
         if _is_straight(columns[a], columns[middle], columns[b], view, tolerance):
             gaps |= dict.fromkeys(((a, middle), (middle, b)), KNOWN)
@@ -308,7 +311,8 @@ def region_of(curve: Curve, view: View) -> Region:
     """
     places = sorted(curve.columns)
     chains: list[Chain] = [[(places[0], each)] for each in curve.columns[places[0]][0]]
-    growing, across, bars, alone = chains[:], [], [], True
+    across: list[tuple[Line, bool]] = []
+    growing, bars, alone = chains[:], [], True
     for gap in pairwise(places):
         (left, right), state = gap, curve.gaps.get(gap, OPEN)
         (before, *less), (after, *more) = curve.columns[left], curve.columns[right]
@@ -374,10 +378,10 @@ def _joined(lines: Sequence[Line]) -> list[Line]:
     joined, done = [], set()
     for first in (*(line for line in lines if line[0] not in ends), *lines):  # a closed boundary begins anywhere
         line, path = first, [first[0]]
-        while line is not None and id(line) not in done:
+        while line and id(line) not in done:
             done.add(id(line))
             path += line[1:]
-            line = begins.get(path[-1])
+            line = begins.get(path[-1], [])
         joined += [path] if len(path) > 1 else []
     return joined
 
