@@ -173,15 +173,15 @@ class _Intervals:
         across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
         beside = across > 1 and not is_narrow()  # the legend
         down = -(-len(panels) // across)
-        width = wide(ONE_COLUMN if across == 1 else TWO_COLUMNS)
+        usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
         members, marks = self._entries(panels)
         more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
         more += 0.0 if beside else 0.17 * (_rows(members) + _rows(marks))
         height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
-        with figure(width, height) as canvas:
+        with figure(usual, height) as canvas:
             grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
             for axes, value in zip(grid.flat, panels, strict=False):
-                self._draw_panel(axes, value, (width / across, height / down))
+                self._draw_panel(axes, value, (wide(usual) / across, canvas.get_figheight() / down))
             for axes in grid.flat[len(panels) :]:
                 axes.set_visible(False)
             for axes in grid.flat if layout.x is not None and self.by_factors else ():
