@@ -13,7 +13,7 @@ from wavesweep.cli import main, verdict
 from wavesweep.plots import figure_of
 from wavesweep.results import read
 from wavesweep.spec import load
-from wavesweep.tables.responses import BodeTally
+from wavesweep.tables.responses import BodeTally, bode_lines
 
 
 @pytest.fixture
@@ -203,7 +203,7 @@ def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, s
     words = {"spec": "one", "controller": "drawn", "doubt": doubt}
     columns |= {"frequency_hz": np.array([1.0, 2.0]), "stable": np.ones(2, bool)}
     tally.add({name: np.full(2, word, object) for name, word in words.items()} | columns)
-    assert [line for line, _ in tally.lines({})][1:] == [said]
+    assert [line for line, _ in bode_lines(tally.numbers({}))][1:] == [said]
 
 
 # An integral gain of 1e-16: whether it is stable is lost in rounding.

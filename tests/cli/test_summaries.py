@@ -6,7 +6,7 @@ import pytest
 from wavesweep.plots.layout import best_of, best_row
 from wavesweep.spec import load
 from wavesweep.tables import kind_named
-from wavesweep.tables.interval_tally import Extreme, IntervalTally
+from wavesweep.tables.interval_tally import Extreme, IntervalTally, Words
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.passivity import passivity
 from wavesweep.tables.responses import responses
@@ -61,13 +61,16 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     tally.add(columns)
     largest = tally.numbers()["largest"]
     assert (largest["from"], largest["at"], largest["equal_rows"]) == (0.0, {"b": 2.0}, 2)
-    assert tally.without_gap() == ""
+    assert Words(tally.numbers()).extremes()[1:] == []
     tally.add({name: column[:2] for name, column in columns.items()} | {"high": np.array([500.0, 2000.0])})
-    assert "2000 N/m (stable from 700 on) at b = 1" in tally.largest()
-    assert tally.without_gap().startswith("every K_VE from 0 on stable up to 1000 N/m at b = 2")
-    assert tally.stiffest_felt().startswith("stiffest wall as the hand feels it: 9 N/m with K_VE = 1000 N/m")
+    largest, whole = Words(tally.numbers()).extremes()
+    assert "2000 N/m (stable from 700 on) at b = 1" in largest
+    assert whole.startswith("every K_VE from 0 on stable up to 1000 N/m at b = 2")
+    assert Words(tally.numbers()).stiffest_felt().startswith("stiffest wall as the hand feels it: 9 N/m with K_VE = 1000 N/m")
     tally.add(columns | {"felt_high": np.array([-5.0, 9.0, 9.0])})  # what is felt has a pole between
-    assert tally.stiffest_felt().startswith("stiffest wall as the hand feels it, at an end of an interval: 9 N/m")
+    assert (
+        Words(tally.numbers()).stiffest_felt().startswith("stiffest wall as the hand feels it, at an end of an interval: 9 N/m")
+    )
 
 
 @pytest.mark.parametrize(
@@ -89,7 +92,7 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     }
     tally = IntervalTally()
     tally.add(columns)
-    assert tally.largest() == said
+    assert Words(tally.numbers()).extremes() == [said]
 
 
 @pytest.mark.parametrize("size", [5, 2, 1])
@@ -125,7 +128,7 @@ def lines_of(table):
     tally = kind_named(table.kind).tally(table)
     for block in table.blocks():
         tally.add(block)
-    return [text for text, _ in tally.lines(table.facts)]
+    return [text for text, _ in kind_named(table.kind).lines(tally.numbers(table.facts))]
 
 
 def test_the_intervals_of_a_few_slices_are_shown_one_by_one():
@@ -168,11 +171,11 @@ def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
     tally = IntervalTally()
     tally.add(columns)
     least = "least stable K_VE: 100 N/m at b = 2 N*s/m"
-    assert tally.least() == f"{least}; every interval goes on to 20000, where the swept range ends"
-    assert tally.largest() == ""
+    assert Words(tally.numbers()).extremes() == [f"{least}; every interval goes on to 20000, where the swept range ends"]
     below = IntervalTally()
     below.add(columns | {"high": np.array([1e6, 2000.0])})
-    assert below.largest().startswith("largest stable K_VE: 1e+06 N/m (stable from 300 on) at b = 1 N*s/m")
-    assert below.least() == least
+    largest, said = Words(below.numbers()).extremes()
+    assert largest.startswith("largest stable K_VE: 1e+06 N/m (stable from 300 on) at b = 1 N*s/m")
+    assert said == least
     tally.add(columns | {"low": np.zeros(2)})
-    assert (tally.least(), tally.numbers()["least"]) == ("", None)
+    assert tally.numbers()["least"] is None

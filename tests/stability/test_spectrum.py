@@ -6,7 +6,7 @@ from flint import arb_mat, ctx
 from support import certified
 
 import wavesweep
-from wavesweep.cli.check import own_lines
+from wavesweep.cli.verdict import own_lines
 from wavesweep.monodromy.rounding import balance
 from wavesweep.stability import spectrum
 from wavesweep.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of

@@ -287,7 +287,7 @@ def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one(
     row = table.watched(tally.add).columns
     assert row["counterexample"][1].count("frames") == 2
     assert row["fails_from"][1] == pytest.approx(200 / 3, rel=1e-6)
-    (said,) = [line for line, _ in tally.lines(table.facts) if "refuted from" in line]
+    (said,) = [line for line, _ in kind_named("stability-region").lines(tally.numbers(table.facts)) if "refuted from" in line]
     assert ", refuted from 66.6667 on by frames 3;" in said
 
 

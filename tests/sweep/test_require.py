@@ -9,7 +9,7 @@ from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
-from wavesweep.cli.check import own_lines
+from wavesweep.cli.verdict import own_lines
 from wavesweep.errors import UsageError
 from wavesweep.monodromy.radius import errors_within, within
 from wavesweep.spec import load
@@ -214,7 +214,7 @@ def test_the_table_says_what_is_required():
     assert "every mode within 0.97 per frame" in table.facts["notices"][0]
     tally = TABLES[0].tally(table)
     tally.add(table.columns)
-    lines = [text for text, _ in tally.lines(table.facts)]
+    lines = [text for text, _ in TABLES[0].lines(tally.numbers(table.facts))]
     assert lines[0] == "3 slices: 3 intervals with every mode within 0.97 per frame"
     assert any(line.startswith("largest K_VE with every mode within 0.97 per frame: 1147.38 N/m") for line in lines)
     (again,) = rows_again(load(SPEC), "K_VE", None, [1])
@@ -285,6 +285,7 @@ def test_a_loop_that_may_conserve_is_told_how_to_ask():
 def test_intervals_of_a_loop_that_conserves_name_what_finds_them():
     tables = steps() | {"sweep": {"along": "k2", "k2": {"start": 1.0, "stop": 100.0}}}
     table = intervals(load(tables), jobs=1)
-    tally = kind_named("stability-region").tally(table)
+    kind = kind_named("stability-region")
+    tally = kind.tally(table)
     assert table.watched(tally.add).columns["intervals"].tolist() == [0]
-    assert any("require = { bounded = true }" in line for line, _ in tally.lines(table.facts))
+    assert any("require = { bounded = true }" in line for line, _ in kind.lines(tally.numbers(table.facts)))

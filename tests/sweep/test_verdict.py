@@ -8,7 +8,7 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.cli.check import verdict_lines
+from wavesweep.cli.verdict import verdict_lines
 from wavesweep.spec import SYMBOLS, load
 from wavesweep.sweep import verdict as judging
 from wavesweep.sweep.verdict import own_design

@@ -93,11 +93,13 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
 
         plots.refuse_settings()
         table = plots.drawn(table)
-    tally = kind_named(table.kind).tally(table)
+    kind = kind_named(table.kind)
+    tally = kind.tally(table)
     paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
     write_whole((target, spec_text(table.facts)))
     paths, seconds = [*paths, target], time.perf_counter() - started
-    numbers, lines = tally.numbers(table.facts), list(tally.lines(table.facts))
+    numbers = tally.numbers(table.facts)
+    lines = list(kind.lines(numbers))
     if talk().as_json:
         about = {"command": "identify", "log": Path(log).name, "notices": table.facts["notices"]}
         show_json({**about, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})

@@ -273,7 +273,8 @@ def _finish(table: Table, directory: Path, options: Options, main: bool, report:
     from wavesweep import results
     from wavesweep.tables import kind_named
 
-    tally, paths, notices = kind_named(table.kind).tally(table), [], [str(notice) for notice in table.facts.get("notices", ())]
+    kind, paths, notices = kind_named(table.kind), [], [str(notice) for notice in table.facts.get("notices", ())]
+    tally = kind.tally(table)
     if report and table.rows >= LONG:
         table = table.watched(_moving(report, table.rows))
     if options.formats and (main or options.to_folder):
@@ -295,7 +296,8 @@ def _finish(table: Table, directory: Path, options: Options, main: bool, report:
     # The rows are written, so the checkpoint is not needed any more.
     table.forget()
     warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
-    return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
+    numbers = tally.numbers(table.facts)
+    return Finished(table.kind, notices, numbers, [*warnings, *kind.lines(numbers)], paths)
 
 
 def _moving(report: Progress, total: int) -> Callable[[Mapping[str, Any]], None]:

@@ -10,10 +10,10 @@ from wavesweep.columns import Columns, joined
 from wavesweep.errors import SpecError
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.running import Options
-from wavesweep.tables.interval_tally import SpecTally
+from wavesweep.tables.interval_tally import SpecTally, comparison_lines
 from wavesweep.tables.intervals import COLUMNS, intervals
 from wavesweep.tables.kind import Kind
-from wavesweep.tables.responses import BODE, METHODS, BodeTally, responses
+from wavesweep.tables.responses import BODE, METHODS, BodeTally, bode_lines, responses
 from wavesweep.tables.table import Table, facts_of, with_unlike_units
 
 
@@ -82,8 +82,9 @@ KINDS = (
         "compare",
         (BODE[0], *COLUMNS),
         lambda table: SpecTally(table.facts),
+        comparison_lines,
         figure="intervals.compare",
         before=1,
     ),
-    Kind("compare-bode", BODE, lambda _: BodeTally(), figure="responses.bode", study="bode"),
+    Kind("compare-bode", BODE, lambda _: BodeTally(), bode_lines, figure="responses.bode", study="bode"),
 )

@@ -92,7 +92,7 @@ def _box(columns):
     return {"box": {"kept": int(kept.sum()), "settled": int(settled.sum()), "least": float(share.min())}}
 
 
-def design_lines(found: Numbers) -> Iterator[Line]:
+def _lines(found: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
     over, tried = count(found["scenarios"], "combination"), count(found["searched"], "design")
     yield f"{tried} evaluated, each at its worst over {over}", False
@@ -165,4 +165,4 @@ def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
 
 
-KINDS = (Kind("design", (), lambda _: Whole(_numbers, design_lines), figure="designs.design"),)
+KINDS = (Kind("design", (), lambda _: Whole(_numbers), _lines, figure="designs.design"),)

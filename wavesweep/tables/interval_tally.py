@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,22 +11,29 @@ from wavesweep.spec import find_key
 from wavesweep.spec.require import BOUNDED, words_of
 from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE
 from wavesweep.tables.columns import felt_unit, numbers_of, swept_range
-from wavesweep.tables.kind import Line, count
+from wavesweep.tables.kind import Line, Numbers, count
 
 Axes = Mapping[str, Sequence[float]]
-# hand -> the title of its line, the adjective of its intervals, and the sentence if it has none
+
+
+class Hand(NamedTuple):
+    """Words for the rows of a hand: title of their line, adjective of their intervals, sentence if there are none."""
+
+    title: str = ""
+    good: str = "stable"
+    nowhere: str = "no {such} anywhere in the swept range"
+
+
 HANDS = {
-    "": ("", "stable", "no {such} anywhere in the swept range"),
-    "free": ("free device", "stable", "no {such} anywhere in the swept range"),
-    "operator": ("with the spec's operator", "stable", "no {such} anywhere in the swept range"),
-    "passive": ("stable with every passive hand", "stable", "nowhere stable with every passive hand in the swept range"),
-    "box": ("stable with every hand of the box", "stable", "nowhere stable with every hand of the box in the swept range"),
-    "port": ("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
-    "spec": ("the spec's own numbers", "stable", "no {such} anywhere in the swept range"),
-    "for_all": (
-        "proved for all numbers of [for_all]",
-        "proved",
-        "nothing proved for all numbers of [for_all] in the swept range",
+    "": Hand(),
+    "free": Hand("free device"),
+    "operator": Hand("with the spec's operator"),
+    "passive": Hand("stable with every passive hand", nowhere="nowhere stable with every passive hand in the swept range"),
+    "box": Hand("stable with every hand of the box", nowhere="nowhere stable with every hand of the box in the swept range"),
+    "port": Hand("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
+    "spec": Hand("the spec's own numbers"),
+    "for_all": Hand(
+        "proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all] in the swept range"
     ),
 }
 STIFFNESS = ("N/m", "N*m/rad")
@@ -76,21 +83,21 @@ class IntervalTally:
 
     def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
-        require = self._facts.get("require")
-        self._required = words_of(require) if require else ""
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
-        self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
+        self._slices: list[tuple[dict[str, float], list[list[float]]]] = []  # axes' values and intervals of the first few
 
     def add(self, columns: Columns) -> None:
+        """Count a block of rows."""
         if not len(columns["along"]):
             return
         stable = columns["intervals"] > 0
         self._along = str(columns["along"][0])
+        self._range = swept_range(self._facts, self._along)
         self._list(columns)
         self._rows += len(stable)
         self._intervals += int(stable.sum())
@@ -115,33 +122,42 @@ class IntervalTally:
             if first and len(self._slices) > MOST_SHOWN:
                 return
             if first:
-                self._slices.append(({name: columns[name][row] for name in names}, []))
+                known = {name: float(columns[name][row]) for name in names if not np.isnan(columns[name][row])}
+                self._slices.append((known, []))
             if columns["intervals"][row]:
-                self._slices[-1][1].append(f"{columns['low'][row]:.6g} to {columns['high'][row]:.6g}")
-
-    def slices(self) -> Iterator[str]:
-        """Yield texts: the stable intervals of each slice, if these are few and say more than the largest value."""
-        if len(self._slices) > MOST_SHOWN or self._intervals <= 1:
-            return
-        for values, intervals in self._slices:
-            at = ", ".join(f"{name} = {value:g}{self._unit(name)}" for name, value in values.items() if not np.isnan(value))
-            found = f"{' and '.join(intervals)}{self._unit(self._along)}" if intervals else "none"
-            yield f"  {at}{': ' if at else ''}{self._along} {found}"
+                self._slices[-1][1].append([float(columns["low"][row]), float(columns["high"][row])])
 
     def numbers(self) -> dict[str, Any]:
+        """The summary as numbers and words that JSON can hold."""
+        require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and self._intervals > 1
+        names = [self._along, *self._axes, *(self._largest.place() if self._largest.row else ())]
         return {
             "along": self._along,
-            "unit": self._unit(self._along).strip(),
+            "unit": self._unit(self._along),
+            "units": {name: self._unit(name) for name in dict.fromkeys(names)},
+            "range": [end if np.isfinite(end) else None for end in self._range],
+            "required": words_of(require) if require else "",
+            "drawn": bool(numbers_of(self._facts)),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
             "rows": self._rows,
             "certified_rows": self._rows - self._doubts.total(),
             "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
             "largest": self._largest_numbers(),
-            "largest_without_gap": self._without_gap_numbers(),
+            "largest_without_gap": self._extreme(self._without_gap),
             "stiffest_felt": self._felt_numbers(),
             "least": self._least_numbers(),
+            "few_slices": [{"at": at, "intervals": intervals} for at, intervals in self._slices] if few else [],
         }
+
+    def _extreme(self, extreme: Extreme, **more: Any) -> dict[str, Any] | None:
+        """An extreme value and its place; None without one."""
+        if not extreme.row:
+            return None
+        place = extreme.place()
+        edges = [name for name, value in place.items() if _at_an_edge(value, self._axes.get(name, ()))]
+        about = {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties, "certified": bool(extreme.row["certified"])}
+        return {"value": extreme.value} | more | about
 
     def _largest_numbers(self) -> dict[str, Any] | None:
         # Of rows with the same value, one without a gap below it is named.
@@ -153,30 +169,24 @@ class IntervalTally:
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
-        place = self._where(first) | {"equal_rows": self._largest.ties}
-        return {"value": row["high"], "from": row["low"], "ended_by": ended, **place}
-
-    def _without_gap_numbers(self) -> dict[str, Any] | None:
-        if not self._without_gap.row:
-            return None
-        return {"value": self._without_gap.value, **self._where(self._without_gap)}
+        more = {"from": row["low"], "ended_by": ended} | _refuted(row)
+        return self._extreme(first, **more) | {"equal_rows": self._largest.ties}
 
     def _least_numbers(self) -> dict[str, Any] | None:
-        """The least stable value, if it is not where the swept range begins."""
-        if not self._least.row or -self._least.value <= self._range[0]:
+        """The least stable value, if it is not where the swept range begins; `upwards` if none ends within the range."""
+        found = self._extreme(self._least)
+        if not found or -self._least.value <= self._range[0]:
             return None
-        return {"value": -self._least.value, **self._where(self._least)}
+        largest = self._largest_numbers()
+        upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
+        return found | {"value": -self._least.value, "upwards": upwards}
 
     def _felt_numbers(self) -> dict[str, Any] | None:
         if not self._felt.row:
             return None
-        return {
-            "value": self._felt.value,
-            "unit": felt_unit(self._facts),
-            "with": self._felt.row["value"],
-            "over_band": self._over_band(),
-            **self._where(self._felt),
-        }
+        more = {"unit": felt_unit(self._facts), "with": self._felt.row["value"], "over_band": self._over_band()}
+        more |= {"from": self._felt.row["low"], "falls": self._falls}
+        return self._extreme(self._felt, **more)
 
     def _over_band(self) -> dict[str, Any] | None:
         """What the hand feels of that wall over frequency; None of walls for other hands than the spec's."""
@@ -188,143 +198,160 @@ class IntervalTally:
         numbers = self._felt.place() | {self._along: self._felt.row["value"]}
         return band_at(load(self._facts["spec"]), numbers, self._felt.value)
 
-    def _where(self, extreme: Extreme) -> dict[str, Any]:
-        place = extreme.place()
-        edges = [name for name, value in place.items() if _at_an_edge(value, self._axes.get(name, ()))]
-        return {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties, "certified": bool(extreme.row["certified"])}
-
-    def counts(self, slices: Mapping[str, int]) -> str:
-        """Text: the numbers of slices and of intervals."""
-        skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
-        holes = f", {count(self._split, 'slice')} with a hole" if self._split else ""
-        found = f"{count(self._intervals, 'interval')} with {self._required}" if self._required else ""
-        return f"{count(slices['computed'], 'slice')}{skipped}: {found or count(self._intervals, 'stable interval')}{holes}"
-
-    def _such(self) -> str:
-        """Text: the axis with what its values in intervals are, stable as a rule."""
-        return f"{self._along} with {self._required}" if self._required else f"{HANDS[self._hand][1]} {self._along}"
-
-    def certified(self) -> Line:
-        """Text: the number of certified rows, and the reasons of doubt about the others."""
-        # Rows and not slices: an uncertified row names the interval that a user should not rely on.
-        every = count(self._rows, "row")
-        if not self._doubts:
-            return "the only row is certified" if self._rows == 1 else f"all {every} certified", False
-        reasons = ", ".join(f"{word} {self._doubts[word]}" for word in DOUBTS if self._doubts[word])
-        return f"{self._doubts.total()} of {every} not certified ({reasons})", True
-
-    def meanings(self) -> Iterator[Line]:
-        """Yield the meaning of each reason of doubt that occurs."""
-        yield from ((f"  {word}: {DOUBTS[word]}", True) for word in DOUBTS if self._doubts[word])
-
-    def largest(self) -> str:
-        """Text: the largest stable value and its place; empty if only the least one says something."""
-        found = self._largest_numbers()
-        if self._least_is_asked():
-            return ""
-        if found is None:
-            known = f"no {self._such()} found, but part of the swept range could not be decided"
-            known += f"; {BOUNDED}" if numbers_of(self._facts) and not self._required else ""
-            return known if self._doubts and self._hand not in SEARCHED else HANDS[self._hand][2].format(such=self._such())
-        value = f"largest {self._such()}: {found['value']:.6g}{self._unit(self._along)}"
-        ended = f"{ENDS[found['ended_by']].format('it' if self._required else 'stability')}{_ended_by(self._largest.row)}"
-        return f"{value}{self._gap(found['from'])}{self._place(found)}{ended}{self._doubtful(found)}"
-
-    def least(self) -> str:
-        """Text: the least stable value and its place; empty where the range begins, or if the largest one says it already."""
-        found, largest = self._least_numbers(), self._largest_numbers()
-        if not found or not largest or (found["value"] == largest["from"] and largest["ended_by"] == "stability"):
-            return ""
-        value = f"least {self._such()}: {found['value']:.6g}{self._unit(self._along)}"
-        goes = "every interval goes" if self._intervals > 1 else "it goes"
-        upwards = f"; {goes} on to {self._range[1]:.6g}, where the swept range ends"
-        return f"{value}{self._place(found)}{self._doubtful(found)}{upwards if self._least_is_asked() else ''}"
-
-    def _least_is_asked(self) -> bool:
-        """Whether stability begins within the swept range and ends nowhere in it."""
-        largest = self._largest_numbers()
-        return bool(largest and largest["ended_by"] == "range" and not self._ends_within and self._least_numbers())
-
-    def without_gap(self) -> str:
-        """Text: the largest value up to which all are stable, and its place; empty if that is the largest stable one."""
-        found = self._without_gap_numbers()
-        good = f"with {self._required}" if self._required else HANDS[self._hand][1]
-        if found is None or found["value"] == self._largest.value:
-            return ""
-        first = f"every {self._along} from {self._range[0]:.6g} on {good} up to"
-        return f"{first} {found['value']:.6g}{self._unit(self._along)}{self._place(found)}{self._doubtful(found)}"
-
-    def stiffest_felt(self) -> str:
-        """Text: the largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
-
-        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless the stiffness felt falls.
-        """
-        found = self._felt_numbers()
-        if found is None:
-            return ""
-        wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}{self._gap(self._felt.row['low'])}"
-        ends = ", at an end of an interval" if self._falls or self._unit(self._along).strip() not in STIFFNESS else ""
-        felt = f"stiffest wall as the hand feels it{ends}: {found['value']:.6g} {found['unit']}{self._band(found)}"
-        return f"{felt}{wall}{self._place(found)}{self._doubtful(found)}"
-
-    @staticmethod
-    def _band(found: Mapping[str, Any]) -> str:
-        if not found["over_band"]:
-            return ""
-        from wavesweep.sweep.feel import in_words
-
-        return in_words(found["over_band"])
-
-    def feels_the_wall(self) -> bool:
-        """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""
-        return bool(self._largest.row and np.isclose(self._felt.value, self._largest.value, rtol=1e-9))
-
-    def _doubtful(self, found: Mapping[str, Any]) -> str:
-        return "" if found["certified"] or self._hand in SEARCHED else ", not certified"
-
-    def _gap(self, low: float) -> str:
-        """Text: where an interval begins, if that is not at the start of the range, or next to it if it is what is proved."""
-        if self._hand == "for_all" and low <= NEXT * self._largest.value:
-            return ""
-        return f" ({'so' if self._required else HANDS[self._hand][1]} from {low:.6g} on)" if low > self._range[0] else ""
-
-    @property
-    def _range(self) -> tuple[float, float]:
-        return swept_range(self._facts, self._along)
-
     def _unit(self, name: str) -> str:
-        """The unit of an axis with a space before it; empty if it has none."""
+        """The unit of an axis; empty if it has none."""
         key = numbers_of(self._facts).get(name) or find_key(name)
-        return f" {key.unit}" if key is not None and key.unit not in ("", "1") else ""
-
-    def _place(self, found: Mapping[str, Any]) -> str:
-        if not found["at"]:
-            return ""
-        at = [
-            f"{name} = {value:g}{self._unit(name)}{' (the edge of that axis)' if name in found['at_the_edge_of'] else ''}"
-            for name, value in found["at"].items()
-        ]
-        others = found["equal_rows"] - 1
-        more = f", and in {count(others, 'other row')}" if others else ""
-        return f" at {', '.join(at)}{more}"
+        return key.unit if key is not None and key.unit != "1" else ""
 
 
 def _at_an_edge(value: float, values: Sequence[float]) -> bool:
     return len(values) > 1 and value in (min(values), max(values))
 
 
-def _ended_by(row: Mapping[str, Any]) -> str:
-    """Text: the hand that ends the interval, if one is known."""
+def _refuted(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers, or the hand, that end the largest interval, if they are known."""
     if row.get("fails_from", np.nan) == row.get("fails_from", np.nan):
         by = str(row.get("counterexample", "")).rpartition("from: ")[2]  # where both ends have one, each is named
-        return f", refuted from {row['fails_from']:.6g} on by {by}" if by else ""
-    hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
-    return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
+        return {"refuted_from": row["fails_from"], "refuted_by": by} if by else {}
+    hand = {part: row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")}
+    return {} if np.isnan(hand["mass"]) else {"ended_by_hand": hand}
 
 
 def whose_column(columns: Columns) -> str:
     """The column that says for whom a row is, if the table has one."""
     return next((name for name in ("hand", "guarantee") if name in columns), "")
+
+
+class Words:
+    """The sentences about the rows of one loop, from its numbers; hand: the word of its rows, empty if there is none."""
+
+    def __init__(self, found: Numbers, hand: str = "") -> None:
+        self._found, self._hand, self._along = found, hand, found["along"]
+        self._unit = self._unit_of(self._along)
+        required = found["required"]
+        self._good = f"with {required}" if required else HANDS[hand].good
+        self._such = f"{self._along} with {required}" if required else f"{HANDS[hand].good} {self._along}"
+
+    def counts(self, slices: Mapping[str, int]) -> str:
+        """The numbers of slices and of intervals."""
+        found, required = self._found, self._found["required"]
+        skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
+        holes = f", {count(found['slices_with_a_hole'], 'slice')} with a hole" if found["slices_with_a_hole"] else ""
+        intervals = count(found["stable_intervals"], "interval" if required else "stable interval")
+        return f"{count(slices['computed'], 'slice')}{skipped}: {intervals}{f' with {required}' if required else ''}{holes}"
+
+    def few_slices(self) -> Iterator[str]:
+        """Yield the stable intervals of each slice, if these are few and say more than the largest value."""
+        for each in self._found["few_slices"]:
+            at = ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in each["at"].items())
+            intervals = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in each["intervals"])
+            yield f"  {at}{': ' if at else ''}{self._along} {f'{intervals}{self._unit}' if intervals else 'none'}"
+
+    def certified(self) -> Line:
+        """The number of certified rows, and the reasons of doubt about the others."""
+        # Rows and not slices: an uncertified row names the interval that a user should not rely on.
+        rows, doubts = self._found["rows"], self._found["doubts"]
+        if not doubts:
+            return "the only row is certified" if rows == 1 else f"all {count(rows, 'row')} certified", False
+        reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
+        return f"{sum(doubts.values())} of {count(rows, 'row')} not certified ({reasons})", True
+
+    def extremes(self) -> list[str]:
+        """Sentences on the largest value, the least one, and the largest one without a gap."""
+        upwards = bool((self._found["least"] or {}).get("upwards"))
+        texts = ["" if upwards else self._largest(), self._least(upwards), self._without_gap()]
+        return [text for text in texts if text]
+
+    def _largest(self) -> str:
+        """The largest stable value and its place."""
+        largest, found = self._found["largest"], self._found
+        if largest is None and found["doubts"] and self._hand not in SEARCHED:
+            bounded = f"; {BOUNDED}" if found["drawn"] and not found["required"] else ""
+            return f"no {self._such} found, but part of the swept range could not be decided{bounded}"
+        if largest is None:
+            return HANDS[self._hand].nowhere.format(such=self._such)
+        ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")
+        if "refuted_from" in largest:
+            ended += f", refuted from {largest['refuted_from']:.6g} on by {largest['refuted_by']}"
+        if "ended_by_hand" in largest:
+            ended += ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g} N/m".format(
+                **largest["ended_by_hand"]
+            )
+        value = f"largest {self._such}: {largest['value']:.6g}{self._unit}"
+        return f"{value}{self._gap(largest['from'])}{self._place(largest)}{ended}{self._doubtful(largest)}"
+
+    def _least(self, upwards: bool) -> str:
+        """The least stable value and its place; empty if the largest one says it already."""
+        least, largest = self._found["least"], self._found["largest"]
+        if not least or not largest or (least["value"] == largest["from"] and largest["ended_by"] == "stability"):
+            return ""
+        goes = "every interval goes" if self._found["stable_intervals"] > 1 else "it goes"
+        further = f"; {goes} on to {self._found['range'][1]:.6g}, where the swept range ends" if upwards else ""
+        value = f"least {self._such}: {least['value']:.6g}{self._unit}"
+        return f"{value}{self._place(least)}{self._doubtful(least)}{further}"
+
+    def _without_gap(self) -> str:
+        """The largest value up to which all are stable, and its place; empty if that is the largest stable one."""
+        whole, largest = self._found["largest_without_gap"], self._found["largest"]
+        if whole is None or whole["value"] == largest["value"]:
+            return ""
+        first = f"every {self._along} from {self._found['range'][0]:.6g} on {self._good} up to"
+        return f"{first} {whole['value']:.6g}{self._unit}{self._place(whole)}{self._doubtful(whole)}"
+
+    def stiffest_felt(self) -> str:
+        """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
+
+        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless the stiffness felt falls.
+        """
+        felt = self._found["stiffest_felt"]
+        if felt is None:
+            return ""
+        band = ""
+        if felt["over_band"]:
+            from wavesweep.sweep.feel import in_words
+
+            band = in_words(felt["over_band"])
+        wall = f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"
+        ends = ", at an end of an interval" if felt["falls"] or self._found["unit"] not in STIFFNESS else ""
+        stiffness = f"{felt['value']:.6g} {felt['unit']}{band}"
+        return f"stiffest wall as the hand feels it{ends}: {stiffness}{wall}{self._place(felt)}{self._doubtful(felt)}"
+
+    def one_line(self) -> str:
+        """All of it but the slices, in a line."""
+        felt, largest = self._found["stiffest_felt"], self._found["largest"]
+        # With direct coupling the stiffest wall and the stiffest felt are the same.
+        same = self._hand and felt and largest and np.isclose(felt["value"], largest["value"], rtol=1e-9)
+        # Of rows that are searched none is certified by design: those of a box are proved or not.
+        known = "" if self._hand in SEARCHED else self.certified()[0]
+        parts = [*self.extremes(), "" if same else self.stiffest_felt(), known]
+        return "; ".join(part for part in parts if part)
+
+    def _doubtful(self, each: Numbers) -> str:
+        return "" if each["certified"] or self._hand in SEARCHED else ", not certified"
+
+    def _gap(self, low: float) -> str:
+        """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved."""
+        start = self._found["range"][0]
+        if self._hand == "for_all" and low <= NEXT * self._found["largest"]["value"]:
+            return ""
+        begins = "so" if self._found["required"] else HANDS[self._hand].good
+        return f" ({begins} from {low:.6g} on)" if low > (-np.inf if start is None else start) else ""
+
+    def _unit_of(self, name: str) -> str:
+        unit = self._found["units"].get(name, "")
+        return f" {unit}" if unit else ""
+
+    def _place(self, each: Numbers) -> str:
+        if not each["at"]:
+            return ""
+        edge = " (the edge of that axis)"
+        at = [
+            f"{name} = {value:g}{self._unit_of(name)}{edge if name in each['at_the_edge_of'] else ''}"
+            for name, value in each["at"].items()
+        ]
+        others = each["equal_rows"] - 1
+        more = f", and in {count(others, 'other row')}" if others else ""
+        return f" at {', '.join(at)}{more}"
 
 
 class HandTally:
@@ -335,57 +362,30 @@ class HandTally:
 
     def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._axes, self._facts = axes, facts or {}
-        self._plain = IntervalTally(axes=axes, facts=facts)
         self._tallies: dict[str, IntervalTally] = {}
         self._unsettled = 0
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows, all of one hand."""
+        if not len(columns["along"]):
+            return
         whose = whose_column(columns)
-        if not whose:
-            self._plain.add(columns)
-            return
-        if not len(columns[whose]):
-            return
-        hand = str(columns[whose][0])
-        rows = {name: column for name, column in columns.items() if name != whose}
+        hand = str(columns[whose][0]) if whose else ""
         if hand not in self._tallies:
             self._tallies[hand] = IntervalTally(hand, self._axes, self._facts)
-        self._tallies[hand].add(rows)
+        self._tallies[hand].add({name: column for name, column in columns.items() if name != whose})
         if "settled" in columns and hand in ("box", "for_all"):
             self._unsettled += int((~columns["settled"]).sum())
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """The summary as numbers and words that JSON can hold, of each hand if there are several."""
         slices = {"slices": dict(facts["slices"])}
-        if not self._tallies:
-            return slices | self._plain.numbers()
         hands = {hand: tally.numbers() for hand, tally in self._tallies.items()}
+        if "" in hands:
+            return slices | hands[""]
         if "for_all" in hands:
             return slices | {"guarantees": hands, "rows_not_settled": self._unsettled}
         return slices | {"hands": hands, "rows_of_the_box_not_proved": self._unsettled}
-
-    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        if not self._tallies:
-            yield self._plain.counts(facts["slices"]), False
-            yield from ((text, False) for text in self._plain.slices())
-            texts = self._plain.largest(), self._plain.least(), self._plain.without_gap(), self._plain.stiffest_felt()
-            yield from ((text, False) for text in texts if text)
-            yield self._plain.certified()
-            yield from self._plain.meanings()
-        for hand, tally in self._tallies.items():
-            felt = "" if tally.feels_the_wall() else tally.stiffest_felt()
-            # Of rows that are searched none is certified by design: those of a box are proved or not.
-            known = "" if hand in SEARCHED else tally.certified()[0]
-            parts = [tally.largest() or tally.least(), tally.without_gap(), felt, known]
-            yield f"{HANDS[hand][0]} ({hand}): {'; '.join(part for part in parts if part)}", False
-        if "box" in self._tallies and not self._unsettled:
-            yield "every row of the box is proved (settled 1)", False
-        if self._unsettled and "for_all" in self._tallies:
-            rows = count(self._unsettled, "row")
-            yield f"{rows} of for_all not settled: between what is proved and what is refuted more than 1 % is not known", True
-        elif self._unsettled:
-            rows = count(self._unsettled, "row")
-            yield f"{rows} of the box not proved (settled 0): a hand that the search missed may be unstable", True
 
 
 class SpecTally:
@@ -408,10 +408,33 @@ class SpecTally:
             self._tallies[spec].add(rows)
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """The summary of each spec."""
         return {"slices": dict(facts["slices"]), "specs": {spec: tally.numbers() for spec, tally in self._tallies.items()}}
 
-    def lines(self, _: Mapping[str, Any]) -> Iterator[Line]:
-        for spec, tally in self._tallies.items():
-            certified, warning = tally.certified()
-            parts = [tally.largest() or tally.least(), tally.without_gap(), tally.stiffest_felt(), certified]
-            yield f"{spec}: {'; '.join(part for part in parts if part)}", warning
+
+def interval_lines(found: Numbers) -> Iterator[Line]:
+    """Yield the summary of a table of intervals as lines, each with a flag that is true for a warning."""
+    if "along" in found:
+        words = Words(found)
+        texts = (words.counts(found["slices"]), *words.few_slices(), *words.extremes(), words.stiffest_felt())
+        yield from ((text, False) for text in texts if text)
+        yield words.certified()
+        yield from ((f"  {word}: {DOUBTS[word]}", True) for word in found["doubts"])
+        return
+    hands = found.get("guarantees") or found["hands"]
+    for hand, numbers in hands.items():
+        yield f"{HANDS[hand].title} ({hand}): {Words(numbers, hand).one_line()}", False
+    if unsettled := found.get("rows_not_settled"):
+        between = "between what is proved and what is refuted more than 1 % is not known"
+        yield f"{count(unsettled, 'row')} of for_all not settled: {between}", True
+    if unproved := found.get("rows_of_the_box_not_proved"):
+        missed = "a hand that the search missed may be unstable"
+        yield f"{count(unproved, 'row')} of the box not proved (settled 0): {missed}", True
+    elif "box" in hands:
+        yield "every row of the box is proved (settled 1)", False
+
+
+def comparison_lines(found: Numbers) -> Iterator[Line]:
+    """Yield a line for each spec of a comparison."""
+    for spec, numbers in found["specs"].items():
+        yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])

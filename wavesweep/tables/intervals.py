@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
 from wavesweep.stability.certificate import OF_INTERVALS
-from wavesweep.tables.interval_tally import HandTally
+from wavesweep.tables.interval_tally import HandTally, interval_lines
 from wavesweep.tables.kind import OF_ALONG, OF_WALL, Again, Field, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
 
@@ -304,7 +304,8 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
 
 
 def _kind(name: str, along: str | None, fields: tuple[Field, ...]) -> Kind:
-    return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), "intervals.zwidth", partial(_again, along))
+    again = partial(_again, along)
+    return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), interval_lines, "intervals.zwidth", again)
 
 
 COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT, *FOR_ALL, *LINES), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT, *LINES)

@@ -46,9 +46,6 @@ class Tally(Protocol):
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         """The summary as numbers and words that JSON can hold."""
 
-    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Yield the summary as lines, each with a flag that is true for a warning."""
-
 
 @dataclass(frozen=True)
 class Again:
@@ -74,14 +71,16 @@ class Kind:
     """One kind of table.
 
     name: of the table and its files. fields: its columns behind those of the axes, in order. tally: makes the summary of a
-    table. figure: the function of `wavesweep.plots` that draws it, as "module.function". again: a function of the facts of a
-    table, and of one that gives the name of its spec, that says how to compute its rows again; None if that is impossible.
-    study: the table of the spec that has its axes. before: number of its own columns that stand before those of the axes.
+    table as numbers. lines: the same numbers in words, each line with a flag that is true for a warning. figure: the function
+    of `wavesweep.plots` that draws it, as "module.function". again: a function of the facts of a table, and of one that gives
+    the name of its spec, that says how to compute its rows again; None if that is impossible. study: the table of the spec
+    that has its axes. before: number of its own columns that stand before those of the axes.
     """
 
     name: str
     fields: tuple[Field, ...]
     tally: Callable[[Table], Tally]
+    lines: Callable[[Numbers], Iterator[Line]]
     figure: str
     again: Callable[[Mapping[str, Any], Callable[[], str]], Again | None] = field(default=_never, repr=False)
     study: Literal["sweep", "bode"] = "sweep"
@@ -109,10 +108,10 @@ class Kind:
 
 
 class Whole:
-    """The summary of a table whose rows come in one block. measure: gives its numbers; write: their lines."""
+    """The summary of a table whose rows come in one block. measure: gives its numbers."""
 
-    def __init__(self, measure: Callable[[Columns, Numbers], Numbers], write: Callable[[Numbers], Iterator[Line]]) -> None:
-        self._measure, self._write = measure, write
+    def __init__(self, measure: Callable[[Columns, Numbers], Numbers]) -> None:
+        self._measure = measure
         self._columns: Columns = {}
 
     def add(self, columns: Columns) -> None:
@@ -121,9 +120,6 @@ class Whole:
 
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         return self._measure(self._columns, facts)
-
-    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        yield from self._write(self.numbers(facts))
 
 
 def from_spec(

@@ -133,5 +133,5 @@ def _lines(found: Numbers) -> Iterator[Line]:
 
 
 KINDS = (
-    Kind("margins", MARGINS, lambda _: Whole(_numbers, _lines), figure="nyquist.margins", again=from_spec(margins, "cut")),
+    Kind("margins", MARGINS, lambda _: Whole(_numbers), _lines, figure="nyquist.margins", again=from_spec(margins, "cut")),
 )

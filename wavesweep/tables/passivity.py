@@ -180,28 +180,26 @@ class PassivityTally:
         for name, column in values.items():
             self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
 
-    def numbers(self, _: Mapping[str, Any]) -> Numbers:
+    def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
                  "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
         found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
-        return {name: found[name] for name in order}
-
-    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        yield from _lines(self.numbers(facts), facts)
+        units = {"port_margin": at_port("m/N", facts), "damping_needed": at_port("N*s/m", facts)}
+        return {name: found[name] for name in order} | {"units": units}
 
 
-def _lines(found: Numbers, facts: Mapping[str, Any]) -> Iterator[Line]:
+def _lines(found: Numbers) -> Iterator[Line]:
     rows = count(found["rows"], "row")
     if found["channel_norm"]:
         within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
         norm = _span(found["channel_norm"])
         yield f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}", False
-    reach = f"; margin {_span(found['port_margin'])} {at_port('m/N', facts)}" if found["port_margin"] else ""
+    reach = f"; margin {_span(found['port_margin'])} {found['units']['port_margin']}" if found["port_margin"] else ""
     yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
     if found["margin_unknown"]:
         yield f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}", True
     if found["damping_needed"]:
-        needed, unit = _span(found["damping_needed"], 3), at_port("N*s/m", facts)
+        needed, unit = _span(found["damping_needed"], 3), found["units"]["damping_needed"]
         yield f"further damping of the device that makes it passive: {needed} {unit}", False
     if found["no_damping_is_enough"]:
         yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
@@ -254,6 +252,7 @@ KINDS = (
         "passivity",
         PASSIVITY,
         lambda table: PassivityTally(table.facts),
+        _lines,
         figure="passive.passivity",
         again=from_spec(
             partial(passivity, jobs=1), "tolerance", rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep)
@@ -262,7 +261,8 @@ KINDS = (
     Kind(
         "passivity-filters",
         PASSIVITY_FILTERS,
-        lambda _: Whole(_filter_numbers, _filter_lines),
+        lambda _: Whole(_filter_numbers),
+        _filter_lines,
         figure="passive.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
     ),

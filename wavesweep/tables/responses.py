@@ -181,16 +181,14 @@ class BodeTally:
             "doubts": dict(sorted(self._doubts.items())),
         }
 
-    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        yield from _lines(self.numbers(facts))
-
 
 def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Where two columns differ; a missing number equals another."""
     return (one != other) & ((one == one) | (other == other))  # noqa: PLR0124 - a missing number is unequal to itself
 
 
-def _lines(found: Numbers) -> Iterator[Line]:
+def bode_lines(found: Numbers) -> Iterator[Line]:
+    """Yield what is said of curves, of loops without a steady response, and of rows in doubt."""
     each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
     frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
@@ -221,6 +219,6 @@ def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
 
 
 KINDS = (
-    Kind("bode", BODE, lambda _: BodeTally(), figure="responses.bode", again=_again, study="bode"),
-    Kind("bode-ports", BODE_PORTS, lambda _: BodeTally(), figure="responses.bode_ports", again=_again, study="bode"),
+    Kind("bode", BODE, lambda _: BodeTally(), bode_lines, "responses.bode", _again, study="bode"),
+    Kind("bode-ports", BODE_PORTS, lambda _: BodeTally(), bode_lines, "responses.bode_ports", _again, study="bode"),
 )

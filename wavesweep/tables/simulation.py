@@ -358,7 +358,8 @@ KINDS = (
     Kind(
         "simulate",
         SIMULATE,
-        lambda _: Whole(_run_numbers, _run_lines),
+        lambda _: Whole(_run_numbers),
+        _run_lines,
         figure="simulation.simulate",
         again=_again(0),
         before=len(_TICKS),
@@ -366,7 +367,8 @@ KINDS = (
     Kind(
         "simulate-response",
         SIMULATE_RESPONSE,
-        lambda _: Whole(_response_numbers, _response_lines),
+        lambda _: Whole(_response_numbers),
+        _response_lines,
         figure="responses.simulate_response",
         again=_again(1),
     ),

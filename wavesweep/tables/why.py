@@ -243,4 +243,4 @@ def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     return Again(spec.sha256, why(spec, facts["along"]["name"]).blocks)
 
 
-KINDS = (Kind("why", WHY, lambda _: Whole(_numbers, _lines), figure="elasticities.why", again=_again),)
+KINDS = (Kind("why", WHY, lambda _: Whole(_numbers), _lines, figure="elasticities.why", again=_again),)
