@@ -200,3 +200,11 @@ a = { start = -3, stop = 3 }
 """
     found = wavesweep.compile(load(write(text))).stable_intervals()
     assert found[["low", "high", "certified"]].to_numpy().tolist() == [[pytest.approx(-1), pytest.approx(1), True]]
+
+
+def test_a_number_may_have_the_name_of_a_key_of_a_study(write):
+    text = changed(PD, ("kp", "lost"), ("kd", "require"))
+    spec = load(write(text + 'along = "lost"\nlost = { start = 1, stop = 9 }\nrequire = [1, 2]\n'))
+    assert (spec.require, [axis.path for axis in spec.sweep]) == (None, ["numbers.lost", "numbers.require"])
+    spec = load(write(text + "[for_all]\nlost = { start = 1, stop = 9 }\n"))
+    assert [axis.path for axis in spec.for_all.axes] == ["numbers.lost"]

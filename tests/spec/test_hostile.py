@@ -17,7 +17,7 @@ from functools import partial
 import pytest
 
 from wavesweep.cli import main
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import UsageError
 from wavesweep.simulation import inputs
 from wavesweep.simulation.inputs import read_force
 from wavesweep.spec import KEYS, load
@@ -193,18 +193,3 @@ def test_whole_commands_with_extreme_numbers_say_a_clear_line(tmp_path, monkeypa
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
     assert 0 in codes
     assert not wrong, f"{len(wrong)} of {len(codes)}:\n" + "\n".join(wrong)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"numbers": "abc"},
-        {"ports": {"hand": {"force": {"a": 1}, "displacement": "m.x"}}},
-        {"ports": {"hand": {"force": [1], "displacement": "m.x"}}},
-        {"ports": {"wall": {"stiffness": [1], "damping": {}}}},
-    ],
-)
-def test_a_table_or_a_list_in_place_of_a_name_is_a_mistake_like_any_other(wrong):
-    drawn = {"rates": {"tick_hz": 1000.0}, "block": {"m": {"type": "mass", "mass": 1.0}}, "wire": {"m.f": "f_h"}}
-    with pytest.raises(SpecError):
-        load(drawn | wrong)

@@ -11,7 +11,6 @@ STUDIES = ("sweep", "bode", "for_all")
 # Keys of the tables of studies that are no axes. A number of a drawn loop may have the last name of some of them.
 OF_STUDIES = ("sweep.along", "sweep.require", "bode.from", "bode.to", "for_all.lost")
 RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
-DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
 FLAT = ("simulate", "measured")  # tables of keys, in specs of all kinds
 FLAT_KEYS = {**KEYS, **SIMULATE_KEYS, **MEASURED_KEYS}
@@ -43,7 +42,7 @@ def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[P
     """Yield path and leaf of every value that is not a table with something in it."""
     for name, value in tables.items():
         path = (*prefix, name)
-        if isinstance(value, dict) and value and len(path) < DEEPEST:
+        if isinstance(value, dict) and value:
             yield from leaves_of(value, place, path)
         else:
             yield normal_path(path), Leaf(value, place.under(path))
@@ -51,8 +50,11 @@ def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[P
 
 def normal_path(path: Path) -> Path:
     """Return the path of an axis or a wire, which may be written `"device.mass"` or `device.mass`."""
-    tables = 2 if path[:1] == ("design",) and path[1:2] in (("vary",), ("for_all",)) else 1
-    if tables == 1 and path[0] not in (*STUDIES, "wire"):
+    if path[0] in (*STUDIES, "wire"):
+        tables = 1
+    elif path[0] == "design" and path[1:2] in (("vary",), ("for_all",)):
+        tables = 2
+    else:
         return path
     return (*path[:tables], *(part for name in path[tables:] for part in name.split(".")))
 
@@ -110,10 +112,12 @@ def _sort_study(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, name
     """Put a leaf of [sweep], [bode] or [for_all] under its key, or with the parts of its axis."""
     study, *parts = path
     key = ".".join(path[:2])
-    whole = len(parts) == 1 or key == "sweep.require"
     drawn = not key.startswith("bode.") or names is not BUILT_IN
-    if key in OF_STUDIES and whole and drawn and (key == "sweep.along" or not names.find(parts[0])):
-        result.keys[".".join(path)] = leaf
+    if key in OF_STUDIES and drawn and (key == "sweep.along" or not names.find(parts[0])):
+        if len(parts) == 1 or key == "sweep.require":
+            result.keys[".".join(path)] = leaf
+        else:
+            result.keys[key] = Leaf({}, leaf.place.under(path[:2]))
         return
     tables = TABLES if names is BUILT_IN else _tables_of(names)
     for length in range(1, len(parts) + 1):
