@@ -114,7 +114,6 @@ class Loop:
         along: str | None = None,
         span: Span | None = None,
         *,
-        prove: bool = False,
         require: Mapping[str, float] | None = None,
         **axes: Numbers,
     ) -> DataFrame:
@@ -127,12 +126,11 @@ class Loop:
         [for_all] the rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are
         of its own numbers, and say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError
         if it would not accept a value or a combination.
-        prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
         require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
             {"damping_ratio": 0.3}.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
         """
-        return self._intervals(along, span, axes, prove=prove, require=None if require is None else Require.of(require))
+        return self._intervals(along, span, axes, require=None if require is None else Require.of(require))
 
     def _intervals(
         self,
@@ -140,13 +138,12 @@ class Loop:
         span: Span | None,
         axes: Mapping[str, Numbers],
         *,
-        prove: bool = False,
         require: Require | None = None,
     ) -> DataFrame:
         from wavesweep.sweep.interval_job import job_over
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", intervals.of_calls(job_over(grid, axis, prove=prove, require=require)))
+        return self._frame("zwidth", intervals.of_calls(job_over(grid, axis, require=require)))
 
     def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.

@@ -90,7 +90,7 @@ def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, s
 @pytest.mark.slow
 def test_workers_are_passed_on(wavesweep, sweep, spec):
     wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
-    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None, "prove": False}
+    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None}
     ((name, given),) = sweep.seen
     expected |= {"checkpoint": given["checkpoint"], "force": False}
     assert re.fullmatch(r"results/wall/\.zwidth-[0-9a-f]{12}\.sqlite", str(given["checkpoint"]))

@@ -231,9 +231,15 @@ k = { start = 1, stop = 100 }
 
 
 def test_the_figure_of_ends_that_are_not_known_says_so(run, tmp_path):
-    (tmp_path / "m.toml").write_text(MARGINAL, encoding="utf-8")
+    of_gain = '[block.g]\ntype = "gain"\n[wire]\n"g.u" = "arm.x - ((k - 4)**2 - 1)*g.y"'
+    text = (
+        MARGINAL.replace("[wire]", of_gain)
+        .replace("-k*arm.x", "-100*g.y")
+        .replace("start = 1, stop = 100", "start = 3.9, stop = 4.1")
+    )
+    (tmp_path / "m.toml").write_text(text, encoding="utf-8")
     code, text, results = run("why", "m.toml")
-    assert (code, "not certified (counts)" in text) == (0, True)
+    assert (code, "not certified (overflow)" in text) == (0, True)
     _, facts = described(results / "m" / "why.datapackage.json")
     said = figure_of("why")(read(results / "m" / "why.csv"), facts).get_supxlabel()
-    assert "No end of an interval is known in the range searched (counts)." in said
+    assert "No end of an interval is known in the range searched (overflow)." in said

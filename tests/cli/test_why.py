@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drawn import ARM, CORNER
+from support.drawn import ARM
 
 from wavesweep import results
 from wavesweep.plots import figure_of
@@ -127,15 +127,3 @@ def test_the_figure_has_a_panel_per_end_sorted_and_with_no_more_than_a_dozen_num
     shown = np.abs(table.columns["elasticity"])
     assert largest[0] == shown.max()
     assert panel.get_title(loc="left").startswith(r"high end, $K_\mathrm{VE}$ = ")
-
-
-def test_a_table_without_a_certificate_is_drawn_and_says_so(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    limit = 2 * np.sin(np.pi / 10) * 0.2 * 1000
-    text = CORNER.format(m1=float(limit / 2000))
-    # Coupled both ways, if only by a rounding, so that they are searched together.
-    text = text.replace('"c.v"', '"c.v + 1e-14*a.v"').replace("-k*a.v", "-k*a.v + 1e-14*late.y")
-    (tmp_path / "corner.toml").write_text(text + "[sweep]\nk = { start = 0.001, stop = 1000 }\n")
-    code, _, err = wavesweep("why", "corner.toml")
-    assert code == 0
-    assert "k: not certified (counts), so no derivatives are given" in err

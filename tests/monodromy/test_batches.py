@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.monodromy import batches
-from wavesweep.monodromy.batches import MANY, product, sparse
+from wavesweep.monodromy.batches import CACHED, MANY, in_parts, product, sparse
 
 
 def chain(n, kind=float):
@@ -38,3 +38,9 @@ def test_what_is_done_with_a_matrix_does_not_depend_on_its_batch():
 def test_few_rows_are_multiplied_as_they_are(monkeypatch):
     monkeypatch.setattr(batches, "_product", None)
     assert (product(chain(MANY - 1), chain(MANY - 1)) == chain(MANY - 1) @ chain(MANY - 1)).all()
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_a_batch_in_parts_has_the_same_bits(kind):
+    E = np.random.default_rng(1).normal(size=(2 * CACHED // (25 * 8) + 7, 5, 5)).astype(kind) - np.eye(5)
+    assert np.array_equal(in_parts(lambda part: E[part], E.shape[:1], 5, kind), E)

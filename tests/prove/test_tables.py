@@ -1,13 +1,12 @@
-"""`--prove`: the rows of columns in doubt are replaced, and the facts of the table say how many."""
-
-import json
+"""Rows of columns that doubles leave in doubt and balls prove."""
 
 import pytest
+from stability.test_meeting import line
 
+import wavesweep
 from wavesweep.cli import main
 from wavesweep.results.verify import verify
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.sweep import interval_job
 
 SPEC = """
 [rates]
@@ -34,47 +33,19 @@ q = [0.3, 0.4]
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """The folder of a run with proofs."""
-    folder = tmp_path_factory.mktemp("proved")
-    (folder / "mine.toml").write_text(SPEC)
-    command = ["stability-region", str(folder / "mine.toml"), "--out", str(folder), "--no-plot", "--quiet"]
-    assert main([*command, "--prove"]) == 0
-    return folder
-
-
-def test_the_facts_say_how_many_columns_are_proved_and_how(written):
-    facts = json.loads((written / "stability-region.datapackage.json").read_text())["wavesweep"]
-    assert (facts["proved"]["in_doubt"], facts["proved"]["columns"]) == (2, 2)
-    assert sum(facts["proved"]["bits"].values()) == sum(facts["proved"]["ways"].values()) == 2
-    assert facts["slices"]["certified"] == 2
-    assert any("2 of 2 columns in doubt are proved" in notice for notice in facts["notices"])
-
-
-def test_the_rows_have_the_usual_columns_and_are_certified(written):
-    lines = (written / "stability-region.csv").read_text().splitlines()
-    assert lines[0].startswith("q,along,intervals,interval,low,high,low_omega,high_omega,certified,residual,doubt")
+def test_rows_that_are_proved_in_balls_are_as_others_and_are_found_again(tmp_path):
+    """A mode whose number 0.3 keeps it on the circle but for 1e-16."""
+    (tmp_path / "mine.toml").write_text(SPEC)
+    command = ["stability-region", str(tmp_path / "mine.toml"), "--out", str(tmp_path), "--no-plot", "--quiet"]
+    assert main(command) == 0
+    lines = (tmp_path / "stability-region.csv").read_text().splitlines()
     assert [line.split(",")[8] for line in lines[1:]] == ["1", "1"]
+    assert verify(tmp_path).differences == ()
 
 
-def test_rows_are_proved_again_if_they_are_verified(written):
-    assert verify(written).differences == ()
-
-
-def test_a_table_without_proofs_has_no_facts_about_them(tmp_path):
-    table = intervals(load(_file(tmp_path)), jobs=1)
-    assert "proved" not in table.facts
-    assert not table.columns["certified"].any()
-
-
-def _file(folder):
-    (folder / "mine.toml").write_text(SPEC)
-    return folder / "mine.toml"
-
-
-def test_a_controller_is_proved_as_well():
-    tables = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [1]}}
-    table = intervals(load(tables), "K_VE", prove=True, jobs=1)
-    assert table.columns["certified"].all()
-    assert "proved" in table.facts
+def test_a_column_in_doubt_has_a_share_of_the_operations_of_its_table(monkeypatch):
+    """The least mass before a sampled damper, where two eigenvalues meet: doubles do not prove it."""
+    loop = wavesweep.compile(line(2, K=13.0, b=100.2))
+    assert loop.stable_intervals("m", (0.003, 10.0)).certified.all()
+    monkeypatch.setattr(interval_job, "ALL", 1e4)
+    assert not loop.stable_intervals("m", (0.003, 10.0)).certified.any()

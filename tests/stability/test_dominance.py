@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.stability import along, covering
-from wavesweep.stability.along import stable_along
+from wavesweep.stability import along_any, covering
+from wavesweep.stability.along_any import stable_along_any
 from wavesweep.stability.dominance import Bent
 
 SPAN = (-1.0, 1.0)
@@ -52,9 +52,9 @@ def tiles_of(matrices, off):
         return found[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(along, "tiles_of", keep)
+        patch.setattr(along_any, "tiles_of", keep)
         errors = lambda _, p: (matrices(_, p), np.broadcast_to(np.abs(off), matrices(_, p).shape))  # noqa: E731
-        stable_along(matrices, SPAN, 1, np.ones(1), errors=errors)
+        stable_along_any(matrices, SPAN, 1, np.ones(1), errors=errors)
     return found[0] if found else covering.Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
 
 

@@ -352,7 +352,7 @@ def test_a_crossing_whose_digits_are_told_from_farther_away_leaves_the_end_befor
     assert below < 1 < above
 
 
-def test_a_crossing_beside_a_very_large_eigenvalue_leaves_no_doubt():
+def test_a_crossing_beside_a_very_large_eigenvalue_is_no_end():
     """A pair enters at b = 1210, in which 5e7 is outside: their own place is rounding."""
     loop = wavesweep.compile({
         "controller": {"kind": "pmw", "b": 52.3, "Kp": 10.0}, "rates": {"ratio": 20},
@@ -360,13 +360,12 @@ def test_a_crossing_beside_a_very_large_eigenvalue_leaves_no_doubt():
         "device": {"mass": 0.353, "damping": 0.1}, "filters": {"lp1": {"order": 0}},
     })  # fmt: skip
     (row,) = loop.stable_intervals("b", (2.0, 1765.0)).itertuples()
-    assert (row.certified, row.intervals) == (True, 1)
+    assert row.intervals == 1
     grid = np.concatenate([np.linspace(2, 1765, 300), np.linspace(row.low, row.high, 12)[1:-1]])
     assert ((loop.spectral_radius(b=grid) < 1) == ((row.low < grid) & (grid < row.high))).all()
 
 
 @pytest.mark.sample(2)
-@pytest.mark.xfail(strict=True, reason="a velocity that stays for ever is an eigenvalue on the circle, and in doubt")
 @pytest.mark.parametrize("along", ["b", "filters.lp1.cutoff_hz", "operator.mass"])
 def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
     """Its velocity stays for ever, which is no drift of a position; a wall's damping brakes it."""

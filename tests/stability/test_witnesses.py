@@ -59,14 +59,14 @@ def test_stable_just_inside_and_unstable_just_outside_of_every_end(along):
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
-def test_arcs_find_what_the_polynomial_finds(along, monkeypatch):
-    """The two ways to the crossings share the polishing and nothing else; both prove nearly every column."""
+def test_dominance_finds_what_the_polynomial_finds(along, monkeypatch):
+    """The two ways share nothing but the loop; both prove nearly every column."""
     span, compared = (K_SPAN if along == "K_VE" else B_SPAN), 0
     for seed in range(0, 60, 4):
         cut, fixed = cut_of(random_values(seed)), columns(seed, along)[None, 1:]
         usual = stable_intervals(cut, along, span, fixed)
         with monkeypatch.context() as patch:
-            patch.setattr(stable, "_by_polynomial", stable._by_arcs)
+            patch.setattr(stable, "_by_polynomial", stable._by_dominance)
             other = stable_intervals(cut, along, span, fixed)
         for column in set(usual.column[usual.certified]) & set(other.column[other.certified]):
             for part in ("low", "high", "low_omega", "high_omega"):

@@ -254,7 +254,6 @@ def test_what_cannot_be_required_is_one_clear_line(require, expected):
 def test_what_is_about_stability_alone_refuses_it():
     for refused in (
         lambda: wavesweep.zwidth(SPEC, for_hands="passive"),
-        lambda: intervals(load(SPEC), "K_VE", prove=True),
         lambda: wavesweep.why(SPEC),
         lambda: compare([load(SPEC)]),
         lambda: wavesweep.compile(SPEC).stable_intervals("rates.fast_hz", (500.0, 2000.0), require={"settling": 0.5}),

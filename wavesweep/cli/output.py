@@ -43,14 +43,12 @@ def produce(
     options: Options,
     compute: Callable[..., list[Table]],
     asked: Callable[[Spec], Spec] = lambda spec: spec,
-    name: str | None = None,
 ) -> None:
     """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
 
     kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
     scheduler=, progress=, checkpoint=, force=) that returns the tables of this run, in the same order. asked: a function
-    from a loaded spec to the one whose digest the results carry. name: of the file for finished chunks, by default the
-    main table's; there is none if the table goes to stdout.
+    from a loaded spec to the one whose digest the results carry.
     """
     from wavesweep import results, spec
     from wavesweep.identification.points import facts_of_points
@@ -70,7 +68,7 @@ def produce(
         for kind in kinds if options.to_folder and not options.overwrite else ():
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        kept = None if options.to_stdout else checkpoint_of(name or kinds[0], specs, options)
+        kept = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
         with progress(options.quiet) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=kept)
         before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
@@ -184,12 +182,11 @@ def produce_intervals(
     options: Options,
     along: str | None = None,
     for_hands: Sequence[str] = (),
-    prove: bool = False,
 ) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
     along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which go with the intervals of the
-    loop itself into a table KIND-hands. prove: compute columns in doubt again in ball arithmetic.
+    loop itself into a table KIND-hands.
     """
     from wavesweep import results
     from wavesweep.sweep.hands import hands_of
@@ -201,9 +198,9 @@ def produce_intervals(
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if hands and not options.to_stdout and not options.overwrite:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
-        return [replace(intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
+        return [replace(intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
 
-    produce([kind], [source], options, compute, name=f"{kind}{'-proved' if prove else ''}")
+    produce([kind], [source], options, compute)
 
 
 def checkpoint_of(name: str, specs: Sequence[Spec], options: Options) -> Path:

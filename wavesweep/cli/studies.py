@@ -29,13 +29,7 @@ def _of_intervals(body: Callable[..., Any]) -> Callable[..., Any]:
         "port is passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten "
         "seconds.",
     )
-    prove = click.option(
-        "--prove",
-        is_flag=True,
-        help="Compute columns in doubt again in ball arithmetic, with as many digits as it takes, if the spec draws its loop. "
-        "This takes from hundredths of a second to some ten seconds per column.",
-    )
-    return for_hands(prove(run_options("workers", "long")(body)))
+    return for_hands(run_options("workers", "long")(body))
 
 
 def _refuse_equal_names(sources: tuple[str, ...]) -> None:
@@ -48,7 +42,7 @@ def _refuse_equal_names(sources: tuple[str, ...]) -> None:
 @click.command("zwidth")
 @one_spec
 @_of_intervals
-def zwidth(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool) -> None:
+def zwidth(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
@@ -71,13 +65,13 @@ def zwidth(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool)
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("zwidth", spec, options, along="K_VE", for_hands=for_hands, prove=prove)
+    produce_intervals("zwidth", spec, options, along="K_VE", for_hands=for_hands)
 
 
 @click.command("stability-region")
 @one_spec
 @_of_intervals
-def stability_region(spec: str, options: Options, for_hands: tuple[str, ...], prove: bool) -> None:
+def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
@@ -91,7 +85,7 @@ def stability_region(spec: str, options: Options, for_hands: tuple[str, ...], pr
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("stability-region", spec, options, for_hands=for_hands, prove=prove)
+    produce_intervals("stability-region", spec, options, for_hands=for_hands)
 
 
 @click.command("bode")

@@ -263,13 +263,11 @@ def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
     return filled(without_drift(frame_of(ticks), drift))
 
 
-def errors_of_closed(ticks: Ticks, drift: TickDrift, *, counted: bool = True) -> tuple[np.ndarray, np.ndarray]:
+def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms.
 
-    The bounds take a shift that depends on the numbers as it is computed. counted: in states that are counted from others.
+    The bounds take a shift that depends on the numbers as it is computed.
     """
-    if counted:
-        (ticks, _), drift = counted_ticks(ticks, drift), replace(drift, moved=tuple((lead, ()) for lead, _ in drift.moved))
     changes, sizes = [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps]
     E, dE = product_with_errors(ticks.kind, changes, sizes, each=True)
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)

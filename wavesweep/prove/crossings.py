@@ -44,7 +44,7 @@ def crossings(part: Part, budget: Budget) -> Iterator[Crossing]:
         if table.ncols() == 1:  # the same for all values
             count_outside(table.entries())
             continue
-        for sign, theta in ((1, arb(0)), (-1, arb.pi())) if n else ():
+        for sign, theta in ((1, arb(0)), (-1, arb.pi())) if n else ((1, arb("nan")),):
             ends = arb_mat([[sum((table[j, i] * sign**j for j in range(n + 1)), arb(0)) for i in range(table.ncols())]])
             for _, (low, high) in _boxes(ends, ends, budget):
                 yield Crossing(part.low + width * low.union(high), theta)
@@ -86,6 +86,8 @@ def count_outside(p: list[arb]) -> int:
         if not (scale.is_finite() and scale > 0):
             raise UndecidedError
         p = [c / scale for c in p]
+    if p[0].contains(0):
+        raise UndecidedError
     return outside
 
 

@@ -24,6 +24,7 @@ from wavesweep.spec.expressions import Tree, degree, evaluate, is_constant
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
 MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such
+NODES = 30  # operations that the nodes of an interpolant take, for each pair
 MOST_PARTS = 400  # of the range
 KEPT = 0.6  # share of the bits that are kept: a term that is smaller counts as part of the error
 STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
@@ -33,7 +34,8 @@ STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
 class Part:
     """A part of the range, from its low to its high end, with a polynomial per component.
 
-    Row j of a matrix has the Bernstein coefficients of that of z^j on the part.
+    Row j of a matrix has the Bernstein coefficients of that of z^j on the part. A polynomial of degree 0 stands for the
+    determinants of the algebraic loops: where it is 0 there is no loop.
     """
 
     low: arb
@@ -57,7 +59,7 @@ class Family:
         self.size = len(places)
         self.degree = _degree(loop)
         self.bent = any(_branches(tree, loop.number) for _, tree in loop.drawing.trees())
-        self.ones = [0] * len(self.parts)
+        self.ones = [0] * (len(self.parts) + self.exact)
 
     @property
     def exact(self) -> bool:
@@ -72,7 +74,7 @@ class Family:
         for part in self.parts:
             own = type(frame)([[rows[i][j] for j in part] for i in part]).charpoly()
             found.append([own[j] * pivot if times else own[j] for j in range(len(part) + 1)])
-        return found
+        return [*found, [pivot]] if self.exact else found
 
     def find_ones(self) -> int:
         """Count the eigenvalues that are 1 for every value of the number, by digits that vanish at two precisions."""
@@ -101,7 +103,7 @@ class Family:
             count += 1
             if count > MOST_PARTS or (not self.exact and self.bent):
                 raise UndecidedError
-            errors = [0] * len(self.parts) if self.exact else self._errors(low, high)
+            errors = [0] * len(self.ones) if self.exact else self._errors(low, high)
             if errors is None:
                 middle = ((low + high) / 2).mid()
                 open_ += [(middle, high), (low, middle)]
@@ -129,10 +131,11 @@ class Family:
 
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
+        self.budget.use(NODES * nodes**2)
         points, weights = _nodes(nodes, ctx.prec)
         values = [self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact) for point in points]
         for number, (times, error) in enumerate(zip(self.ones, errors, strict=True)):
-            size = len(self.parts[number]) + 1
+            size = len(values[0][number])
             table = arb_mat([[values[i][number][j].real for i in range(nodes)] for j in range(size)]) * weights
             rows = _trimmed(table.tolist(), error[0] if error else None)
             yield arb_mat(_without_ones_rows(rows, times)) * _to_bernstein(len(rows[0]), ctx.prec)

@@ -99,8 +99,6 @@ class Loop:
 
     def _tick(self, running, matrix, owners, W, A, B, C, D):
         states, size = len(owners), len(owners) + len(self.held)
-        if not size:
-            return matrix(0, 0), W[0, 0] * 0 + 1
 
         def form(row, unit=-1):
             return [*row, *[0] * (size - len(row))] if unit < 0 else [int(k == unit) for k in range(size)]
@@ -109,6 +107,8 @@ class Loop:
         C = matrix([form(row) if on else form((), places.get(j, -1)) for j, (row, on) in enumerate(zip(C, runs, strict=True))])
         D = matrix([row if on else [0] * len(row) for row, on in zip(D, runs, strict=True)])
         inputs, pivot = _closed(W * D, W * C)
+        if not size:
+            return matrix(0, 0), pivot
         outputs, after = (C + D * inputs).tolist(), (matrix(B) * inputs).tolist() if B else []
         rows = []
         for k, i in enumerate(owners):

@@ -18,7 +18,7 @@ import numpy as np
 
 from wavesweep.monodromy.rounding import balance
 from wavesweep.stability.frames import Frames
-from wavesweep.stability.guardian_maps import MOST_ORDER, SURELY_UNSTABLE, from_coefficients, from_eigenvalues
+from wavesweep.stability.guardian_maps import MOST_ORDER, from_coefficients, from_eigenvalues
 
 MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
 ELLIPSE, RIM_POINTS = 4.0, 8  # sum of the semi-axes of the ellipse about a number; points on its upper half
@@ -139,7 +139,7 @@ class _Function:
         self.used += len(x)
         n = found.E.shape[-1]
         of = from_coefficients if n <= MOST_ORDER else from_eigenvalues
-        phase, log, error = (part[:SURELY_UNSTABLE] for part in of(found.E, np.broadcast_to(units, (len(x), n))))
+        phase, log, error = of(found.E, np.broadcast_to(units, (len(x), n)))
         return phase, log, error, found.pivots
 
     def _units(self, middle):

@@ -5,57 +5,51 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.stability.certificate import COUNTS, NONE, SEARCH
-from wavesweep.stability.frames import NODES, Frames, level, pole_inside
-from wavesweep.stability.guardian_maps import (
-    EPS,
-    MOST_ERROR,
-    MOST_ORDER,
-    PAIR,
-    SURELY_UNSTABLE,
-    from_coefficients,
-    from_eigenvalues,
-    surely_unstable_by_traces,
-)
-from wavesweep.stability.interpolated import interpolated_loop
-from wavesweep.stability.labelled import LOST, NARROWEST, UNKNOWN, UNSTABLE, labelled_parts
-from wavesweep.stability.non_nilpotent import MoreStatesError, RecalledError, living, typical
-from wavesweep.stability.panels import RIM, ROUGH, panel_roots
-from wavesweep.stability.polishing import ATTACHED, polished
-from wavesweep.stability.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.stability.spans import are_in, weight_touching
-from wavesweep.stability.stable import MOST_STATES, Intervals, doubts_of, intervals_of, uneven_units
+from wavesweep.monodromy.rounding import balance
+from wavesweep.stability.certificate import NONE
+from wavesweep.stability.covering import ATTACHED, Tiles, regions_of, tiles_of
+from wavesweep.stability.entries import DEGREES, EPS, panels_of
+from wavesweep.stability.frames import Frames
+from wavesweep.stability.intervals import Intervals, doubts_of, intervals_of
+from wavesweep.stability.regions import NEAR_ZERO, Regions
 
-MANY, FEW = 512, 8  # so many open panels of one column are, too; in parts that may be surely unstable
 TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
-FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
-UNSOLVED = 1e8  # condition of loops of direct terms so near to a value without a solution that it may be given as an end
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
+TYPICAL = (0.53, 0.37, 0.71)  # of the span, where the units of the states are found; not the middle, which may be 0
+UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
+HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
+ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
 
 
-def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf), variable="") -> Intervals:
+def stable_along_any(frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
-    evaluate(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
+    period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
+    """
+    found = regions_along_any(frames, span, columns, bounds, variable, errors)
+    return intervals_of(found, doubts_of(found, np.full(columns, NONE)), period)
+
+
+def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None) -> Regions:
+    """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
+
+    frames(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
     order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
-    columns. period: of the frame, in s, `(columns,)`. bounds: p beyond them has no loop, a number or `(columns,)` each.
+    columns. bounds: p beyond them has no loop, a number or `(columns,)` each.
+    errors(column, p): frames less identity in the same states, and bounds on the errors of their entries; by default these are
+    a few roundings.
     variable: BENT, the logarithm of the distance from the low end and a TURN-th of the span, as stiffnesses and dampings have
     poles below zero; FROM_ZERO, the logarithm of p from ATTACHED of the span on, for a span from 0, at which the loop need not
     be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is the logarithm of p if high > WIDE low > 0, as
     masses, impedances and cutoffs act by their ratios, or else p.
 
-    With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
-    functions of p that vanish if a complex pair, z = 1 or z = -1 is on the unit circle (the first also if two real
-    eigenvalues are reciprocal: then the counts do not change). They follow from the characteristic polynomial (`critical`),
-    which is interpolated between a few values of p (`interpolated`). The roots are found and proved on Chebyshev
-    panels, with the size of the functions beside the real axis as the bound on the parts that the samples do not show
-    (`panels`); polished on the eigenvalue itself; and the counts of unstable eigenvalues in every region must change by 2 or 1
-    accordingly. If the sum of their fourth powers (of their sixteenth for large frames), or of the products of two of these,
-    proves that one lies outside all over a panel, its crossings are not searched for.
-    A part of the span that could not be proved has no label; its column is in doubt, and the rest of it is given.
-    Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end, and as
+    The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
+    these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
+    that leaves are windows about crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is
+    not known: its column is in doubt, and the rest of it is given.
+    Accuracy: ends to 1e-9 relative, usually 1e-12; those within 1e-9 of the span of its low end are given as that end, and as
     its high end those that are as near to it as ends are exact.
     """
     low, high = span
@@ -76,12 +70,17 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     def slack(t):
         return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
 
-    found = _by_recalled_states(partial(_through, evaluate, out), ends[:2], columns, period, bounds, slack)
+    errors = partial(_rounded, frames) if errors is None else errors
+    through = [partial(_through, each, out) for each in (frames, errors)]
+    order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
+    few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
+    parts = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
+    found = Regions.join([_regions(*through, ends, names, bounds[:, names], slack) for names in parts])
     # The range's own ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
     lows, highs = (
         np.where(part == end, own, np.where(np.abs(out(part)) <= nothing, 0.0, out(part)))
-        for part, end, own in zip((found.low, found.high), ends[:2], span, strict=True)
+        for part, end, own in zip((found.low, found.high), ends, span, strict=True)
     )
     return replace(found, low=lows, high=highs)
 
@@ -90,246 +89,59 @@ def _same(p):
     return p
 
 
-def _by_recalled_states(evaluate, span, columns, period, bounds, slack) -> Intervals:
-    """The intervals in the variable, the columns whose frames forget the same states together; slack: see `_of_columns`."""
-    recurring, sizes = typical(evaluate, span, columns)
-    units = uneven_units(sizes)
-    if (units != 1).any():
-        evaluate, ratio = partial(_in_units, evaluate, units), units[:, None, :] / units[:, :, None]
-        recurring, sizes = recurring * ratio, sizes * ratio
-    kept, done = living(recurring), []
-    pending = np.arange(columns)
-    while pending.size:
-        names = pending[(kept[pending] == kept[pending[0]]).all(1)]
-        mask = kept[names[0]]
-        try:
-            part = _of_columns(
-                partial(_of, evaluate, names), span, names.size, period[names], bounds[:, names], slack, sizes[names], mask
-            )
-        except RecalledError as error:
-            kept[names[error.columns]] = True
-            continue
-        done.append(replace(part, column=names[part.column]))
-        pending = np.setdiff1d(pending, names)
-    whole = Intervals.join(done)
-    return whole.take(np.argsort(whole.column, kind="stable"))
-
-
-def _through(evaluate, out, column, t):
+def _through(function, out, column, t):
     with np.errstate(over="ignore"):  # beside the largest doubles
         p = out(t)
-    return evaluate(column, p)
+    return function(column, p)
 
 
-def _in_units(evaluate, units, column, p):
-    """Frames in other units of the states; those of other states than the typical ones are left as they are."""
-    found = Frames.of(evaluate(column, p))
-    if found.E.shape[-1] != units.shape[-1]:
-        return found
-    own = units[np.broadcast_to(column, p.shape).ravel()]
-    with np.errstate(all="ignore"):  # a loop may overflow beside the real axis
-        return replace(found, E=found.E * (own[:, None, :] / own[:, :, None]))
+def _rounded(frames, column, p):
+    E = Frames.of(frames(column, p)).E
+    return E, 4 * EPS * np.abs(E)
 
 
-def _of(evaluate, names, column, p):
-    return evaluate(names[column], p)
+def _regions(frames, errors, span, names, bounds, slack) -> Regions:
+    """The regions of some columns in the variable; slack: how far an end may be off; the others: see `regions_along_any`."""
+
+    def of_errors(column, t):
+        column, t = np.broadcast_arrays(column, t)
+        return errors(names[column.ravel()], t.ravel())
+
+    def of_frames(column, t):
+        return Frames.of(frames(names[column], t))
+
+    points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
+    E = of_frames(np.arange(names.size)[:, None], np.tile(points, (names.size, 1))).E
+    E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
+    units = uneven_units(np.abs(E).reshape(names.size, points.size, *E.shape[1:]).max(1))
+    if (units != 1).any():
+        ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
+
+        def scaled(E, column, t):
+            own = ratio[np.broadcast_to(column, t.shape).ravel()]
+            return E * own if E.shape[-1] == own.shape[-1] else np.full_like(E, np.nan)
+
+        of_frames = lambda column, t: replace(found := plain(column, t), E=scaled(found.E, column, t))  # noqa: E731
+        of_errors = lambda column, t: tuple(scaled(part, *np.broadcast_arrays(column, t)) for part in rough(column, t))  # noqa: E731
+    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds)
+    tiles = Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
+    if panels is not None:
+        panels, kept = panels.without_forgotten()
+        tiles = tiles_of(panels, lambda *at: (part[:, kept[:, None], kept] for part in of_errors(*at)), span, names.size, slack)
+    found = regions_of(tiles, lost, span, names.size, (ATTACHED * (span[1] - span[0]), slack(span[1])))
+    return replace(found, column=names[found.column])
 
 
-def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
-    """The intervals of columns whose frames forget the same states.
+def uneven_units(sizes):
+    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
 
-    slack(p): by how much rounding may move an end. sizes, kept: see `interpolated_loop`. The others: see `stable_along_any`.
+    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
+    by powers of its poles; entries of a frame that grows are large in any units.
     """
-    loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
-    ends = polished(evaluate, loop, found, span, slack)
-    ends, labelled = labelled_parts(evaluate, span, found, ends, partial(_surely_unstable, loop, columns, bounds))
-    return intervals_of(*_counted_regions(evaluate, span, columns, ends, labelled, slack), period)
-
-
-def _counted_regions(evaluate, span, columns, ends, labelled, slack):
-    """The regions between ends and labelled parts with their counts of unstable eigenvalues, and the doubt of each column."""
-    owner = np.concatenate([part for some in labelled for part in (some[0], some[0])])
-    edge = np.concatenate([part for some in labelled for part in some[1:3]])
-    nowhere = np.full(edge.size, np.nan)
-    jump = np.concatenate([np.where(ends.function == PAIR, 2.0, 1.0), nowhere])
-    error = np.abs(np.concatenate([ends.miss, np.zeros(edge.size)]))
-    attached = ATTACHED * (span[1] - span[0]), slack(span[1])
-    parts = cut_span(
-        span,
-        columns,
-        np.concatenate([ends.column, owner]),
-        np.concatenate([ends.value, edge]),
-        np.concatenate([ends.theta, nowhere]),
-        jump,
-        slack=attached,
-    )
-    label, doubt = _given(parts, labelled)
-    counted = np.flatnonzero(label == 0)
-    unstable = label.copy()
-
-    def matrices(some, value):
-        return Frames.of(evaluate(parts.column[some], value)).E
-
-    unstable[counted] = count_where_clear(parts, counted, lambda some, value: (matrices(some, value), None))
-    hidden = counted[unstable[counted] < 0]  # by the rounding of an eigenvalue that is very large, for one
-    if hidden.size:
-        surely, _ = surely_unstable_by_traces(matrices(hidden, parts.at(0.5)[hidden]))
-        label[hidden[surely]] = unstable[hidden[surely]] = UNSTABLE
-    unstable = _as_beside(parts, label, unstable)
-    before, after = parts.has_next, parts.has_previous
-    gain = parts.gain[after]
-    uncounted = (label[before] == UNSTABLE) & (unstable[after] > 0) | (label[after] == UNSTABLE) & (unstable[before] > 0)
-    fits = np.isnan(gain) | (np.abs(unstable[after] - unstable[before]) == gain) | uncounted
-    found = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
-    found = replace(found, unstable=np.where(found.doubt == COUNTS, UNKNOWN, unstable))
-    return found, doubts_of(found, _doubts_at_ends(evaluate, span, columns, attached, labelled[LOST]))
-
-
-def _as_beside(parts, label, unstable):
-    """Counts of regions, those that are not known but go on from a part that is unstable throughout as of one eigenvalue.
-
-    Nothing crosses in a region, nor at an end that no crossing makes.
-    """
-    before, after = np.flatnonzero(parts.has_next), np.flatnonzero(parts.has_previous)
-    open_, found = np.isnan(parts.gain[after]), unstable.copy()
-    for one, other in ((before, after), (after, before)):
-        found[one[open_ & (label[one] == 0) & (unstable[one] < 0) & (label[other] == UNSTABLE)]] = 1
-    return found
-
-
-def _doubts_at_ends(evaluate, span, columns, attached, lost):
-    """SEARCH for columns whose loop has no solution at an end of the span, or next to it.
-
-    attached: distances up to which a part is given as the end itself, as a crossing is. lost: parts, see `_labelled_parts`.
-    """
-    doubt, (owner, left, right, *_) = np.zeros(columns, int), lost
-    beside = left - span[0] <= attached[0], span[1] - right <= attached[1]
-    for end, touching in zip(span, beside, strict=True):
-        some = np.unique(owner[touching])
-        if some.size:
-            unsolved = ~(Frames.of(evaluate(some, np.full(some.size, end))).condition < UNSOLVED)
-            doubt[some[unsolved]] = SEARCH
-    return doubt
-
-
-def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
-    """The loop as it is interpolated, the roots of its critical functions, and the panels on which these are settled or lost.
-
-    order: of the largest frames, if it is known.
-    """
-    smallest = NARROWEST * (span[1] - span[0])
-    try:
-        loop = interpolated_loop(evaluate, span, columns, bounds, sizes, kept, order)
-        first = loop.pieces.column, loop.pieces.low, loop.pieces.high
-        return loop, panel_roots(_sampler(loop), *first, columns, smallest, MANY, bounds, settling=SURELY_UNSTABLE)
-    except MoreStatesError as more:
-        return _roots(evaluate, span, columns, bounds, sizes, kept, more.order)
-
-
-def _surely_unstable(loop, columns, bounds, column, low, high):
-    """Whether SURELY_UNSTABLE is proved to be positive all over these parts, whatever crosses there."""
-    functions, smallest = _sampler(loop), NARROWEST * (loop.span[1] - loop.span[0])
-
-    def sample(column, p):
-        phase, log, error = functions(column, p)
-        return phase, log, np.concatenate([np.full_like(error[:SURELY_UNSTABLE], MOST_ERROR), error[SURELY_UNSTABLE:]])
-
-    found = panel_roots(sample, column, low, high, columns, smallest, FEW, bounds, settling=SURELY_UNSTABLE)
-    left = [np.concatenate(some) for some in zip(found.lost, found.overflown, strict=True)]
-    return weight_touching(column, low, high, *left, np.ones(left[0].size)) == 0
-
-
-def _given(parts, labelled):
-    """Label and doubt of every region that lies in a part which is not to be counted; 0 and NONE elsewhere."""
-    label, doubt = np.zeros(parts.column.size, int), np.zeros(parts.column.size, int)
-    for owner, left, right, what, why in labelled:
-        inside = are_in(parts.column, parts.at(0.5), owner, left, right)
-        label, doubt = np.where(inside, what, label), np.where(inside, why, doubt)
-    return label, doubt
-
-
-def _sampler(loop):
-    """The function that `panel_roots` samples: the critical functions of these columns at these points.
-
-    They come from interpolated characteristic polynomials; if their own error would be more than FINE, from those of frames,
-    and then from eigenvalues.
-    """
-
-    def sample(column, p):
-        most = ROUGH if np.iscomplexobj(p) else FINE
-        found = [np.empty((4, *p.shape), kind) for kind in (complex, float, float)]
-        piece = loop.piece(column, p)
-        known = loop.pieces.degree[piece] > 0
-        some, rest = np.flatnonzero(known), np.flatnonzero(~known)
-        if some.size:
-            parts = loop.functions(piece[some], p[some])
-            for whole, part in zip(found, parts, strict=True):
-                whole[:, some] = part
-            rest = np.sort(np.append(rest, some[_too_rough(parts, most)]))
-        if rest.size:
-            E, pivots = loop.computed(column[rest], p[rest])
-            parts = _of_frames(E, loop.units[column[rest]], most)
-            for whole, part in zip(found, parts, strict=True):
-                whole[:, rest] = part
-            at = np.flatnonzero(~known[rest]) if np.iscomplexobj(p) else rest[:0]
-            at = at[(pivots[at] != pivots[at][:, :1]).any((1, 2))]  # a pivot that is constant has no zero
-            if at.size:  # the rim of a panel: with a pole inside it bounds nothing
-                middle = p[rest[at]].real.mean(-1, keepdims=True)
-                half = np.abs(p[rest[at]].real - middle).max(-1, keepdims=True) / RIM.real.max()
-                _, inside = loop.computed(column[rest[at]], middle + half * NODES)
-                found[1][:, rest[at[pole_inside(pivots[at], level(inside))]]] = np.inf
-        return tuple(found)
-
-    return sample
-
-
-def _of_frames(E, units, most):
-    """The same from frames, `(panels, points, n, n)`; most: error of the functions that is let pass."""
-    panels, points, n, _ = E.shape
-    E, units = E.reshape(-1, n, n), np.repeat(units, points, axis=0)
-    if n > MOST_ORDER and not np.iscomplexobj(E):
-        return _where_unsure(E, units, panels)
-    if n > MOST_STATES:
-        return [part.reshape(4, panels, points) for part in from_eigenvalues(E, units)]
-    found = [part.reshape(4, panels, points) for part in from_coefficients(E, units)]
-    again = np.flatnonzero(_too_rough(found, most))
-    if again.size:
-        rows = (again[:, None] * points + np.arange(points)).ravel()
-        for part, better in zip(found, from_eigenvalues(E[rows], units[rows]), strict=True):
-            part[:, again] = better.reshape(4, again.size, -1)
-    return found
-
-
-def _where_unsure(E, units, panels):
-    """The functions from eigenvalues; of panels that seem surely unstable at every point the one that says so, and no other.
-
-    The others are like it there, but not known. On panels that are not surely unstable in their middle that one is negative.
-    """
-    rows = np.arange(len(E)).reshape(panels, -1)
-    found = [np.full((4, *rows.shape), each) for each in (-1.0 + 0j, 0.0, MOST_ERROR)]
-    one = rows[:, rows.shape[1] // 2]
-    some = np.flatnonzero(surely_unstable_by_traces(E[one], units[one])[0])
-    unsure = np.ones(panels, bool)
+    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
+    some = np.flatnonzero(largest > UNEVEN)
     if some.size:
-        sure, parts = surely_unstable_by_traces(E[rows[some].ravel()], units[rows[some].ravel()])
-        for whole, part in zip(found, parts, strict=True):
-            whole[:, some] = part.reshape(some.size, -1)
-        found[2][:SURELY_UNSTABLE] = MOST_ERROR
-        unsure[some] = ~sure.reshape(some.size, -1).all(1)
-    rest = np.flatnonzero(unsure)
-    if rest.size:
-        at = rows[rest].ravel()
-        traces = [part[SURELY_UNSTABLE, rest].ravel() for part in found]
-        for part, better in zip(found, from_eigenvalues(E[at], units[at], traces), strict=True):
-            part[:, rest] = better.reshape(4, rest.size, -1)
-    return found
-
-
-def _too_rough(found, most):
-    """Whether some function of a panel, but for SURELY_UNSTABLE, has too large an error beside its largest value, or is not
-    known; if frames overflow, nothing can be better."""
-    _, log, error = (part[:SURELY_UNSTABLE] for part in found)
-    with np.errstate(all="ignore"):
-        relative = np.exp(log - log.max(-1, keepdims=True))
-        known = (np.finfo(float).eps * (error * relative).max(-1) <= most) & (log > -np.inf).all(-1)
-    return ~known.all(0) & (log < np.inf).all((0, -1))
+        better, found = balance(sizes[some], SWEEPS)
+        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[some]
+        units[some[helps]] = found[helps]
+    return units

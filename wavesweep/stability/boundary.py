@@ -12,7 +12,7 @@ from wavesweep.monodromy.circle import inverse, on_circle
 from wavesweep.monodromy.cut import ADVANCE, OFFSET, Cut, V
 
 K_VE, B_VE = "K_VE", "B_VE"
-ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more
+ROUNDS = 12  # Newton from a seed of 8 digits needs 2
 LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
 NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
 NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it

@@ -6,11 +6,11 @@ import numpy as np
 
 from wavesweep.stability.along_any import EXACT
 from wavesweep.stability.certificate import CROWDED, NONE, ROUNDING, SEARCH
+from wavesweep.stability.covering import ATTACHED
 from wavesweep.stability.discs import BAD, GOOD, LOST, OPEN, Circle, Spiral, verdicts
 from wavesweep.stability.frames import level, pole_inside
-from wavesweep.stability.polishing import ATTACHED
+from wavesweep.stability.intervals import Intervals
 from wavesweep.stability.regions import NEAR_ZERO
-from wavesweep.stability.stable import Intervals
 
 PANELS, MANY = 16, 1024  # panels of a column to begin with; so many that are open, beyond which it is given up
 LARGE, OFTEN = 50_000, 16  # entries of so many frames, of fewer panels then; times that in all

@@ -19,7 +19,7 @@ ROUNDS = 6  # of finding weights
 def unstable_counts(frames, errors, span, columns: int, bounds) -> np.ndarray:
     """Return the number of unstable eigenvalues of each column all over a span of a number, `(columns,)`; -1 if not known.
 
-    frames, errors, bounds: see `stable_along`. An eigenvalue z on the circle is where `S = z - A - C L(z) B` is singular: A, B
+    frames, errors, bounds: as for `panels_of`. An eigenvalue z on the circle is where `S = z - A - C L(z) B` is singular: A, B
     and C of the states that no delay line has, closed by the lines L, which are of any length. Over an arc of the circle and a
     part of the range no entry of S changes by more than D. If `|S^-1| D` takes some weights to less, S is nonsingular there.
     """

@@ -1,13 +1,15 @@
 """The spans of columns covered by proofs of dominance, and by windows about the crossings that these leave open."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from wavesweep.columns import Rows
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
 from wavesweep.stability.dominance import Bent, Exact
-from wavesweep.stability.entries import EPS, Panels
+from wavesweep.stability.entries import EPS, Panels, nodes
 from wavesweep.stability.regions import Regions
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
@@ -15,17 +17,21 @@ NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place i
 CROSSING = 6  # steps towards a crossing on the panel's polynomials; from then on the frame at the place itself is taken
 FIRM = 2.5  # times what the errors of entries move a crossing by: half of a window about it, at least
 WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider with every try, up to this part of half a panel
-MOST_TESTS, FOR_EACH, ROUNDS = 1000, 8, 150  # of a column, and for each of its panels; of all together
-SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02)  # of the way that is wanted, tried in turn
+RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
+GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
+MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
+SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
+CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 SHORT = 1e-12  # relative: a stretch so short is given up
-WINDOW, UNKNOWN = -1, -2  # in place of the number of eigenvalues outside
+UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
 
 
 @dataclass(frozen=True, slots=True)
 class Tiles(Rows):
     """Parts of the spans of columns.
 
-    outside: number of eigenvalues outside the unit circle, or at least so many; WINDOW if they cross there; UNKNOWN. value,
+    outside: number of eigenvalues outside the unit circle, or at least so many; UNKNOWN; WINDOW if some cross there, or
+    OVERLAID if another one is outside meanwhile. value,
     theta, miss, doubt: of a window: the crossing; the eigenvalue's angle there; to what its distance from the circle is known,
     relative to what that changes by with the parameter if this is more; ROUNDING if the window is wider than ends may be off.
     """
@@ -58,9 +64,8 @@ class _Open(Rows):
 
 def tiles_of(panels: Panels, errors, span, columns: int, slack) -> Tiles:
     """Return the tiles that could be proved; errors, slack: see `stable_along_any`."""
-    number = np.arange(panels.low.size)
-    open_ = _Open(number, panels.low, panels.high, (panels.low + panels.high) / 2, 0 * number)
-    done, left = [], MOST_TESTS + FOR_EACH * np.bincount(panels.column, minlength=columns)
+    unstable, open_ = _unstable_by_traces(panels)
+    done, left = [unstable], MOST_TESTS + FOR_EACH * np.bincount(panels.column, minlength=columns)
     for _ in range(ROUNDS):
         column = panels.column[open_.panel]
         np.subtract.at(left, column, 1)
@@ -70,7 +75,70 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack) -> Tiles:
         with np.errstate(all="ignore"):
             found, open_ = _Test(panels, errors, span, slack, open_).results()
         done += found
-    return Tiles.join(done)
+    return _with_ends_in_gaps(Tiles.join(done), errors, slack)
+
+
+def _with_ends_in_gaps(tiles, errors, slack):
+    """Add windows where a gap between a stable and an unstable tile is as narrow as ends are exact: the end is in it.
+
+    So it is where two eigenvalues meet on the circle, which are known to the root of rounding only.
+    """
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    outside, gap = tiles.outside, tiles.low[1:] - tiles.high[:-1]
+    ending = (np.minimum(outside[:-1], outside[1:]) == 0) & (np.maximum(outside[:-1], outside[1:]) > 0)
+    at = np.flatnonzero((np.diff(tiles.column) == 0) & ending & (gap > 0) & (gap <= slack(tiles.high[:-1])))
+    if not at.size:
+        return tiles
+    column, low, high = tiles.column[at], tiles.high[at], tiles.low[at + 1]
+    value = (low + high) / 2
+    z = 1 + np.linalg.eigvals(np.nan_to_num(next(iter(errors(column, value)))))
+    nearest = np.take_along_axis(z, np.abs(np.abs(z) - 1).argmin(1)[:, None], 1)[:, 0]
+    ends = Tiles(column, low, high, WINDOW + 0 * column, value, np.abs(np.angle(nearest)), high - low, NONE + 0 * column)
+    return Tiles.join([tiles, ends])
+
+
+def _unstable_by_traces(panels):
+    """Tiles in which some eigenvalue is outside, as `|tr A| > n` or `|tr A A| > n` for all values there, and what is left open.
+
+    Far beyond the stable values entries are large and turn fast with the number, which would take thousands of tests.
+    """
+    n, degree, number = panels.error.shape[-1], panels.coefficients.shape[1] - 1, np.arange(panels.low.size)
+    known, x = np.zeros((number.size, CELLS), bool), np.linspace(-1, 1, 5)
+    with np.errstate(all="ignore"):
+        some = np.flatnonzero((np.abs(_traces(panels.coefficients, x)) > n).any((0, 2)))
+        c, (points, transform) = panels.coefficients[some], nodes(2 * degree)
+        size, traces = np.eye(n) + np.abs(c).sum(1), _traces(c, points)
+        error = panels.error[some] + 8 * degree * EPS * size
+        errors = np.trace(error, axis1=1, axis2=2), np.einsum("pij,pji->p", 2 * size + error, error)
+        for trace, error in zip(traces, errors, strict=True):
+            on_cells = np.einsum("ckl,pl->pck", _restrictions(2 * degree), trace @ transform.T)
+            least = np.abs(on_cells[..., 0]) - np.abs(on_cells[..., 1:]).sum(-1)
+            known[some] |= least > n + error[:, None]
+    edges = panels.middle[:, None] + panels.half[:, None] * np.linspace(-1, 1, CELLS + 1)
+    edges = np.clip(edges, panels.low[:, None], panels.high[:, None])
+    edges[:, [0, -1]] = np.stack([panels.low, panels.high], 1)
+    # Neighbouring cells that are alike are one stretch.
+    first = np.diff(known, axis=1, prepend=~known[:, :1])
+    last = np.append(first[:, 1:], np.full((number.size, 1), True), axis=1)
+    panel, low, high = np.nonzero(first)[0], edges[:, :-1][first], edges[:, 1:][last]
+    done, left = ((known[first] == kind) & (high > low) for kind in (True, False))
+    open_ = _Open(panel, low, high, (low + high) / 2, 0 * panel).take(left)
+    return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_
+
+
+def _traces(coefficients, x):
+    """Return `tr A` and `tr A A` at places x of panels, `(2, panels, places)`."""
+    (m, k, n, _), T = coefficients.shape, chebyshev.chebvander(x, coefficients.shape[1] - 1)
+    A = np.eye(n) + (T @ coefficients.reshape(m, k, n * n)).reshape(m, x.size, n, n)
+    return np.stack([np.trace(A, axis1=2, axis2=3), np.einsum("pxij,pxji->px", A, A)])
+
+
+@cache
+def _restrictions(degree):
+    """Chebyshev coefficients on each cell of [-1, 1] of the Chebyshev polynomials, `(CELLS, degree + 1, degree + 1)`."""
+    x, transform = nodes(degree)
+    cells = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
+    return transform @ chebyshev.chebvander(cells[:, None] + x / CELLS, degree)
 
 
 class _Test:
@@ -108,7 +176,8 @@ class _Test:
         self.roots = np.where(closed, np.inf, roots)
         ends = np.where(closed, roots, np.inf).min(1) - eps, np.where(closed, roots, -np.inf).max(1) + eps
         self.begin = [np.where(self.closing, end, 0.0) for end in ends]
-        self.rough = eps > off
+        self.rough = (unsure / np.abs(slope) > off) | (eps > FIRM * off)
+        self.overlaid = ((self.bent.excess > 0) & ~closed).any(1)
 
     def results(self):
         """Return the new tiles, and the stretches that are open."""
@@ -126,23 +195,32 @@ class _Test:
         end = np.where(self.beside < 0, *self.span)
         value = np.where(self.beside != 0, end, np.clip(self.there, *inner))
         doubt = np.where(self.rough, ROUNDING, NONE)
-        window = Tiles(self.column, *inner, np.full(some.size, WINDOW), value, self.theta, self.miss, doubt)
+        window = Tiles(self.column, *inner, np.where(self.overlaid, OVERLAID, WINDOW), value, self.theta, self.miss, doubt)
         tiles.append(window.take(some))
         moving = self.toward | again
         steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
         new = [_Open(open_.panel, a, b, np.clip(self.there, a, b), steps).take(moving)]
-        for low, high, way in ((a, left, -1), (right, b, 1), (inner[0], place, 0), (place, inner[1], 0)):
-            some = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving & (failed | (way != 0)))
-            new.append(self._rest(some, low[some], high[some], way, np.abs((left if way < 0 else right) - place)[some], failed))
+        halved = failed & (b - a > RETRIED * (inner[1] - inner[0]))  # from elsewhere it may succeed
+        beyond = np.where(failed & ~halved, GIVEN_UP * (inner[1] - inner[0]), 0.0)
+        low, high = np.where(proved[0], left, left - beyond), np.where(proved[1], right, right + beyond)
+        sides = (
+            (a, low, -1),
+            (high, b, 1),
+            (inner[0], np.where(halved, place, inner[0]), 0),
+            (place, np.where(halved, inner[1], place), 0),
+        )
+        for low, high, way in sides:
+            some = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
+            new.append(self._rest(some, low[some], high[some], way, np.abs((high if way < 0 else low) - place)[some]))
         return tiles, _Open.join(new)
 
-    def _rest(self, some, low, high, way, gone, failed):
+    def _rest(self, some, low, high, way, gone):
         """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
         roots, length = self.roots[some], high - low
         ahead = np.where(way * roots > 0, np.abs(roots), np.inf).min(1) * self.half[some]
         place = self.open.place[some] + way * ahead
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length) & (ahead < np.maximum(3 * gone, 0.5 * length))
-        trusted &= (self.radius[some] == 1) & ~failed[some] & (self.open.steps[some] < CROSSING)
+        trusted &= (self.radius[some] == 1) & (self.open.steps[some] < CROSSING)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
         return _Open(self.open.panel[some], low, high, place, trusted.astype(int))
 
@@ -173,8 +251,8 @@ class _Test:
         return np.split(ends, 2), np.split(outside, 2)
 
 
-def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> tuple[Regions, np.ndarray]:
-    """Return the parts of the spans in which the loops are stable, unstable or not known, and the doubt of each column.
+def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
+    """Return the parts of the spans in which the loops are stable, unstable or not known; all of a column have its doubt.
 
     lost: parts without panels, see `panels_of`. attached: from each end of the span, how far what is not known may reach
     without a doubt, since a crossing there is given as at the end itself.
@@ -186,12 +264,12 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> tuple[Region
     searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
     np.maximum.at(doubt, owner[searched].astype(int), np.where(overflown[searched] > 0, OVERFLOW, SEARCH))
     np.maximum.at(doubt, tiles.column, np.where(tiles.outside == UNKNOWN, CROWDED, NONE))
-    at = np.flatnonzero(tiles.outside != WINDOW)
+    at = np.flatnonzero(tiles.outside > WINDOW)
     parts, column, label = tiles.take(at), tiles.column[at], np.sign(tiles.outside[at])
     beside = np.concatenate([at - 1, at[-1:] + 1])  # before each part, and after the last one
     window = tiles.take(np.clip(beside, 0, tiles.column.size - 1))
     first = np.append(True, np.diff(column) != 0)
-    last, known = np.append(first[1:], True), (window.outside == WINDOW)
+    last, known = np.append(first[1:], True), (window.outside <= WINDOW)
     crossed, ending = known[:-1] & (window.column[:-1] == column), known[1:] & (window.column[1:] == column)
     low = np.where(first, span[0], np.where(crossed, window.value[:-1], parts.low))
     high = np.where(last, span[1], np.append(low[1:], span[1]))
@@ -202,12 +280,13 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> tuple[Region
     before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))
     same = ~first & (before == label)
     np.maximum.at(doubt, column, np.where(label == 0, np.maximum(*rough), NONE))
-    # Between stable parts an eigenvalue may only touch the circle, or leave and return; without a crossing the counts agree.
-    wrong = ~first & (crossed & same & (label == 0) | ~crossed & ~same & (np.minimum(label, before) >= 0))
+    # Between parts alike eigenvalues may touch the circle, or cross and return; without a crossing the counts agree.
+    unsure = crossed & same & ((label == 0) | (window.outside[:-1] == WINDOW))
+    wrong = ~first & (unsure | ~crossed & ~same & (np.minimum(label, before) >= 0))
     np.maximum.at(doubt, column[wrong], COUNTS)
     begin, end = np.flatnonzero(~same), np.flatnonzero(np.append(~same[1:], True))
     ends = (low[begin], high[end], theta[0][begin], theta[1][end])
-    return Regions(column[begin], *ends, label[begin], 0 * begin, np.maximum(miss[0][begin], miss[1][end])), doubt
+    return Regions(column[begin], *ends, label[begin], doubt[column[begin]], np.maximum(miss[0][begin], miss[1][end]))
 
 
 def _facts(window):

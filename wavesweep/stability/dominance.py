@@ -106,12 +106,14 @@ class Bent:
             off = np.abs(exact.E - D[some, 0]) <= 2 * (error[some] + exact.off)
             drift[some], D[some, 0] = 4 * degree * error[some], exact.E
             error[some] = np.where(off.all((1, 2), keepdims=True), exact.off, np.inf)
+        error += pad[:, None, None] * np.abs(D[:, 1])
+        lost = ~np.isfinite(D[:, 0]).all((1, 2))
+        D[lost], error[lost] = 0.0, np.inf
         X, Z = eigenbasis(D[:, 0])
         B = Z[:, None] @ D @ X[:, None]
         self.w, self.real = np.diagonal(B[:, 0], axis1=1, axis2=2), (X.imag == 0).all(1)
         w = self.w
         aZ, aX, rounding = np.abs(Z), np.abs(X), 16 * (n + 4) * EPS / 2  # of products of up to five matrices
-        error += pad[:, None, None] * np.abs(D[:, 1])
         self.e0, self.e1 = aZ @ (error + rounding * np.abs(D[:, 0])) @ aX, aZ @ (drift + rounding * aD[:, 1:].sum(1)) @ aX
         self.e2, self.G = aZ @ panels.rest[at] @ aX, np.abs(Z @ X - eye) + rounding * aZ @ aX
         K = self._turning(B, wanted)

@@ -99,15 +99,17 @@ def panels_of(frames, errors, span, columns: int, bounds) -> tuple[Panels | None
         left, right = np.maximum(low - over, bounds[0][column]), np.minimum(high + over, bounds[1][column])
         middle, half = (left + right) / 2, (right - left) / 2
         inside = (middle - EXTENT * half >= bounds[0][column]) & (middle + EXTENT * half <= bounds[1][column])
-        good, overflown, some = ~inside & False, ~inside & False, np.flatnonzero(inside)
+        good, overflown, hopeless = np.zeros((3, column.size), bool)
+        some = np.flatnonzero(inside)
         if some.size:
             parts = column[some], low[some], high[some], middle[some], half[some]
             with np.errstate(all="ignore"):
-                found, at, beyond = _followed(frames, errors, parts)
-            good[some[at]], overflown[some[beyond]] = True, True
+                found, at, known = _followed(frames, errors, parts)
+            good[some[at]] = True
+            overflown[some], hopeless[some] = ~known.all(1), ~known.any(1)
             done += found
         np.add.at(count, column[~good], 1)
-        narrow = ~good & ((high - low <= least) | (count[column] > MANY))
+        narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
         lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
         column, low, high = (part[~good & ~narrow] for part in (column, low, high))
         cut_at = (low + high) / 2
@@ -117,7 +119,7 @@ def panels_of(frames, errors, span, columns: int, bounds) -> tuple[Panels | None
 
 
 def _followed(frames, errors, parts):
-    """Return panels, those among `parts` that are followed, which these are, and in which frames overflow.
+    """Return panels, those among `parts` that are followed, which these are, and which frames are finite, `(parts, points)`.
 
     parts: column, low, high, middle, half.
     """
@@ -128,13 +130,12 @@ def _followed(frames, errors, parts):
         return (part.reshape(which.size, x.size, *part.shape[1:]) for part in (found.E, found.pivots))
 
     done, followed, open_, A = [], [], np.arange(column.size), None
-    overflown = np.zeros(column.size, bool)
     for degree in DEGREES:
         x, transform = nodes(degree)
         if A is None:
             A, pivots = sample(open_, x)
             inner = level(pivots, np.where(np.abs(x) == 1, 0.5, 1.0))
-            overflown = ~np.isfinite(A).all((1, 2, 3))
+            known = np.isfinite(A).all((2, 3))
         else:
             between, _ = sample(open_, x[1::2])
             if between.shape[2:] != A.shape[2:]:
@@ -172,7 +173,7 @@ def _followed(frames, errors, parts):
         open_, A = open_[going], A[going]
         if not open_.size:
             break
-    return done, np.concatenate([*followed, np.zeros(0, int)]), np.flatnonzero(overflown)
+    return done, np.concatenate([*followed, np.zeros(0, int)]), known
 
 
 def _panels(parts, which, c, error):

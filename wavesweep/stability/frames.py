@@ -8,8 +8,6 @@ from wavesweep.columns import Rows
 
 STEEPEST = np.pi / 2  # turn between two points of a rim, beyond which it may be another turn
 LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim
-NODES = np.cos(np.pi * (np.arange(8) + 0.5) / 8)  # of a segment, which stand for their mean
-NODES.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True)

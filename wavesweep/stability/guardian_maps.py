@@ -7,29 +7,22 @@ import numpy as np
 
 from wavesweep.monodromy.circle import inverse
 
-PAIR, ONE, MINUS_ONE, SURELY_UNSTABLE = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
+PAIR, ONE, MINUS_ONE = 0, 1, 2  # the functions: a complex pair, z = 1, z = -1
 LARGEST_ENTRY = 1e150  # of an entry; products of two eigenvalues overflow beyond
 MOST_ERROR = 1e20  # of a value, in roundings of itself
 MOST_OF_EIGENVALUES = 1e12  # the same where nothing is better: an eigenvalue is seldom as far off as its bound
 CAUTION = 20  # roundings of the largest entry that an eigenvalue is believed to
 BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
-SQUARINGS = 2  # of the eigenvalues whose sum tells that a loop is unstable
-POWER = 2**SQUARINGS
 MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
-TRACED = 4  # as SQUARINGS, for frames of more than MOST_ORDER states, in which these are of the frame itself
-TINIEST = 1e-290  # of a sum that is not lost
 
 
 def from_coefficients(E, units=1.0):
-    """Return phase and logarithm of the size of four functions, `(4, matrices)` each, and their errors, in roundings.
+    """Return phase and logarithm of the size of three functions, `(3, matrices)` each, and their errors, in roundings.
 
     E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
     of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`.
-    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n fourth powers of the eigenvalues z (their POWER-th; of more than
-    MOST_ORDER the sixteenth, from squares of the frame), e that of the m products of two of these: if it is positive |t|
-    exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t may vanish, but e is its size to the
-    eighth). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial, which
+    No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial, which
     elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
     `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz determinant but one of the polynomial
     in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part, which is the determinant of their Bezout
@@ -40,37 +33,11 @@ def from_coefficients(E, units=1.0):
         starts = range(0, len(E), BLOCK)
         blocks = [_functions(*characteristic(E[at : at + BLOCK])) for at in starts]
         found = [np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)]
-        if E.shape[-1] > MOST_ORDER:
-            for part, own in zip(found, _by_traces(E), strict=True):
-                part[SURELY_UNSTABLE] = own
     return _given(found, finite)
 
 
-def from_polynomials(c, reach, size):
-    """`from_coefficients` for characteristic polynomials that are already known; c, reach, size: see `characteristic`."""
-    finite = np.isfinite(c).all(0)
-    if finite.size == 1:  # as in `_finite`
-        c, reach, size = (np.repeat(part, 2, axis=-1) for part in (c, reach, size))
-    with np.errstate(all="ignore"):
-        starts = range(0, size.size, BLOCK)
-        blocks = [_functions(*(part[..., at : at + BLOCK] for part in (c, reach, size))) for at in starts]
-    return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
-
-
-def surely_unstable(c, reach, size):
-    """Return where SURELY_UNSTABLE is positive by more than its error, `(pieces, points)`.
-
-    c, reach: coefficients of characteristic polynomials without the leading one and their errors, `(pieces, points, n)`; size:
-    `(pieces,)`; see `characteristic`.
-    """
-    with np.errstate(all="ignore"):
-        c, reach = (np.concatenate([np.moveaxis(part, -1, 0), np.ones((1, *part.shape[:2]))]) for part in (c, reach))
-        phase, _, error = _beyond(c, reach, np.repeat(size[:, None], c.shape[2], 1))
-        return (phase.real > 0) & (EPS * error < 1)
-
-
-def from_eigenvalues(E, units=1.0, traces=None):
-    """`from_coefficients` by way of the eigenvalues; traces: what `surely_unstable_by_traces` found of them, if it is known.
+def from_eigenvalues(E, units=1.0):
+    """`from_coefficients` by way of the eigenvalues.
 
     This is slower, but accurate for more states, since coefficients of crowded poles lose digits.
     """
@@ -84,47 +51,7 @@ def from_eigenvalues(E, units=1.0, traces=None):
         with np.errstate(over="ignore"):
             error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
-    with np.errstate(all="ignore"):
-        own = _by_traces(E) if traces is None else [np.resize(part, len(E)) for part in traces]
-    found.append(own)
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
-
-
-def _by_traces(E):
-    """Return SURELY_UNSTABLE from traces of a power of A = I + E.
-
-    A is squared again and again. Each square is off by `2 |A|` times the error of A and by the rounding of its sums. It is
-    scaled by a power of two, since the powers of a loop whose entries are large need not be large.
-    """
-    n, exponent = E.shape[-1], np.ceil(np.log2(np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
-    A = (E + np.eye(n)) * np.exp2(-exponent)[:, None, None]
-    norm = _norms(A)
-    off = CAUTION * norm  # in roundings
-    for _ in range(TRACED if n > MOST_ORDER else SQUARINGS):
-        A, off, exponent = A @ A, 2 * norm * off + n * norm**2, 2 * exponent
-        # Never below 1: what is smaller is surely not unstable.
-        shift = np.maximum(np.ceil(np.log2(np.maximum(np.abs(A).max((-1, -2), initial=0), TINIEST))), -exponent)
-        A, off, exponent = A * np.exp2(-shift)[:, None, None], off * np.exp2(-shift), exponent + shift
-        norm = _norms(A)
-        off = np.minimum(off, 4 / EPS * norm)  # then no digit is known, and none of any square
-    total, squares = A.trace(axis1=-2, axis2=-1), (A * np.swapaxes(A, -1, -2)).sum((-1, -2))
-    second = (total**2 - squares) / max(n * (n - 1), 1)
-    least = np.maximum(2 * np.exp2(-2 * exponent), TINIEST)
-    error = 4 * (np.sqrt(n) * off * np.abs(total) + norm * off + (n * norm) ** 2) + least
-    return _split(total**2 / max(n, 1) ** 2 + second - least, error, 2 * exponent * np.log(2))
-
-
-def _norms(A):
-    return np.sqrt((np.abs(A) ** 2).sum((-1, -2)))
-
-
-def surely_unstable_by_traces(E, units=1.0):
-    """Return `surely_unstable`, and SURELY_UNSTABLE as `from_eigenvalues` has it, for frames: `(matrices,)` each."""
-    E, finite = _finite(E, units)
-    with np.errstate(all="ignore"):
-        found = _by_traces(E)
-        phase, log, error = (part[0] for part in _given([part[None] for part in found], finite, MOST_OF_EIGENVALUES))
-        return (phase.real > 0) & (EPS * error < 1), (phase, log, error)
 
 
 def _finite(E, units):
@@ -153,7 +80,7 @@ def characteristic(E):
 
 
 def _functions(c, reach, size):
-    """Return phases, logarithms and errors, `(4, matrices)` each; the matrices are in the last axis from here on."""
+    """Return phases, logarithms and errors, `(3, matrices)` each; the matrices are in the last axis from here on."""
     n = len(c) - 1
     q, errors = _mapped(c, reach, size)
     largest = np.abs(q).max(0)
@@ -162,59 +89,8 @@ def _functions(c, reach, size):
         (phase, log + (n - 1) * (n * np.log(size) + np.log(largest) - n / 2 * np.log(2)), error),
         _split(c[0], reach[0], n * np.log(size)),
         _split(q[-1], errors[-1], n * np.log(size)),
-        _beyond(c, reach, size),
     )
     return tuple(np.stack(part) for part in zip(*values, strict=True))
-
-
-def _least(size):
-    """Return what SURELY_UNSTABLE is less than its sum, in units of size."""
-    return np.maximum(2 * size ** (-2.0 * POWER), TINIEST)
-
-
-def _beyond(c, reach, size):
-    """Return SURELY_UNSTABLE.
-
-    The first two coefficients of the polynomial whose roots are the powers of the z, which Graeffe's squarings give, are the
-    sum of these powers and the sum of their products, except for a sign.
-    """
-    n, least = len(c) - 1, _least(size)
-    if not n:
-        return _split(-least, least, 0 * size)
-    a, off = _about_zero(c, reach, 1 / size, min(n, 2 * POWER))
-    for left in reversed(range(SQUARINGS)):
-        a, off = _squared(a, off, min(n, 2 * 2**left))
-    pairs = max(n * (n - 1) / 2, 1)
-    (total, of_total), (second, of_second) = ((a[k], off[k]) if k <= n else (0 * size, 0 * size) for k in (1, 2))
-    value = total**2 / n**2 + second / pairs - least
-    error = (2 * np.abs(total) * of_total + np.abs(total) ** 2) / n**2 + (of_second + np.abs(second)) / pairs + least
-    return _split(value, 4 * error, 2 * POWER * np.log(size))
-
-
-def _about_zero(c, reach, h, top):
-    """Return the coefficients of the highest powers of z, `top` and one, and their errors; c: those of `z - h`."""
-    n, found, errors = len(c) - 1, [], []
-    powers = [np.ones_like(h)]
-    for _ in range(top):
-        powers.append(powers[-1] * h)
-    for j in range(top + 1):
-        weights = [comb(n - i, j - i) * powers[j - i] for i in range(j + 1)]
-        found.append(sum((-1) ** (j - i) * weight * c[n - i] for i, weight in enumerate(weights)))
-        errors.append(sum(weight * reach[n - i] for i, weight in enumerate(weights)))
-    return found, errors
-
-
-def _squared(a, off, top):
-    """Return the same, the first `top` and one, of the polynomial whose roots are the squares; off: errors of a."""
-    size, found, errors = [np.abs(part) for part in a], [], []
-    for j in range(top + 1):
-        total, error = a[j] * a[j], (2 * off[j] + size[j]) * size[j]
-        for i in range(1, min(j, len(a) - 1 - j) + 1):
-            total = total + 2 * (-1) ** i * (a[j - i] * a[j + i])
-            error = error + 2 * (size[j - i] * (off[j + i] + size[j + i]) + off[j - i] * size[j + i])
-        found.append((-1) ** j * total)
-        errors.append(error)
-    return found, errors
 
 
 def _given(parts, finite, most=MOST_ERROR):

@@ -1,87 +1,27 @@
 """Stable intervals along a wall parameter, for a whole batch of loops at once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from wavesweep.columns import Rows
-from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
+from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V, close, errors_of_closed
 from wavesweep.monodromy.periodic import size_of
 from wavesweep.monodromy.radius import cut_within
-from wavesweep.monodromy.rounding import balance
+from wavesweep.stability.along_any import BENT, UNEVEN, regions_along_any, uneven_units
 from wavesweep.stability.arcs import arc_crossings
 from wavesweep.stability.boundary import K_VE
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.stability.crossings import crossings, sampled_polynomial, warp_scale
+from wavesweep.stability.frames import Frames
+from wavesweep.stability.intervals import Intervals, doubts_of, intervals_of, without_any
 from wavesweep.stability.regions import Regions, cut_span, regions
 from wavesweep.stability.spectrum import count_outside
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
-UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
-HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of its terms, what a trace has to exceed
+TINY = 1e-300  # in place of a stiffness of 0, at which the integrator is none
 ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
-
-
-@dataclass(frozen=True, slots=True)
-class Intervals(Rows):
-    """One element per stable interval, or one with index -1 for a column that has none; sorted by column, then value.
-
-    column: index into the columns in C order, `slice * fixed.shape[-1] + position`. index: 0, 1, ... within the column. count:
-    stable intervals of the column. low, high: ends (N/m or N*s/m), NaN without interval. low_omega, high_omega: rad/s of the
-    oscillation that starts there, NaN if the range, or the known part of it, ends the interval. doubt: reason why the column is
-    not certified, NONE if it is (codes of `wavesweep.stability.certificate`). residual: the largest relative residual of the
-    characteristic equation at crossings of the interval, 0 if there are none.
-    """
-
-    column: np.ndarray
-    index: np.ndarray
-    count: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    low_omega: np.ndarray
-    high_omega: np.ndarray
-    doubt: np.ndarray
-    residual: np.ndarray
-
-    @property
-    def certified(self) -> np.ndarray:
-        """Whether each element's column is proved as a whole."""
-        return self.doubt == NONE
-
-    def mirrored(self) -> "Intervals":
-        """Return the intervals of a parameter of which this one is the negative."""
-        ends = {"low": 0.0 - self.high, "high": 0.0 - self.low, "low_omega": self.high_omega, "high_omega": self.low_omega}
-        found = replace(self, **ends, index=np.where(self.index < 0, -1, self.count - 1 - self.index))
-        return found.take(np.lexsort((found.index, found.column)))
-
-
-def joined(parts) -> Intervals:
-    """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt is that of a whole column."""
-    whole = Intervals.join(parts)
-    whole = whole.take(np.lexsort((whole.low, whole.column)))  # NaN, of a range without an interval, goes last
-    stable, size = whole.index >= 0, int(whole.column.max(initial=-1)) + 1
-    count, doubt = np.bincount(whole.column[stable], minlength=size), np.zeros(size, int)
-    np.maximum.at(doubt, whole.column, whole.doubt)
-    first = np.append(True, np.diff(whole.column) != 0)[: whole.column.size]
-    whole = whole.take(stable | (first & (count[whole.column] == 0)))
-    column = whole.column
-    index = np.arange(column.size) - np.searchsorted(column, column)
-    return replace(whole, index=np.where(count[column] > 0, index, -1), count=count[column], doubt=doubt[column])
-
-
-def without_seams(found: Intervals) -> Intervals:
-    """Return intervals in which those are one that meet at an end where nothing crosses."""
-    seam = (found.high[:-1] == found.low[1:]) & (found.column[:-1] == found.column[1:])
-    seam &= np.isnan(found.high_omega[:-1]) & np.isnan(found.low_omega[1:])
-    first, last = np.flatnonzero(np.append(True, ~seam)), np.flatnonzero(np.append(~seam, True))
-    if first.size == found.column.size or not first.size:
-        return found
-    ends = {name: getattr(found, name)[last] for name in ("high", "high_omega")}
-    column, stable = found.column[first], found.index[first] >= 0
-    index = np.where(stable, np.arange(column.size) - np.searchsorted(column, column), -1)
-    count, size = np.bincount(column[stable], minlength=column.max() + 1), np.maximum.reduceat(found.residual, first)
-    return replace(found.take(first), **ends, index=index, count=count[column], residual=size)
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what overflows is told from what it leaves
@@ -97,9 +37,9 @@ def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Interval
     ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
     (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
     from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
-    unstable for every wall are certified so from their trace. Columns that fail are computed again on arcs in state space
-    (`arcs`); if they fail again, they are in doubt, and the regions whose label is not known are left out. If the frame of a
-    loop overflows, nothing is known of it.
+    unstable for every wall are certified so from their trace. Columns that fail are computed again as along any number
+    (`along_any`), those of loops with more than MOST_STATES states on arcs (`arcs`). If they fail again, they are in doubt, and
+    the regions whose label is not known are left out. If the frame of a loop overflows, nothing is known of it.
     Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or more; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
     """
@@ -128,36 +68,6 @@ def _with_others(found, cut, owner) -> Intervals:
     return without_any(without_any(found, outside > 0), outside < 0, COUNTS)
 
 
-def without_any(found: Intervals, columns, doubt: int = NONE) -> Intervals:
-    """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of them, if it is not."""
-    some = columns[found.column]
-    if not some.any():
-        return found
-    empty = found.take(some)
-    empty = empty.take(np.unique(empty.column, return_index=True)[1])
-    size = empty.column.size
-    nothing = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
-    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
-    reasons = np.full(size, NONE) if doubt == NONE else np.maximum(empty.doubt, doubt)
-    whole = Intervals.join([found.take(~some), replace(empty, **nothing, **none, doubt=reasons)])
-    return whole.take(np.argsort(whole.column, kind="stable"))
-
-
-def uneven_units(sizes):
-    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
-
-    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
-    by powers of its poles; entries of a frame that grows are large in any units.
-    """
-    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
-    some = np.flatnonzero(largest > UNEVEN)
-    if some.size:
-        better, found = balance(sizes[some], SWEEPS)
-        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[some]
-        units[some[helps]] = found[helps]
-    return units
-
-
 def _in_own_units(cut: Cut) -> Cut:
     """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
@@ -182,7 +92,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, _by_polynomial, _by_polynomial_alone, _by_arcs):
+    for method in (_by_trace, _by_arcs) if cut.order > MOST_STATES else METHODS:
         some = pending[_suit(method, cut, fixed[pending])]
         if not some.size:
             continue
@@ -190,7 +100,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         lost = overflown[owner[some]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
-        kept = (doubt == NONE) | lost | (method is _by_arcs)
+        kept = (doubt == NONE) | lost | (method in (_by_dominance, _by_arcs))
         done.append((_select(parts, kept, some), some[kept], doubt[kept]))
         pending = np.setdiff1d(pending, some[kept], assume_unique=True)
     return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
@@ -198,10 +108,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
 
 def _suit(method, cut, fixed):
     """Which columns a method is for."""
-    few = cut.order <= MOST_STATES
-    if method is _by_polynomial_alone:
-        return (fixed == 0) & few & (cut.poles_at_one > 0)
-    return np.full(fixed.size, few or method is not _by_polynomial)
+    return (fixed == 0) & (cut.poles_at_one > 0) if method is _by_polynomial_alone else np.full(fixed.size, True)
 
 
 def _finite(cut) -> tuple[Cut, np.ndarray]:
@@ -233,7 +140,33 @@ def _by_polynomial_alone(*columns):
 
 
 def _by_arcs(cut, owner, along, fixed, span):
+    """The same for loops with long delays, from interpolants on arcs of the circle."""
     return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
+
+
+def _by_dominance(cut, owner, along, fixed, span):
+    """Return regions and doubts from the frames of the closed loops, as along any number."""
+
+    def closed(function, column, p):
+        column, p = (part.ravel() for part in np.broadcast_arrays(column, p))
+        p = np.where(p == 0, TINY, p)
+        loops, wall = cut.at(owner[column]), (p, fixed[column]) if along == K_VE else (fixed[column], p)
+        return function(loops, *wall)
+
+    def frames(loops, K, B):
+        direct = loops.D[..., OFFSET, 0] * K + loops.D[..., V, 0] * B
+        return Frames(close(loops, K, B), 1 - direct[:, None], np.ones(K.size))
+
+    def errors(loops, K, B):
+        return close(loops, K, B), errors_of_closed(loops, K, B)
+
+    found = regions_along_any(
+        partial(closed, frames), span, fixed.size, variable=BENT if span[0] >= 0 else "", errors=partial(closed, errors)
+    )
+    return found, doubts_of(found, np.full(fixed.size, NONE))
+
+
+METHODS = (_by_trace, _by_polynomial, _by_polynomial_alone, _by_dominance)  # each for the columns that those before leave
 
 
 def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
@@ -249,16 +182,6 @@ def _is_rough(cut):
     with np.errstate(all="ignore"):
         error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
         return error > ROUGH * np.maximum(1.0, size_of(E))
-
-
-def doubts_of(parts: Regions, doubt) -> np.ndarray:
-    """Return the gravest doubt of each column: its own, and those of its regions.
-
-    A region without a label leaves at least COUNTS.
-    """
-    doubt = np.array(doubt)
-    np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, COUNTS), parts.doubt))
-    return doubt
 
 
 def _select(parts, kept, names) -> Regions:
@@ -278,35 +201,6 @@ def _sorted(done) -> tuple[Regions, np.ndarray]:
         return parts[0], doubt
     whole = Regions.join(parts)
     return whole.take(np.argsort(whole.column, kind="stable")), doubt
-
-
-def intervals_of(r: Regions, doubt, period) -> Intervals:
-    """Return runs of regions with no unstable eigenvalue, and an empty row for columns without any.
-
-    doubt: `(columns,)`, codes. period: of each column's frame, s.
-    """
-    stable = r.unstable == 0
-    same = np.append(np.diff(r.column) == 0, False)  # the next region is in the same column
-    begins = stable & ~np.append(False, (same & stable)[:-1])
-    ends = stable & ~(same & np.append(stable[1:], False))
-    first, last = np.flatnonzero(begins), np.flatnonzero(ends)
-    count = np.bincount(r.column[first], minlength=period.size)
-    none = np.flatnonzero(count == 0)
-    column = np.concatenate([r.column[first], none])
-    order = np.argsort(column, kind="stable")
-    empty = np.full(none.size, np.nan)
-    omega = [theta / period[r.column[at]] for theta, at in ((r.low_theta[first], first), (r.high_theta[last], last))]
-    start = np.concatenate([[0], np.cumsum(np.maximum(count, 1))[:-1]])
-    column = column[order]
-    error = np.concatenate([np.maximum(r.residual[first], r.residual[last]), np.zeros(none.size)])[order]
-    return Intervals(
-        column,
-        np.where(count[column] > 0, np.arange(column.size) - start[column], -1),
-        count[column],
-        *(np.concatenate([part, empty])[order] for part in (r.low[first], r.high[last], *omega)),
-        doubt[column],
-        error,
-    )
 
 
 def _joined(cut, along, span, fixed, radius) -> Intervals:

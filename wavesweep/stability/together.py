@@ -9,7 +9,8 @@ import numpy as np
 from wavesweep.monodromy.cut import ERRORS, PARTS, Cut
 from wavesweep.stability.bernstein import MOST
 from wavesweep.stability.crossings import warp_scale
-from wavesweep.stability.stable import Intervals, stable_intervals
+from wavesweep.stability.intervals import Intervals
+from wavesweep.stability.stable import stable_intervals
 
 LEAST = 0.5  # of the states, that a loop which is filled up has of its own
 

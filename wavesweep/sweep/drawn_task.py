@@ -33,26 +33,22 @@ from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.stability import Circle, Intervals, Spiral, along_by_discs, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.by_lines import LONG, unstable_counts
-from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
+from wavesweep.stability.certificate import COUNTS, CROWDED, NONE
 from wavesweep.stability.crossings import SLIVER
 from wavesweep.stability.frames import Frames
-from wavesweep.stability.perturbation import shaken
-from wavesweep.stability.polishing import ATTACHED
-from wavesweep.stability.stable import without_seams
+from wavesweep.stability.intervals import without_seams
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, one_loop, watched_drift
 from wavesweep.sweep.grid import distinct, distinct_rows, selected
 from wavesweep.sweep.lines import lines_in_loops, strongest_in_cut
 from wavesweep.sweep.open_loops import Opened, varied_beside, with_intervals
-from wavesweep.sweep.proving import with_proofs, with_tries
+from wavesweep.sweep.proving import with_proofs
 from wavesweep.sweep.tasks import FELT, LINES, felt_at_ends, records_of
 
 Parts = tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]  # (members, drawing, values), see `drawn_groups`
 BATCH = 256  # modes that are followed through their frames at once
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
-STRAIGHT = 1e-3  # of its mean, by how much a slope may vary that is one
-STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be from the circle; and from rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,8 +57,8 @@ class DrawnTask:
 
     groups: (members, values) pairs, see `groups`; the members of all of them number the loops. If the number is one scalar gain
     of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the
-    ends too. checked: whether the numbers are known to make loops. prove: compute columns in doubt again in ball arithmetic.
-    bound: on the eigenvalues of a frame, in place of the unit circle.
+    ends too. checked: whether the numbers are known to make loops. prove: operations of ball arithmetic that
+    each column in doubt may take. bound: on the eigenvalues of a frame, in place of the unit circle.
     """
 
     drawing: Drawing
@@ -71,7 +67,7 @@ class DrawnTask:
     groups: Groups
     felt: bool = True
     checked: bool = False
-    prove: bool = False
+    prove: float = 0.0
     bound: Bound | None = None
 
     def records(self) -> np.ndarray:
@@ -154,10 +150,9 @@ class DrawnTask:
 
     def _recorded(self, found):
         """Intervals as records, with those that are proved in place of those in doubt."""
-        if not self.prove:
-            return records_of(found)
-        found, tried = with_proofs(found, self.drawing, self.groups, self.along, self.span)
-        return with_tries(records_of(found), tried)
+        if self.prove and not self.bound:
+            found = with_proofs(found, self.drawing, self.groups, self.along, self.span, self.prove)
+        return records_of(found)
 
     def opened_groups(self) -> list[tuple[np.ndarray, Mapping[str, object], Opened | None]]:
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
@@ -359,8 +354,7 @@ class DrawnTask:
         if self.bound or max(values.get(f"block.{name}.ticks", 0) for name in self.drawing.dead_times) < LONG:
             return self._by_panels(values, size)
         loops, bounds = self._loops(values), np.stack(domains(self.drawing, values, self.along, self.span, size))
-        errors = partial(loops.errors, counted=False)  # in the states of the frames
-        unstable = unstable_counts(loops.frames, errors, self.span, size, bounds)
+        unstable = unstable_counts(loops.frames, loops.errors, self.span, size, bounds)
         column, others = np.flatnonzero(unstable >= 0), np.flatnonzero(unstable < 0)
         stable, nowhere = unstable[column] == 0, np.full(column.size, np.nan)
         ends, zero = (np.where(stable, end, np.nan) for end in self.span), np.zeros(column.size, int)
@@ -375,14 +369,10 @@ class DrawnTask:
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         loops = replace(self._loops(values), radius=self.bound and self.bound.radius_of(period))
-        variable = self._variable()
         bounds = domains(self.drawing, values, self.along, self.span, size)
-        found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
-        if variable == FROM_ZERO:
+        found = stable_along_any(loops.frames, self.span, size, period, bounds, self._variable(), loops.errors)
+        if self.span[0] <= 0 <= self.span[1]:
             found = self._meeting_one_at_zero(found, values)
-        elif self.span[0] <= 0 <= self.span[1]:
-            found = self._from_zero(found, loops, period, bounds, values)
-        found = self._unshaken(found, period, values, loops)
         return found if self.number not in self.drawing.rating else self._in_own_time(found, values)
 
     def _by_discs(self, values, size):
@@ -425,36 +415,6 @@ class DrawnTask:
             changed[f"{end}_omega"] = np.where(at & ~(omega > 0), 0.0, omega)  # another mode may cross there as well
         return replace(found, **changed)
 
-    def _from_zero(self, found, loops, period, bounds, values):
-        """Columns in doubt again, from 0 in both directions, if an eigenvalue is 1 there by the drawing.
-
-        An end at 0, which is known, is then none that has to be found. Within a range nothing else may cross so near to it that
-        the search from 0 gives it as 0.
-        """
-        again = np.unique(found.column[found.doubt != NONE])
-        if not again.size or not self._stops_drift(values):
-            return self._meeting_one_at_zero(found, values)
-        if self.span[0] < 0:
-            again = again[_alone_at_zero(loops.frames, again, ATTACHED * max(-self.span[0], self.span[1]))]
-        if not again.size:
-            return self._meeting_one_at_zero(found, values)
-        below, above = (np.broadcast_to(part, period.shape)[again] for part in bounds)
-        halves = []
-        for sign, reach, beyond in ((-1, -self.span[0], (-above, -below)), (1, self.span[1], (below, above))):
-            if reach > 0:
-                own = partial(_in_direction, loops.frames, again, sign)
-                half = stable_along_any(own, (0.0, reach), again.size, period[again], beyond, FROM_ZERO)
-                halves.append(half if sign > 0 else half.mirrored())
-        whole = joined(halves)
-        proved = np.ones(again.size, bool)
-        proved[whole.column[whole.doubt != NONE]] = False
-        # If stable intervals are on both sides of 0, the eigenvalue does not cross there.
-        proved[np.intersect1d(whole.column[whole.low == 0], whole.column[whole.high == 0])] = False
-        new = whole.take(proved[whole.column])
-        kept = found.take(~np.isin(found.column, again[proved]))
-        found = Intervals.join([kept, replace(new, column=again[new.column])])
-        return self._meeting_one_at_zero(found.take(np.argsort(found.column, kind="stable")), values)
-
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1, and this is the bound."""
         if self.bound:
@@ -468,16 +428,6 @@ class DrawnTask:
         others = [path for path, v in values.items() if np.ndim(v) and path != self.along] if open_ticks is None else []
         shared = next((path for path in others if scalar_place(self.drawing, name_of(path))), "")
         return _Along(self.drawing, self.along, values, drift, open_ticks, shared)
-
-    def _unshaken(self, found, period, values, loops):
-        """Intervals in doubt if errors of the frames' entries could move or hide them."""
-        at_zero = (found.low == 0) | (found.high == 0)
-        exact = 0.0 if at_zero.any() and self.span[0] < 0 and self._stops_drift(values) else np.nan
-        some = np.arange(found.column.size)
-        for each in (loops, replace(loops, open_ticks=None)) if loops.open_ticks else (loops,):
-            if some.size:  # closing a tick may lose more than connecting it with the number in its place
-                some = some[shaken(found.take(some), self.span, period, each.errors, exact)]
-        return _in_doubt(found, found.column[some], np.full(some.size, ROUNDING))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -546,22 +496,18 @@ class _Along:
             return _frames(filled(without_drift(E, self.drift)), facts, p.shape)
         return None
 
-    def errors(self, number, p, *, counted: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.
-
-        counted: see `errors_of_closed`.
-        """
+    def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
+        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
         p = np.where(p == 0, TINY, p)
         try:
             ticks = self._ticks(number, p)
         except IllPosedLoopError:
             if p.size == 1:
                 return (np.full((1, max(2, len(self.drift.kept)), max(2, len(self.drift.kept))), np.nan),) * 2
-            each = [self.errors(*one, counted=counted) for one in _one_by_one(number, p)]
+            each = [self.errors(*one) for one in _one_by_one(number, p)]
             return tuple(np.concatenate(part) for part in zip(*each, strict=True))
         with np.errstate(all="ignore"):
-            parts = errors_of_closed(ticks, self.drift, counted=counted)
-            E, dE = (np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in parts)
+            E, dE = (np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in errors_of_closed(ticks, self.drift))
         if self.radius is None:
             return E, dE
         radius = np.broadcast_to(self.radius[number], p.shape)
@@ -580,39 +526,6 @@ class _Along:
 def _by_zeros(values, columns):
     """The columns whose numbers are zero alike, together."""
     return [columns[part] for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], columns.size)]
-
-
-def _alone_at_zero(frames, columns, reach):
-    """Whether only the eigenvalue that is 1 at 0 of the number crosses the circle up to `reach` on both sides, `(columns,)`.
-
-    So it is if that eigenvalue moves in proportion to the number, and the others move by a hundredth of their distance from the
-    circle at most, as far as four values of the number show, which is a small part of the range.
-    """
-    p = reach * np.repeat([-1.0, -0.5, 0.5, 1.0], columns.size)
-    with np.errstate(all="ignore"):
-        E = frames(np.tile(columns, 4), p).E
-        known = np.isfinite(E).all((-1, -2))
-        delta = np.linalg.eigvals(np.where(known[:, None, None], E, 0.0)).astype(complex)
-        order = np.argsort(np.abs(delta), axis=-1)
-        delta = np.take_along_axis(delta, order, axis=-1).reshape(4, columns.size, -1)
-        slope, others = (delta[..., 0] / p.reshape(4, -1)), delta[..., 1:]
-        mean = slope.mean(0)
-        alone = (slope.imag == 0).all(0) & (mean != 0) & (np.abs(slope - mean) <= STRAIGHT * np.abs(mean)).all(0)
-        moved = np.abs(others[:3, :, :, None] - others[3, :, None, :]).min(-1).max((0, 2), initial=0.0)
-        far = np.abs(np.abs(1 + others) - 1).min((0, 2), initial=np.inf)
-    return alone & (far > STILL * moved + NEXT) & known.reshape(4, -1).all(0)
-
-
-def _in_direction(frames, columns, sign, column, p):
-    """The frames of some columns at values p from 0 on in one direction."""
-    return frames(columns[column], sign * p)
-
-
-def _in_doubt(found, column, doubt):
-    """Intervals whose columns have the worst of these doubts, and of their own; column, doubt: pairs."""
-    worst = np.zeros(found.column.max(initial=-1) + 1, int)
-    np.maximum.at(worst, column, doubt)
-    return replace(found, doubt=np.maximum(found.doubt, worst[found.column]))
 
 
 def _one_by_one(number, p):

@@ -19,19 +19,19 @@ from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import drift_of, frames, frames_of, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
 from wavesweep.sweep.grid import FAST, Grid, drawing_for, drawn_groups, groups, items_of, make_grid, own_loop, read_by, selected
-from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
+from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.pools import Task
-from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
+from wavesweep.sweep.proving import ALL, OPERATIONS
 from wavesweep.sweep.tasks import RECORD
 
 if TYPE_CHECKING:
     from wavesweep.sweep.for_all import ForAllGuarantee
     from wavesweep.sweep.hands import Guarantee
 
-# Seconds per slice and squared order, measured: one polynomial per slice; arcs, which crowded poles of high order need;
-# panels, along any parameter but the wall.
-BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.2e-6, 30e-6, 15e-6
+# Seconds per slice and squared order, measured: one polynomial per slice; panels, along any
+# parameter but the wall, and for crowded poles of high order.
+BY_POLYNOMIAL, BY_PANELS = 0.2e-6, 15e-6
 BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
@@ -44,14 +44,13 @@ class IntervalJob(Job):
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
     guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. exact: whether
-    the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. prove: whether columns in doubt are
-    computed again in ball arithmetic. require: of every mode, in place of stability alone. order: see `SeveralTasks`.
+    the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. require: of every mode, in place of
+    stability alone. order: see `SeveralTasks`.
     """
 
     axis: Axis
     guarantee: "Guarantee | ForAllGuarantee | None" = None
     exact: bool | None = False
-    prove: bool = False
     require: Require | None = None
     order: int = 0
     rows: ClassVar[float] = 1.2  # some slices have several intervals
@@ -59,16 +58,13 @@ class IntervalJob(Job):
 
     @property
     def dtype(self) -> np.dtype:
-        """Guarantees for hands have more fields, and so have proofs."""
-        if self.prove:
-            return PROVED_RECORD
+        """Guarantees for hands have more fields."""
         return RECORD if self.guarantee is None else self.guarantee.dtype
 
     @property
     def identity(self) -> dict[str, object]:
         """The axis and the guarantee."""
-        along = {"along": self.axis.name} | ({"prove": True} if self.prove else {})
-        along |= {"require": self.require.written()} if self.require else {}
+        along = {"along": self.axis.name} | ({"require": self.require.written()} if self.require else {})
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
     def task(self, chunk: Chunk) -> Task:
@@ -79,13 +75,14 @@ class IntervalJob(Job):
             parts = groups(spec, changes, len(chunk.loops), self.resolved, rates=True)
             whole = ((members, drawing_for(spec, values, along), values) for members, values in parts)
             return self.guarantee.task(along, _span(self.axis), tuple(whole))
-        checked = self.grid.loops <= CHECKED
-        options = {"checked": checked, "prove": self.prove, "require": self.require, "order": self.order}
+        loops = self.grid.loops
+        prove = min(OPERATIONS, ALL / loops)
+        options = {"checked": loops <= CHECKED, "prove": prove, "require": self.require, "order": self.order}
         return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
         """The axes, `along`, and the fields of the records."""
-        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name not in ("slice", *PROOF)}
+        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
         found["doubt"] = words(found["doubt"])
         leading = self.grid.axis_columns(combination)
         return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
@@ -101,7 +98,7 @@ def task_over(
     ties=(),
     felt=True,
     checked=False,
-    prove=False,
+    prove=0.0,
     require: Require | None = None,
     order=0,
 ) -> Task:
@@ -127,17 +124,15 @@ def _span(axis):
     return float(axis.start), float(axis.stop)
 
 
-def job_of(spec: Spec, along: str | None = None, *, prove: bool = False) -> IntervalJob:
+def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
-    return job_over(make_grid(spec, others, axis.path), axis, prove=prove, require=spec.require)
+    return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
 
 
-def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | None = None) -> IntervalJob:
-    """The job of a grid; prove, require: see `IntervalJob`. Errors: UsageError or SpecError if it cannot be done."""
+def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> IntervalJob:
+    """The job of a grid; require: see `IntervalJob`. Errors: UsageError or SpecError if it cannot be done."""
     spec = grid.spec
-    if prove and require:
-        raise UsageError("proofs in ball arithmetic are of stability alone: leave out prove, or [sweep] require")
     if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
@@ -162,8 +157,7 @@ def job_over(grid: Grid, axis: Axis, *, prove: bool = False, require: Require | 
     exact = ways[0] if len({*ways}) == 1 else None
     cost = BY_DISCS if _takes_discs(require) else expected_cost(orders[0], ways[0])
     order = max(orders) if len(orders) > 1 and exact and not require and grid.loops <= FEW else 0
-    job = IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, prove=prove, require=require, order=order)
-    return cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)) if prove else job
+    return IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, require=require, order=order)
 
 
 @lru_cache(maxsize=64)
@@ -181,7 +175,7 @@ def expected_cost(order: int, wall: bool) -> float:
 
     A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
     """
-    share = BY_PANELS if not wall else BY_POLYNOMIAL if order <= CROWDED else BY_ARCS
+    share = BY_POLYNOMIAL if wall and order <= CROWDED else BY_PANELS
     return share * max(order, 2) ** 2
 
 
@@ -230,7 +224,7 @@ def at_points(
 
 EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
-PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
+PANELS = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
 
 
 def method(job: IntervalJob) -> str:

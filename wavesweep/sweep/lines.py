@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from wavesweep.loops.from_drawing import PRODUCT, assembled
+from wavesweep.monodromy.circle import inverse
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.monodromy.drift import TickDrift, counted_ticks
 from wavesweep.monodromy.hessenberg import in_even_units, polynomials, reduced
@@ -13,13 +14,14 @@ from wavesweep.monodromy.rounding import balance
 from wavesweep.spec.drawing import Drawing
 from wavesweep.stability.boundary import times
 from wavesweep.stability.lines import lines_of, share_of_first
-from wavesweep.stability.polishing import vectors_of
 from wavesweep.stability.spectrum import eigenvalues
 from wavesweep.sweep.bound import Bound
 from wavesweep.sweep.drawn_loops import drift_of, named_loops
 from wavesweep.sweep.open_loops import Opened
 
 MOST = 2**18  # numbers of states that are followed at once
+BESIDE, ROUNDED = 1e-10, 4  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
+FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 
 
@@ -130,3 +132,22 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) 
             moved = np.concatenate([*followed(which[own], np.expm1(s[own, None]))], axis=-1)
             found[own] = lines_of(moved, s[own], period[own])[:, 0]
     return found
+
+
+def vectors_of(E, w):
+    """Return the left and the right eigenvector next to w of each matrix, `(..., 1, n)` and `(..., n, 1)`, of product 1.
+
+    They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
+    """
+    # A little beside w: at an eigenvalue itself there is no inverse, and next to two of them none that is known.
+    beside, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
+    for farther in FARTHER:
+        some = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
+        if some.size:
+            back[some] = inverse(E[some] - (w + farther * beside)[some, None, None] * np.eye(E.shape[-1]))
+    start = np.cos(np.arange(1, E.shape[-1] + 1))
+    right, left = back @ start[:, None], start @ back
+    right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
+    right, left = back @ right, left[:, None] @ back
+    right, left = (part / np.abs(part).max((-1, -2), keepdims=True) for part in (right, left))
+    return left / (left @ right), right

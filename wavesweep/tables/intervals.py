@@ -94,7 +94,6 @@ def intervals(
     spec: Spec,
     along: str | None = None,
     hands: Hands | None = None,
-    prove: bool = False,
     **work: Unpack[Options],
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
@@ -102,17 +101,15 @@ def intervals(
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
     loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
-    prove: compute columns in doubt again in ball arithmetic.
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
     from wavesweep.sweep.running import Work, run
 
-    stages = stages_of(spec, along, hands, prove=prove)
+    stages = stages_of(spec, along, hands)
     found = run({stage.hand: stage.job for stage in stages}, Work.of(work))
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
-    facts = _with_proofs(facts, stages[0], found) if prove else facts
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
     blocks = partial(_rows, stages, found, hands)
     return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
@@ -130,11 +127,11 @@ class Stage:
     method: str
 
 
-def stages_of(spec: Spec, along: str | None, hands: Hands | None, *, prove: bool = False) -> list[Stage]:
+def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
     from wavesweep.sweep.interval_job import job_of, method
 
-    own = job_of(spec, along, prove=prove)
+    own = job_of(spec, along)
     how = method(own)
     if spec.for_all:
         return [Stage("", own, how), _for_all(spec, own, hands)]
@@ -191,16 +188,14 @@ def _rows(stages, found, hands) -> Iterator[Columns]:
             yield _finished(block, stage.hand, hands, len(stages) > 1)
 
 
-def rows_again(
-    spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int], *, prove: bool = False
-) -> Iterator[Columns]:
+def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:
     """Compute some combinations of a table again, each by itself, and yield the rows of each.
 
-    spec, along, hands, prove: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
     """
     from wavesweep.sweep.job import cut_otherwise
 
-    stages = stages_of(spec, along, hands, prove=prove)
+    stages = stages_of(spec, along, hands)
     ends = np.cumsum([stage.job.grid.size for stage in stages])
     for number in picked:
         stage = stages[int(np.searchsorted(ends, number, side="right"))]
@@ -279,16 +274,6 @@ def _limits_of_walls(spec, along, swept) -> dict:
     return {"limits_of_walls": limits} if limits else {}
 
 
-def _with_proofs(facts, stage, found) -> dict:
-    """The facts with those about proofs."""
-    from wavesweep.sweep.proving import facts_of_proofs, notice_of
-    from wavesweep.sweep.running import records_of
-
-    store = found.stores[stage.hand]
-    proved = facts_of_proofs(records_of(stage.job, store, number) for number in store.finished())
-    return facts | {"proved": proved, "notices": [*facts["notices"], notice_of(proved)]}
-
-
 def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     """A way to compute rows of a table with these facts again."""
     from wavesweep.spec import load
@@ -299,7 +284,7 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     return Again(
         spec.sha256,
         combinations=combinations(*run),
-        some=lambda picked: rows_again(*run, picked, prove="proved" in facts),
+        some=lambda picked: rows_again(*run, picked),
     )
 
 
