@@ -2,7 +2,8 @@
 
 A case has a `story`, the tables of its `spec`, the number `along` which intervals are looked for within `span`, perhaps other
 `axes`, and `rows` in the order of the table: low end, high end (nan for none) and whether the row is certified. `felt` has the
-stiffness that the hand feels at both ends. A row that is not certified may become certified, if it is then right.
+stiffness that the hand feels at both ends. A row that is not certified may become certified, if it is then right. `march` is
+false if doubles lose the loop's digits, so that the ends are those of ball arithmetic alone.
 """
 
 import tomllib
@@ -45,7 +46,7 @@ def test_a_drawn_loop_has_its_ends(case):
             np.testing.assert_allclose(table[["felt_low", "felt_high"]], case["felt"], rtol=1e-7, atol=1e-9)
     elif not table.certified.any():
         return
-    for rows, there in slices(case, spec, table):
+    for rows, there in slices(case, spec, table) if case.get("march", True) else ():
         compared_with_a_march(there, case, rows)
 
 
