@@ -21,11 +21,11 @@ from wavesweep.passive.channel import TOLERANCE, peak_of
 from wavesweep.passive.hinf import SOFT, START
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps, reached, read
 from wavesweep.passive.loop_margins import BESIDE, SPANS, BrokenLoop, Margin, disk_margins, limited_or_not, scalar_margins
-from wavesweep.stability.along import stable_along
+from wavesweep.stability.along_any import stable_along_any
 from wavesweep.stability.certificate import FAST, NONE, SEARCH
 from wavesweep.stability.frames import Frames
 
-EXACT = 2e-9  # relative error of an end of `stable_along`
+EXACT = 2e-9  # relative error of an end of `stable_along_any`
 GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
 GRID = 10_000  # samples of a frame at all angles at which the spectral radius is looked at before its peaks are refined
 ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
@@ -95,7 +95,7 @@ class LiftedLoop:
 
     def along_gain(self, span):
         """Return the stable intervals along real k."""
-        return stable_along(
+        return stable_along_any(
             lambda _, p: self.frames(p.ravel()), span, 1, np.array([self.period]), errors=lambda _, p: self.errors(p.ravel())
         )
 
@@ -119,7 +119,7 @@ class LiftedLoop:
             error = np.maximum(of_up.real, of_down.real)
             return _real_form(up, down).real, np.concatenate([np.concatenate([error] * 2, -1)] * 2, -2)
 
-        return stable_along(frames, (0.0, np.pi), 1, np.array([self.period]), errors=errors)
+        return stable_along_any(frames, (0.0, np.pi), 1, np.array([self.period]), errors=errors)
 
 
 def _real_form(up, down):
