@@ -67,7 +67,7 @@ def quick(
     search: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     with_response: bool = True,
 ) -> dict:
-    """The numbers of the spec's own design, its response and, if one is given, the plane as fast as it can be had.
+    """The numbers of the spec's own design, its response and, if one is asked for, the fastest preview of a plane.
 
     cells: samples along each side of a plane that has no curve; without any this plane is left out. search: path -> range of
     the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.

@@ -78,7 +78,7 @@ class Page:
         }
 
     def _said(self, answer):
-        """The function, whose errors about a design are part of its answer, with the keys or fields that they are about."""
+        """The function with errors about a design as part of its answer, and the keys or fields that they are about."""
 
         def answered(question):
             try:
@@ -153,7 +153,7 @@ def _span(given):
 
 
 def _sentence(error: str) -> str:
-    """The mistakes of a spec in a line."""
+    """The mistakes of a spec in one line."""
     return " ".join(error.split())
 
 
@@ -162,7 +162,7 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
 
     progress: a function of (done, total), the designs and tables of the page.
 
-    Of a sweep over other axes than those of the plane each combination is a stop of their sliders, up to MOST_DESIGNS of them.
+    If the sweep has other axes than those of the plane, each combination is a stop of their sliders, up to MOST_DESIGNS.
     """
     page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page

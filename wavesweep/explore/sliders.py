@@ -14,8 +14,8 @@ from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.grid import is_plain
 from wavesweep.sweep.verdict import FAR, USUAL
 
-FACTOR = 4.0  # of a gain's value, to which its slider goes
-HALVINGS, DIGITS = 12, 3  # towards an end that the spec takes, and of this
+FACTOR = 4.0  # times a gain's value: the end of its slider
+HALVINGS, DIGITS = 12, 3  # steps towards an end that the spec accepts, and digits of that end
 HAND = {"operator.mass": 0.5, "operator.damping": 5.0, "operator.stiffness": 500.0}  # usual numbers of keys that are often 0
 
 
@@ -110,7 +110,7 @@ def _accepts(spec, path, value):
 
 
 def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) -> float:
-    """The end of a range or, if other numbers rule it out, one near the last that the spec takes, of few digits."""
+    """The end of a range or, if other numbers rule it out, a short number near the last one that the spec accepts."""
     if _accepts(spec, path, end):
         return end
     start, rounding = value, ROUND_CEILING if end < value else ROUND_FLOOR
@@ -156,7 +156,7 @@ def _range(key, value, axis, most):
 
 
 def _usual(key, value, most):
-    """The range of a slider about a value, of which no sweep says anything."""
+    """The range of a slider about a value, for a number that is not swept."""
     if key.above_low and value > 0:
         return value / FAR, min(value * FAR, most or value * FAR), "log"
     usual = USUAL.get(next((name for name, path in SYMBOLS.items() if path == key.path), ""), HAND.get(key.path, 1.0))

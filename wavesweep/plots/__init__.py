@@ -41,12 +41,12 @@ def figure_of(kind: str) -> Callable[..., Any]:
 
 
 def refuse_settings() -> None:
-    """Raise UsageError for settings in the current folder that matplotlib, which reads them at its import, cannot read."""
+    """Raise UsageError if the current folder has settings that matplotlib, which reads them when imported, cannot read."""
     try:
         Path("matplotlibrc").read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"matplotlibrc: expected text in UTF-8, found bytes that are none ({error.reason}); matplotlib reads it from the "
+            f"matplotlibrc: expected text in UTF-8, found other bytes ({error.reason}); matplotlib reads it from the "
             "current folder, so remove it, or leave the figure out (--no-plot)"
         ) from error
     except OSError:
@@ -54,9 +54,9 @@ def refuse_settings() -> None:
 
 
 def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
-    """The table with its figure, for which no more rows are kept than it needs.
+    """The table with its figure. Of a long table only the rows that the figure needs are kept.
 
-    say: is called with a sentence if the figure of responses leaves some of them out.
+    say: called with a sentence if the figure of responses leaves some of them out.
     """
     if table.figure is not None:
         return table
@@ -85,7 +85,7 @@ def _drawn_of(kind, rows, facts, say):
 
 
 def with_figure(table: Table, draw: Callable[[], Any]) -> Table:
-    """The table with a figure that `draw` gives. It is drawn once, for any number of formats."""
+    """The table with the figure that `draw` returns, drawn once for any number of formats."""
     made = cache(draw)
 
     def write(path: Path) -> None:

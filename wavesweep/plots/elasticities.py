@@ -141,7 +141,7 @@ def _kinds(rows: Columns) -> list[str]:
 
 
 def _look(quantity: str) -> dict[str, Any]:
-    """The look of bars, of which the second is hatched, since it has much the same grey."""
+    """The look of bars; the second is hatched, since its grey is much the same."""
     number = list(_QUANTITIES).index(quantity)
     return {"facecolor": distinct_colour(number), "edgecolor": "white", "hatch": "////" * number or None, "linewidth": 0}
 

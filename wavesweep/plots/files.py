@@ -14,8 +14,8 @@ from wavesweep.plots.style import DOTS_PER_INCH, style
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
     """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
 
-    The same drawing gives the same bytes: there is no date in the file. EPS knows no transparency: what shines through in the
-    others has the colour there that it has on white.
+    The same drawing gives the same bytes: there is no date in the file. EPS has no transparency: there, transparent parts have
+    the colour that they have on white.
     """
     with style():
         if path.suffix == ".png":
@@ -31,7 +31,10 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
 
 
 def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
-    """Write a figure in several formats into a folder, which is made, each as one step; gives the paths. about: see `save`."""
+    """Write a figure in several formats, each in one atomic step, into a folder, which is created; returns the paths.
+
+    about: see `save`.
+    """
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
     for each in written:
@@ -78,7 +81,7 @@ def _eps(canvas: Any, about: Mapping[str, str]) -> bytes:
 
 @contextmanager
 def _opaque(canvas: Any) -> Iterator[None]:
-    """Have the colours of transparent parts as they are on white."""
+    """Give transparent parts the colours that they have on white, within the context."""
     from matplotlib.colors import to_rgba_array
 
     before = []

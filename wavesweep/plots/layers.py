@@ -18,7 +18,7 @@ SWEEPS = 12
 class Box:
     """Something that is drawn in a column: its width (inch), its height (rows), and the rows and nets of its ports.
 
-    inputs: row, net and width (inch) of the label of the wire. A place at which a net passes has no width and is no `real` box.
+    inputs: row, net and width (inch) of the label of the wire. A place that a net passes has no width and is not `real`.
     """
 
     width: float
@@ -68,7 +68,7 @@ def _layers(boxes):
 
 
 def _forward(boxes):
-    """Pairs of boxes of which the second one reads the first, without those that close a loop, from the inputs on."""
+    """Pairs (box, box that reads it), from the inputs on, without those that close a loop."""
     maker = {net: i for i, box in enumerate(boxes) for _, net in box.outputs}
     readers = [[] for _ in boxes]
     for j, box in enumerate(boxes):

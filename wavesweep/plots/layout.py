@@ -1,4 +1,4 @@
-"""The roles of a table's axes in the figure of its intervals, and a note on values that do not fit."""
+"""The roles of a table's axes in the figure of its intervals, and a note on the values that are not shown."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -89,9 +89,9 @@ def lay_out(
 ) -> Layout:
     """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a family of lines, panels.
 
-    The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which the
-    figure goes through: values that are left out are chosen about it. hands: the family is that of the hands. smooth: axes
-    between whose values the figure computes others; a single one of these is along the figure however few values it has.
+    The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which
+    the figure always shows. hands: the members are hands or specs, so no axis is a family. smooth: axes along which further
+    columns can be computed; a single one of these is along the figure however few values it has.
     dampings: the names of the damping of walls in drawn loops.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
@@ -129,7 +129,7 @@ def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[
 def evenly(
     several: Mapping[str, Sequence[float]], name: str | None, most: int, through: Mapping[str, float] | None = None
 ) -> tuple[float, ...]:
-    """Return up to `most` values of the axis `name`, about equally spaced in its list, with both ends and that of `through`."""
+    """Return up to `most` values of an axis, about equally spaced in its list, with both ends and the value in `through`."""
     if name is None:
         return ()
     values = np.asarray(several[name])

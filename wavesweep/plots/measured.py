@@ -47,7 +47,7 @@ def walls_in_plane(facts: Facts, x: str | None, along: str) -> Walls:
 
 
 def draw_walls(axes: Any, walls: Walls, colour: Any = "black") -> None:
-    """Draw the walls within the limits of the axes, which have to be set; those on the frame are whole."""
+    """Draw the walls within the limits of the axes, which have to be set; those on the frame are not cut off."""
     for kind, points in walls.items():
         spans = zip(points, (axes.get_xlim(), axes.get_ylim()), strict=True)
         inside = np.all([(each >= low) & (each <= high) for each, (low, high) in spans], axis=0)

@@ -10,7 +10,7 @@ from wavesweep.spec.checking import nearest
 
 LEAST, MOST = 2.0, 20.0  # inches
 _INCHES = {"": 1.0, "in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
-_OWN = ("backend", "figure.figsize", "figure.dpi", "savefig.bbox", "savefig.dpi")  # the program's
+_OWN = ("backend", "figure.figsize", "figure.dpi", "savefig.bbox", "savefig.dpi")  # set by the program
 
 
 def width_of(text: str) -> float:
@@ -24,7 +24,7 @@ def width_of(text: str) -> float:
 
 
 def style_of(text: str) -> dict[str, Any]:
-    """Return the settings of a style of matplotlib, by its name or from a file. Errors: UsageError for what is no style."""
+    """Return the settings of a style of matplotlib, by its name or from a file. Errors: UsageError for anything else."""
     refuse_settings()
     import matplotlib
     import matplotlib.style
@@ -44,13 +44,13 @@ def style_of(text: str) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The settings of a file; matplotlib itself warns of mistakes in several lines, and goes on."""
+    """The settings of a file. matplotlib itself only warns of mistakes, and goes on."""
     import matplotlib
 
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
-        raise UsageError(f"--style: expected a text with settings, found {path}, which is no text in UTF-8") from error
+        raise UsageError(f"--style: expected a text with settings, found {path}, which is not UTF-8") from error
     settings = {}
     for number, line in enumerate(lines, 1):
         if not line.partition("#")[0].strip():

@@ -105,7 +105,7 @@ def felt_differs(columns: Columns) -> bool:
 
 
 def draw_for_all(axes: Any, x: str, columns: Columns, span: Span) -> None:
-    """Draw what is open beside what the for_all rows of a plane prove: hatches up to what is refuted, and carets there.
+    """Draw what the for_all rows of a plane leave open, as hatches up to what is refuted, and carets where that begins.
 
     They know it at the swept values of x, between which the hatches are joined. span: the part of the swept range that the
     axes show.

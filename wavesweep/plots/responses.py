@@ -1,4 +1,4 @@
-"""Figures of frequency responses: curves of a table, of a simulation beside the linear loop, and magnitudes as in papers."""
+"""Figures of frequency responses: curves of a table, or of a simulation next to the linear loop."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ _ERRORS = ("admittance_error", "impedance_error")
 ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
 LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
-_LINEAR_POINTS = 800  # of the linear loop beside a simulation
+_LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _MARKS = "osv^D<>p"
 
 
@@ -182,7 +182,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured
         marked = "marker" in curve.style
         style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
         axes.plot(*line, label=curve.label or None, **style)
-        if alone and marked:  # beside the marks that tell the specs apart
+        if alone and marked:  # in addition to the marks that distinguish the specs
             axes.plot(line[0][alone], line[1][alone], curve.style["marker"], markersize=3.5, **edge)
         # A static limit of 0 has no place on a scale of factors, and no phase.
         if (static & (curve.rows[f"{name.partition('_')[0]}_abs"][order] > 0)).any():

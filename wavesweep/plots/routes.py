@@ -107,7 +107,7 @@ def _tracks(boxes, band, b, source):
     return found
 
 
-FEW = 12  # tracks of which any two are tried in each other's place; of more of them neighbours
+FEW = 12  # tracks, up to which any two are exchanged on trial; of more tracks only neighbours
 CLASH = 1000  # in place of so many crossings
 
 
@@ -170,7 +170,7 @@ def _cost(one, two):
 
 
 def _tell_apart(bands, tracks, x_of):
-    """Move bands to the right until no line from above runs beside one from below in the lanes between."""
+    """Move bands to the right until no line from above runs along one from below in the lanes between them."""
     for b in range(1, len(bands)):
         above = [track.x for here in tracks[b - 1] for track in here if track.down]
         below = [track for here in tracks[b] for track in here if track.up]

@@ -1,4 +1,4 @@
-"""The rows of a table that its figure shows: all of a short table, and of a long one those of some values of its axes."""
+"""The rows of a table that its figure shows: all rows of a short table, those at some values of its axes of a long one."""
 
 from collections.abc import Callable, Iterable, Mapping
 
@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having
 
-KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer one is read a second time
+KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer table is read a second time
 MOST_DRAWN = 200  # curves of all specs together: more of them are an area
 MOST_PLACES = 2000  # along a curve: more are finer than the pixels
 
@@ -15,7 +15,7 @@ MOST_PLACES = 2000  # along a curve: more are finer than the pixels
 class Kept:
     """Rows of a table that need not fit into memory: `add` each block, then take those that are shown.
 
-    blocks: gives all blocks again, if they are too many to be kept.
+    blocks: returns all blocks again, if there are too many to be kept.
     """
 
     def __init__(self, blocks: Callable[[], Iterable[Columns]]) -> None:
@@ -27,7 +27,7 @@ class Kept:
         self._kept = [*self._kept, columns] if self.rows <= KEPT_ROWS else []
 
     def where(self, shown: Callable[[Columns, int], np.ndarray]) -> dict[str, np.ndarray]:
-        """The rows for which `shown`, a function of a block and the number of rows before it, gives true."""
+        """The rows for which `shown`, a function of a block and the number of rows before it, is true."""
         parts, before = [], 0
         for block in self._kept if self.rows <= KEPT_ROWS else self._blocks():
             chosen = shown(block, before)

@@ -290,8 +290,8 @@ class Region:
 
     areas: outlines of what is stable. unproved: those of its parts that are not certified. certain, doubtful: lines along its
     boundary, with the unstable side at their left. felt: lines of the stiffness felt at upper limits. bars: (x, interval) at
-    values of x beside which nothing is known. unknown: (from, to) of x that are known in part, outside the areas, and gaps that
-    are not known beside others that are.
+    values of x whose neighbourhood is not known. unknown: (from, to) of x that are known in part, outside the areas, and gaps
+    that are not known where others are.
     """
 
     areas: list[Line]
