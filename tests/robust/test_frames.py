@@ -206,16 +206,6 @@ def test_one_length_alone_is_the_interval_of_today():
     assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
 
 
-@pytest.mark.slow
-def test_a_similar_loop_begins_with_what_is_known():
-    first = bracket(frames_of_controller(fig4(), Frames((20, 40))), 20.0, (0.0, 5000.0))
-    family = frames_of_controller(fig4(**{"environment.B_VE": 1.1}), Frames((20, 40)))
-    found, alone = (bracket(family, 20.0, (0.0, 5000.0), known=known) for known in (first, None))
-    assert found.settled
-    assert found.fails_from == pytest.approx(alone.fails_from, rel=1e-6)
-    assert found.high == pytest.approx(alone.high, rel=0.01)
-
-
 TABLE = [
     ("pmw", Frames(LENGTHS), 196.9, 198.9),
     ("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8),

@@ -1,7 +1,6 @@
 """Whether all products of matrices in any allowed order decay, and the interval of a number for which they do."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,7 +57,7 @@ class Bracket:
     low, high: every number from low to high, both included, is proved; NaN if nothing is. fails_below, fails_from: the nearest
     refuted numbers below low and above high, NaN if there is none. words: the patterns that refute them, or (). settled:
     whether each end is within the tolerance of the refuted number, or is the limit that was asked for. stretches: the proof,
-    from low to high without a gap. centre: forms near the two ends, with which a search for a similar family may begin.
+    from low to high without a gap.
     """
 
     low: float
@@ -68,19 +67,15 @@ class Bracket:
     words: tuple[Word, Word]
     settled: bool
     stretches: tuple[Stretch, ...]
-    centre: tuple[Centre | None, Centre | None] = field(repr=False)
 
 
-def decide(family: Family, x: float = 0.0, words: Iterable[Word] = (), work: float = WORK) -> Decision:
+def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
     """Decide whether the matrices of a family at x decay in every order that is allowed.
 
-    words: patterns that are tried first. work: operations after which the search for norms ends.
+    work: operations after which the search for norms ends.
     Accuracy: "proved" and "refuted" hold for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and
     words themselves are searched in plain doubles.
     """
-    for word in words:
-        if is_refuted(family, word, x):
-            return Decision(REFUTED, word=word)
     A = family.at(x)
     centre, _ = first_centre(A, family.follows)
     for word in growing(A, family.follows, centre.basis):
@@ -88,47 +83,35 @@ def decide(family: Family, x: float = 0.0, words: Iterable[Word] = (), work: flo
             return Decision(REFUTED, word=word)
     centre, factor = find_norms(A, family.follows, work=work)
     if factor == 1 and _proves(family, centre, x, x):
-        return Decision(PROVED, _norms(centre))
+        return Decision(PROVED, centre.norms)
     for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     return Decision(UNKNOWN)
 
 
-def bracket(
-    family: Family,
-    start: float,
-    limits: tuple[float, float],
-    tolerance: float = 0.01,
-    known: Bracket | None = None,
-    work: float = WORK,
-) -> Bracket:
+def bracket(family: Family, start: float, limits: tuple[float, float], tolerance: float = 0.01, work: float = WORK) -> Bracket:
     """Return the numbers around a start, within limits, for which a family decays in every order that is allowed.
 
     tolerance: the distance between proof and refutation that is aimed at, relative to the refuted number, or to NEAR_START of
-    its distance from the start if that is larger. known: the bracket of a similar family, whose patterns and forms are tried
-    first. work: operations for each end after which the search for norms ends.
+    its distance from the start if that is larger. work: operations for each end after which the search for norms ends.
 
     The proof holds for every number from `low` to `high`, not only for those that were computed: in the norms of a stretch, the
     points of the hull of its matrices shrink (see `Family.hull`), and norms are convex. A refuted number says nothing about
     numbers beyond it.
     """
     first, factor = find_norms(family.at(start), family.follows, work=work)
-    first = first if factor == 1 else None
-    parts = []
-    for side, limit in enumerate(limits):
-        words = [known.words[side]] if known and known.words[side] else []
-        parts.append(_side(family, start, limit, tolerance, words, first, known and known.centre[side], work))
-    below, above = parts
-    if first is None or np.isnan(below.end) or np.isnan(above.end):
-        below, above = (replace(each, end=np.nan, settled=False, stretches=()) for each in parts)
+    below, above = (_side(family, start, limit, tolerance, first if factor == 1 else None, work) for limit in limits)
+    if np.isnan(below.end) or np.isnan(above.end):
+        below, above = (replace(side, end=np.nan, settled=False, stretches=()) for side in (below, above))
     return Bracket(
-        *(float(each.end) for each in (below, above)),
-        *(float(each.fails) for each in (below, above)),
+        float(below.end),
+        float(above.end),
+        float(below.fails),
+        float(above.fails),
         (below.word, above.word),
         bool(below.settled and above.settled),
-        tuple(sorted((*below.stretches, *above.stretches), key=lambda each: each.low)),
-        (below.centre, above.centre),
+        tuple(sorted((*below.stretches, *above.stretches), key=lambda stretch: stretch.low)),
     )
 
 
@@ -142,19 +125,19 @@ class _Side:
     centre: Centre | None
 
 
-def _side(family, start, limit, tolerance, words, first, centre, work):
+def _side(family, start, limit, tolerance, first, work):
     """What is proved and refuted from the start towards a limit.
 
     first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
     a number further on, on a finer graph, and the proof goes back from there to what is already proved; and so on.
     """
-    fails, word = _nearest(family, start, limit, tolerance, words)
+    fails, word = _nearest(family, start, limit, tolerance)
     if first is None:
         return _Side(np.nan, fails, word, False, (), None)
     goal = _inside(fails, start, WITHIN * tolerance) if word else limit
     stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
     # ceiling: a number for which no norms were found.
-    spent, ceiling, before = climbed.work, None, start
+    spent, centre, ceiling, before = climbed.work, None, None, start
     while reached != goal and spent < SPENT * work:
         if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
             if abs(reached - before) <= tolerance * _scale(reached, start):
@@ -240,7 +223,7 @@ def _inside(end, start, share):
     return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
 
 
-def _nearest(family, start, limit, tolerance, words):
+def _nearest(family, start, limit, tolerance):
     """The refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
     fails, word = np.nan, ()
     alone = [(i,) for i in np.flatnonzero(family.follows.diagonal()).tolist()]
@@ -248,7 +231,7 @@ def _nearest(family, start, limit, tolerance, words):
     for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, SCANNED)):
         A = family.at(x)
         radius = np.abs(np.linalg.eigvals(A)).max(-1)
-        grows = [each for each in words if growth(A, each) >= 1] + [each for each in alone if radius[each] >= 1]
+        grows = [each for each in alone if radius[each] >= 1]
         if not grows and i % EVERY == EVERY - 1:
             grows = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
         if grows:
@@ -286,14 +269,10 @@ def _first(family, words, stable, unstable, limit):
     return best
 
 
-def _norms(centre):
-    return Norms(centre.forms, centre.graph)
-
-
 def _proves(family, centre, one, other):
     """Whether the forms of a centre are proved to be norms for all numbers between two."""
     points = family.hull(min(one, other), max(one, other))
-    return points is not None and all(shrink(_norms(centre), *point, family.follows) for point in zip(*points, strict=True))
+    return points is not None and all(shrink(centre.norms, *point, family.follows) for point in zip(*points, strict=True))
 
 
 def _covered(family, centre, start, goal, least, work):
@@ -324,10 +303,6 @@ def _covered(family, centre, start, goal, least, work):
             most = 2 * abs(x - end)
         if abs(x - end) < shortest or x == end:
             break
-        stretches.append(_stretch(end, x, centre))
+        stretches.append(Stretch(min(end, x), max(end, x), centre.norms))
         end = x
     return tuple(stretches), end, centre
-
-
-def _stretch(one, other, centre):
-    return Stretch(min(one, other), max(one, other), _norms(centre))

@@ -16,6 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from wavesweep.robust.checking import Norms
 from wavesweep.robust.graph import Graph
 
 SHARE = 0.8  # part of the way to where the prediction fails that is taken
@@ -40,10 +41,10 @@ class Centre:
     work: float = 0.0
 
     @property
-    def forms(self) -> np.ndarray:
-        """The forms for the states x."""
+    def norms(self) -> Norms:
+        """The norms for the states x."""
         P = _transposed(self.inverse) @ self.P @ self.inverse
-        return (P + _transposed(P)) / 2
+        return Norms((P + _transposed(P)) / 2, self.graph)
 
     def in_basis(self, A: np.ndarray) -> np.ndarray:
         """Return matrices for the states z."""
