@@ -32,6 +32,24 @@ def matrix(rows) -> np.ndarray:
     return out
 
 
+def block_diagonal(parts) -> np.ndarray:
+    """Return matrices along a diagonal, `(..., rows, columns)`."""
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    height, width = (sum(part.shape[axis] for part in parts) for axis in (-2, -1))
+    out, row, column = np.zeros((*batch, height, width), np.result_type(float, *parts)), 0, 0
+    for part in parts:
+        below, right = row + part.shape[-2], column + part.shape[-1]
+        out[..., row:below, column:right] = part
+        row, column = below, right
+    return out
+
+
+def concatenated(parts, axis: int) -> np.ndarray:
+    """Return matrices side by side (axis -1) or below each other (-2), broadcast over their batches."""
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """A linear block `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`.

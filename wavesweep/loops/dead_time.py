@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.loops.block import Block
+from wavesweep.loops.block import Block, concatenated
 from wavesweep.loops.blocks import held
 from wavesweep.loops.values import values_of
 from wavesweep.spec.drawing import AT, Drawing, Plant, scalars
@@ -168,9 +168,9 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
     of_E, of_B, of_C, of_D = block.terms
     more = [(at := [inputs.index(port)], *(part for part in over(shares[name], at)[1::2])) for port, name in plant.arriving]
     nothing = np.zeros((len(outputs), len(plant.arriving)))
-    G, of_G = (_joined(-1, part, *(each[k] for each in more)) for k, part in ((1, block.B), (2, of_B)))
-    C, D = [block.C], [_joined(-1, block.D, nothing)]
-    of_C, of_D = [of_C], [_joined(-1, of_D, nothing)]
+    G, of_G = (concatenated([part, *(each[k] for each in more)], -1) for k, part in ((1, block.B), (2, of_B)))
+    C, D = [block.C], [concatenated([block.D, nothing], -1)]
+    of_C, of_D = [of_C], [concatenated([of_D, nothing], -1)]
     for signal, name in plant.sensed:
         i = [outputs.index(signal)]
         row, size, through = block.C[..., i, :], of_C[0][..., i, :], block.D[..., i, :]
@@ -187,20 +187,14 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
                 )
             else:
                 columns.append((np.zeros((1, 1)),) * 2)
-        D.append(_joined(-1, *(each for each, _ in columns)))
-        of_D.append(_joined(-1, *(each for _, each in columns)))
+        D.append(concatenated([each for each, _ in columns], -1))
+        of_D.append(concatenated([each for _, each in columns], -1))
     return replace(
         block,
         inputs=(*block.inputs, *(f"{port.replace('.', ':')}{AT}{name}" for port, name in plant.arriving)),
         outputs=(*block.outputs, *(f"{signal.replace('.', ':')}{AT}{name}" for signal, name in plant.sensed)),
         B=G,
-        C=_joined(-2, *C),
-        D=_joined(-2, *D),
-        terms=(of_E, of_G, _joined(-2, *of_C), _joined(-2, *of_D)),
+        C=concatenated(C, -2),
+        D=concatenated(D, -2),
+        terms=(of_E, of_G, concatenated(of_C, -2), concatenated(of_D, -2)),
     )
-
-
-def _joined(axis, *parts):
-    """Matrices of a batch side by side, or below each other."""
-    batch = np.broadcast_shapes(*(each.shape[:-2] for each in parts))
-    return np.concatenate([np.broadcast_to(each, (*batch, *each.shape[-2:])) for each in parts], axis)

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import values_of
-from wavesweep.spec.block_types import BELOW_HALF, BODIES
+from wavesweep.spec.block_types import BELOW_HALF, TYPES
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
@@ -179,8 +179,8 @@ def _guards(drawing):
     yield RATE, drawing.tick_hz, None
     for block in drawing.blocks:
         keys = dict(block.keys)
-        for name in (*BODIES.values(), "b", "cutoff_hz", "frequency_hz", "zero_hz", "pole_hz", "q", "a"):
-            if name in keys:
+        for name, key in TYPES[block.type].keys.items():
+            if name in keys and key.above_low:  # what must be positive may be divided by
                 yield f"block.{block.name}.{name}", keys[name], None
         for name in BELOW_HALF.get(block.type, ()):
             twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)

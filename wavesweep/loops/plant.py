@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.loops.algebraic import loop_inverse
-from wavesweep.loops.block import Block, numbers
+from wavesweep.loops.block import Block, block_diagonal, numbers
 from wavesweep.loops.blocks import continuous, held
 from wavesweep.loops.dead_time import with_ports
 from wavesweep.spec.drawing import PORT, Plant
@@ -26,7 +26,7 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     """
     parts = [continuous(block.type, keys[block.name]) for block in plant.members]
     ports = plant.drawn_ports
-    A, B, C, D = (_diagonal([matrices[i] for _, matrices in parts]) for i in range(4))
+    A, B, C, D = (block_diagonal([matrices[i] for _, matrices in parts]) for i in range(4))
     K = _gains(gains, *ports)
     L = D @ K
     M, sizes, facts = np.eye(len(ports[1])), np.eye(len(ports[1])), {}
@@ -63,18 +63,6 @@ def _gains(gains, inputs, outputs):
     for (port, signal), gain in entries.items():
         K[..., inputs.index(port), outputs.index(signal)] = gain
     return K
-
-
-def _diagonal(matrices):
-    batch = np.broadcast_shapes(*(each.shape[:-2] for each in matrices))
-    height, width = (sum(each.shape[axis] for each in matrices) for axis in (-2, -1))
-    found = np.zeros((*batch, height, width), np.result_type(float, *matrices))
-    row = column = 0
-    for each in matrices:
-        below, right = row + each.shape[-2], column + each.shape[-1]
-        found[..., row:below, column:right] = each
-        row, column = below, right
-    return found
 
 
 def _closed(L, sizes, outputs, name):

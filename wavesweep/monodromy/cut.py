@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.loops.block import frozen
+from wavesweep.loops.block import concatenated, frozen
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.circle import inverse
 from wavesweep.monodromy.drift import TickDrift, counted_ticks
 from wavesweep.monodromy.periodic import Ticks, ticks_of
-from wavesweep.monodromy.product import ENTRIES, ROUNDING, blocks_of, product_with_errors
+from wavesweep.monodromy.product import blocks_of, product_with_errors
+from wavesweep.monodromy.rounding import ALIKE, ENTRIES, ROUNDING
 
 V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
-ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
 PARTS = ("E", "B", "C", "D")
 ERRORS = ("dE", "dB", "dC", "dD")
 
@@ -193,8 +193,8 @@ def open_frame(
     ticks, groups = counted_ticks(ticks.from_tick(at), drift)
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
-    changes = [_beside(each.E, _with_moment(each.B[..., inputs])) for each in ticks.maps]
-    sizes = [_beside(each.terms[0], _with_moment(each.terms[1][..., inputs])) for each in ticks.maps]
+    changes = [concatenated((each.E, _with_moment(each.B[..., inputs])), -1) for each in ticks.maps]
+    sizes = [concatenated((each.terms[0], _with_moment(each.terms[1][..., inputs])), -1) for each in ticks.maps]
     E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), each=each)
     D, dD = (_with_moment(each[..., inputs]) for each in (head.D, head.terms[3]))
     parts = E[..., :n], E[..., n:], head.C, D, dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD
@@ -238,12 +238,6 @@ def _changing(ticks):
 def _alike(one, other, size):
     """Whether sums of the same terms in another order are equal but for rounding, in all loops; size: of their terms."""
     return bool((np.abs(one - other) <= ALIKE * size).all())
-
-
-def _beside(E, B):
-    """Changes of states, and columns of inputs behind them."""
-    batch = np.broadcast_shapes(E.shape[:-2], B.shape[:-2])
-    return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in (E, B)], axis=-1)
 
 
 def _with_moment(columns):

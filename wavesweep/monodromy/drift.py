@@ -11,10 +11,9 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.circle import solve
 from wavesweep.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
 from wavesweep.monodromy.product import product_with_errors
-from wavesweep.monodromy.rounding import balance, measured_frame, radius_hidden
+from wavesweep.monodromy.rounding import ALIKE, balance, measured_frame, radius_hidden
 
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
-ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
 ROUGH = 1e-9  # error of an entry, in units that give rows and columns similar sizes, from which on its effect is looked for
 NEGLIGIBLE = 1e-10  # of the largest entry of a row, up to which an entry of that size may be set to 0
 SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding

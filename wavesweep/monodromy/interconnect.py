@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavesweep.loops.algebraic import loop_inverse
-from wavesweep.loops.block import Block, numbers
+from wavesweep.loops.block import Block, block_diagonal, concatenated, numbers
 
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
@@ -25,11 +25,11 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     wired = [_traced(port, sums, known) for port in ports]
     shown = [{each: 1.0} if each in ports else _traced(each, sums, known) for each in outputs]  # not its sum: that may cancel
     of_made, of_inputs, of_ports = (_matrix(shown, columns) for columns in (made, inputs, ports))
-    E, B, C, D = values = [_side_by_side([getattr(each, part) for each in blocks]) for part in "EBCD"]
+    E, B, C, D = values = [block_diagonal([getattr(each, part) for each in blocks]) for part in "EBCD"]
     sizes = [np.abs(part) for part in values]
     if terms and blocks:
         given = zip(*(each.terms or [np.abs(getattr(each, part)) for part in "EBCD"] for each in blocks), strict=True)
-        sizes = [_side_by_side(list(some)) for some in given]
+        sizes = [block_diagonal(list(some)) for some in given]
     needs = _closure(_somewhere(np.abs(_matrix(wired, made)) @ sizes[3]))
     reads = _somewhere(sizes[1]).any(0) | _somewhere(np.abs(of_made) @ sizes[3] + np.abs(of_ports)).any(0) | needs.diagonal()
     used = (reads | reads @ needs).tolist()
@@ -65,8 +65,8 @@ class _Ports:
 
     def __init__(self, ports, name, K, L, C, D, sizes):
         self.condition = self.pivot = 1.0
-        through, own, size = _times(K, D), _joined(_times(K, C), L), np.abs(K)
-        of_through, of_own = size @ sizes[1], _joined(size @ sizes[0], np.abs(L))
+        through, own, size = _times(K, D), concatenated((_times(K, C), L), -1), np.abs(K)
+        of_through, of_own = size @ sizes[1], concatenated((size @ sizes[0], np.abs(L)), -1)
         needs = _closure(_somewhere(of_through))
         batch, kind = np.broadcast_shapes(through.shape[:-2], own.shape[:-2]), np.result_type(through, own)
         self.values, self.sizes = (np.broadcast_to(part, (*batch, *part.shape[-2:])).copy() for part in (own, of_own))
@@ -136,23 +136,6 @@ def _matrix(rows, columns):
     for i, column, gain in entries:
         out[..., i, column] = gain
     return out
-
-
-def _side_by_side(parts):
-    """Return matrices along a diagonal, `(..., rows, columns)`."""
-    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-    rows, columns = (sum(part.shape[axis] for part in parts) for axis in (-2, -1))
-    out, row, column = np.zeros((*batch, rows, columns), np.result_type(float, *parts)), 0, 0
-    for part in parts:
-        p, m = part.shape[-2:]
-        out[..., row : row + p, column : column + m] = part
-        row, column = row + p, column + m
-    return out
-
-
-def _joined(one, other):
-    batch = np.broadcast_shapes(one.shape[:-2], other.shape[:-2])
-    return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in (one, other)], axis=-1)
 
 
 def _somewhere(part):

@@ -6,6 +6,7 @@ from functools import reduce
 import numpy as np
 
 from wavesweep.loops.algebraic import WORST_CONDITION
+from wavesweep.loops.block import concatenated
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.batches import in_parts
 from wavesweep.monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then, ticks_of
@@ -145,12 +146,7 @@ class _OpenFrame:
 
 def _joined(first, second):
     one, nothing = second.C @ first.B, np.zeros((first.C.shape[-2], second.B.shape[-1]))
-    batch = np.broadcast_shapes(*(part.shape[:-2] for part in (first.E, second.E, first.D, second.D)))
-
-    def beside(parts, axis):
-        return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis)
-
     E = then(first.E, second.E)
-    B = beside((first.B + second.E @ first.B, second.B), -1)
-    C = beside((first.C, second.C + second.C @ first.E), -2)
-    return _OpenFrame(E, B, C, beside((beside((first.D, nothing), -1), beside((one, second.D), -1)), -2))
+    B = concatenated((first.B + second.E @ first.B, second.B), -1)
+    C = concatenated((first.C, second.C + second.C @ first.E), -2)
+    return _OpenFrame(E, B, C, concatenated((concatenated((first.D, nothing), -1), concatenated((one, second.D), -1)), -2))

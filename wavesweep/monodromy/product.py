@@ -6,15 +6,12 @@ I + E, which keeps the distance of slow poles from 1 in all its digits, and repe
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from math import prod
 
 import numpy as np
 
+from wavesweep.monodromy.batches import in_parts
 from wavesweep.monodromy.periodic import in_a_row
-
-ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
-ENTRIES = 4 * np.finfo(float).eps  # of the terms of an entry of a tick, relative
-CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
+from wavesweep.monodromy.rounding import ENTRIES, ROUNDING
 
 
 def product_with_errors(
@@ -33,15 +30,18 @@ def product_with_errors(
     over = np.asarray if each else _over_batch
     kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
 
+    batch = np.broadcast_shapes(*(each.shape[:-2] for each in (*changes, *sizes)))
+
     def of_part(part):
         ticks = []
-        for E, size in zip(_spread(changes), _spread(sizes), strict=True):
-            ticks.append(((E[part], 1), *_largest(over, E[part]), ENTRIES * over(size[part])))
+        for pair in zip(changes, sizes, strict=True):
+            E, size = (np.broadcast_to(each, (*batch, *each.shape[-2:]))[part] if each.ndim > 2 else each for each in pair)
+            ticks.append(((E, 1), *_largest(over, E), ENTRIES * over(size)))
         (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
 
     with np.errstate(all="ignore"):
-        found = _in_parts(of_part, [*changes, *sizes])
+        found = in_parts(of_part, batch, changes[0].shape[-1], np.result_type(*changes))
     E, dE = found[..., 0, :, :], found[..., 1, :, :]
     return np.where(still, -np.eye(*still.shape), E), np.where(still, 0.0, dE)
 
@@ -115,29 +115,3 @@ def _largest(over, E):
 
 def _over_batch(size):
     return size.max(tuple(range(size.ndim - 2)))
-
-
-def _spread(matrices):
-    """Matrices over the whole batch, if they have one."""
-    batch = np.broadcast_shapes(*(each.shape[:-2] for each in matrices))
-    return [_Same(each) if each.ndim == 2 else np.broadcast_to(each, (*batch, *each.shape[-2:])) for each in matrices]
-
-
-class _Same:
-    """A matrix that is the same in all loops of a batch: every part of the batch has it."""
-
-    def __init__(self, matrix):
-        self.matrix = matrix
-
-    def __getitem__(self, _):
-        return self.matrix
-
-
-def _in_parts(work, matrices):
-    """Return `work(part)` for all parts of a batch that fit into a processor's cache, in one array."""
-    batch = np.broadcast_shapes(*(each.shape[:-2] for each in matrices))
-    item = prod(matrices[0].shape[-2:]) * np.result_type(*matrices).itemsize * prod(batch[1:])
-    few = max(1, CACHED // max(item, 1))
-    if not batch or batch[0] <= few:
-        return work(...)
-    return np.concatenate([work(slice(first, first + few)) for first in range(0, batch[0], few)])

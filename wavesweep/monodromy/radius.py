@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.monodromy.cut import ADVANCE, Cut, errors_of_whole, whole
-from wavesweep.monodromy.product import ROUNDING
+from wavesweep.monodromy.rounding import ROUNDING
 
 
 def within(E: np.ndarray, radius) -> np.ndarray:

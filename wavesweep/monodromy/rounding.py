@@ -12,6 +12,7 @@ from wavesweep.monodromy.periodic import GROWING, Change, growth_of, in_a_row, s
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
+ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 BALANCING = 3  # sweeps
 NEAREST = 4  # number of eigenvalues that are examined

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wavesweep.loops.block import concatenated
 from wavesweep.monodromy.batches import sparse
 from wavesweep.monodromy.rounding import ROUNDING
 
@@ -40,11 +41,4 @@ def plus(a, b):
 
 def joined(parts, axis):
     """Return pairs of an array and its error bound, joined along the axis."""
-    return tuple(_together(part, axis) for part in zip(*parts, strict=True))
-
-
-def _together(parts, axis):
-    if len({part.shape[:-2] for part in parts}) > 1:
-        batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-        parts = [np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts]
-    return np.concatenate(parts, axis=axis)
+    return tuple(concatenated(part, axis) for part in zip(*parts, strict=True))

@@ -21,13 +21,13 @@ import numpy as np
 
 from reproduce.drawing import Line, Panel, draw_magnitudes
 from reproduce.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
+from reproduce.resolvent import alias_angles, solved_response
 from reproduce.specs import load_paper
 from wavesweep.loops.block import Block
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import Page, drawing_of_page
 from wavesweep.loops.pmw import pmw, pmw_lm
 from wavesweep.monodromy.circle import on_circle
-from wavesweep.monodromy.resolvent import alias_angles, solved_response
 from wavesweep.results import Field
 from wavesweep.tables.table import Table, facts_of
 

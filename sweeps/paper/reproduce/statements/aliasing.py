@@ -9,10 +9,10 @@ import numpy as np
 from reproduce.felt_responses import show
 from reproduce.paper_loops import BASE, PaperLoops
 from reproduce.readings import ANTI_ALIASING, FILTERS, Reading, readings, under
+from reproduce.resolvent import solved_response
 from reproduce.verdicts import Answer, Finding, Statement, over
 from wavesweep.loops.filters import butterworth
 from wavesweep.monodromy.circle import on_circle
-from wavesweep.monodromy.resolvent import solved_response
 from wavesweep.passive import ChannelNorm
 from wavesweep.passive.channel import TOLERANCE
 
