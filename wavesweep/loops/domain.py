@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import values_of
-from wavesweep.spec.block_types import BELOW_HALF, TYPES
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
@@ -182,7 +182,7 @@ def _guards(drawing):
         for name, key in TYPES[block.type].keys.items():
             if name in keys and key.above_low:  # what must be positive may be divided by
                 yield f"block.{block.name}.{name}", keys[name], None
-        for name in BELOW_HALF.get(block.type, ()):
+        for name in TYPES[block.type].below_half:
             twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)
             yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0), None
         if block.type in ("tf", "pid"):

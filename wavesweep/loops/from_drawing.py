@@ -14,10 +14,9 @@ from wavesweep.loops.integrator_modes import equations_of
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.loops.plant import plant_of
 from wavesweep.loops.values import keys_with, rest_of, values_of
-from wavesweep.spec.block_types import BELOW_HALF, TYPES
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, decides, name_of, scalars
 from wavesweep.spec.expressions import ONE, degree, evaluate, names_in, with_number
-from wavesweep.spec.firmware_blocks import FORMULAS
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
@@ -131,7 +130,7 @@ def _with_numbers(block, known, tick):
     every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
     keys = _keys(block, known)
     period = every * tick if not block.phases else every * tick / len(block.phases)
-    if block.type in FORMULAS:  # whose sums do not cancel, if those of its keys do not
+    if TYPES[block.type].formula:  # whose sums do not cancel, if those of its keys do not
         of_names = block.core(ONE, named=True)
         block = block.core(ONE)
         keys = {name: [evaluate(tree, {**keys, "T": period}, np) for tree in each] for name, each in of_names.keys[:2]}
@@ -216,7 +215,7 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
     words = {
-        f"block.{block.name}": dict(block.core(drawing.tick_hz).keys) for block in drawing.blocks if block.type in FORMULAS
+        f"block.{block.name}": dict(block.core(drawing.tick_hz).keys) for block in drawing.blocks if TYPES[block.type].formula
     }
     paths = [path for path in _readers(drawing, number) if not path.startswith("ports.")]
     readers = {
@@ -345,9 +344,11 @@ def _out_of_range(tree, low, above_low, high, known):
 def _without_block(drawing, block, known):
     """Whether numbers that are accepted by themselves make no such block together."""
     keys = dict(block.keys)
-    if block.type in BELOW_HALF and values_of(keys.get("order", ONE), known):
+    if TYPES[block.type].below_half and values_of(keys.get("order", ONE), known):
         half = values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2
-        return np.logical_not(reduce(np.logical_and, (values_of(keys[name], known) < half for name in BELOW_HALF[block.type])))
+        return np.logical_not(
+            reduce(np.logical_and, (values_of(keys[name], known) < half for name in TYPES[block.type].below_half))
+        )
     if block.type == "tf":
         return np.abs(values_of(keys["den"][0], known)) < LEAST
     if block.type == "local_model":

@@ -26,19 +26,6 @@ from wavesweep.tables.columns import fields
 from wavesweep.tables.design import margins_of, wish_of
 from wavesweep.tables.regions import spec_of
 
-NAMES = {
-    "z_width": "stiffest wall",
-    "felt": "stiffness felt",
-    "free_motion": "impedance of free motion",
-    "transparency": "error of the response",
-    "channel": "norm of the wave channel",
-    "port": "margin of the hand's port",
-    "damping_ratio": "least damping ratio of all modes",
-    "settling": "time constant of the slowest mode",
-    "delay_margin": "delay margin",
-    "chatter": "force of the encoder's rounding, at most",
-    "depth": "depth at the force of the motors",
-}
 _FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
@@ -72,7 +59,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
             if front.get_xscale() == "log":
                 by_factors(panel.xaxis, columns[x].min(), columns[x].max())
             _scale_numbers(panel, columns[name], kinds[name] == "integer")
-        unknown = [NAMES[name] for name in (x, y) if own.get(name) is None]
+        unknown = [WISHES[name].title for name in (x, y) if own.get(name) is None]
         missing = f"The nominal design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable."
         note_below(canvas, missing if own and unknown else "", assumption(facts))
     return canvas
@@ -181,4 +168,4 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
 def _label(name: str, facts: Mapping[str, Any]) -> str:
     kind = WISHES[name]
     unit = printed([facts.get("units", {}).get(name, kind.unit)])
-    return f"{with_unit(NAMES[name], unit)}, {'more' if kind.more else 'less'} is better"
+    return f"{with_unit(WISHES[name].title, unit)}, {'more' if kind.more else 'less'} is better"

@@ -13,8 +13,6 @@ from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key,
 
 BODIES = MappingProxyType({"mass": "mass", "inertia": "inertia"})  # types with a position x and a velocity v: key of the mass
 LONGEST_DELAY = 1000  # of a delay, each of which is a state
-# Frequencies below half the block's own rate, unless its order is 0.
-BELOW_HALF = MappingProxyType({"butterworth": ("cutoff_hz",), "lead": ("zero_hz", "pole_hz"), "notch": ("frequency_hz",)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +22,11 @@ class BlockType:
     ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it is
     continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`. steps: what it does where
     the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and then
-    neither a proof nor a simulation takes it there.
+    neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate, unless
+    its order is 0. either: two keys, of which a block has one. formula: numerator and denominator of the transfer function
+    that a block of firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks. stepwise: rows of its
+    matrices A and B, then those of C and D, in states that mean the same at every period, if its own do not. The names in both
+    are explained in `wavesweep.spec.firmware_blocks`.
     """
 
     keys: Mapping[str, Key]
@@ -33,6 +35,10 @@ class BlockType:
     by: str = ""
     plant: bool | str = False
     steps: str = ""
+    below_half: tuple[str, ...] = ()
+    either: tuple[str, ...] = ()
+    formula: tuple[tuple[str, ...], ...] = ()
+    stepwise: tuple[str, ...] = ()
 
     def ports_of(self, keys: Mapping[str, object]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return input and output ports of a block with these keys."""
@@ -65,8 +71,21 @@ _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 _SAME = "the same in each run, however long the step"
 
 
-def _type(description: str, ports: object, *keys: Key, by: str = "", plant: bool | str = False, steps: str = "") -> BlockType:
-    return BlockType(MappingProxyType({key.path: key for key in keys}), ports, description, by, plant, steps)
+# In formulas, T is the block's own period (s), ahead the share of a period by which an integral reads ahead, late the share of
+# the last input in a step, tan(pi f T) the prewarped frequency of the bilinear transform. A pid's states are the integral, the
+# last input and the last slope, those of the ends of waves the last position and velocity.
+_P = "(kp + ki*ahead*T)"
+_PID = (
+    "1; late*T; 0; (1 - late)*T",
+    "0; 0; 0; 1",
+    "0; -1/(tau + T); tau/(tau + T); 1/(tau + T)",
+    "ki; ki*late*T - kd/(tau + T); kd*tau/(tau + T); kp + ki*ahead*T + kd/(tau + T)",
+)
+_X, _V = "1; T/2; T/2*r/b; -T/2/b", "0; 0; r/b; -1/b"
+
+
+def _type(description: str, ports: object, *keys: Key, **more: Any) -> BlockType:
+    return BlockType(MappingProxyType({key.path: key for key in keys}), ports, description, **more)
 
 
 TYPES = MappingProxyType(
@@ -125,6 +144,7 @@ TYPES = MappingProxyType(
             whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
             number("seconds", None, "s", "in place of steps: dead time", low=0.0),
             steps=_SAME,
+            either=("steps", "seconds"),
         ),
         "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME),
         "difference": _type(
@@ -136,6 +156,7 @@ TYPES = MappingProxyType(
             word("method", "explicit", "rectangles from the left, from the right, or trapezia", INTEGRATIONS),
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
             "trapezoidal: y[j] = y[j-1] + h[j] (u[j] + u[j-1])/2",
+            stepwise=_PID,
         ),
         "butterworth": _type(
             "digital Butterworth filter at the block's own rate",
@@ -143,6 +164,7 @@ TYPES = MappingProxyType(
             whole("order", None, "order; 0 for no filter", 0, HIGHEST_ORDER, required=True),
             _number("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate", positive=True),
             word("pass", "low", "which side passes", ("low", "high")),
+            below_half=("cutoff_hz",),
         ),
         "lowpass": _type(
             "y += a (u - y); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz times the block's period, as firmware has it",
@@ -150,6 +172,9 @@ TYPES = MappingProxyType(
             number("a", None, "1", "share of the difference that a run takes", positive=True, high=1.0),
             number("cutoff_hz", None, "Hz", "in place of a: 1/(2 pi time constant)", positive=True),
             steps="y[j] = y[j-1] + a (u[j] - y[j-1]); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz h[j]",
+            either=("a", "cutoff_hz"),
+            formula=(("a", "a"), ("1", "a")),
+            stepwise=("1 - a; a", "1 - a; a"),
         ),
         "pi": _type(
             "y = kp u + ki integral of u, without limits or anti-windup",
@@ -158,6 +183,8 @@ TYPES = MappingProxyType(
             _KI,
             _METHOD,
             steps="y[j] = kp u[j] + ki i[j], where i is what an integrator of the same method gives",
+            formula=((_P, "ki*T"), ("1", "0")),
+            stepwise=_PID,
         ),
         "pid": _type(
             "y = kp u + ki integral of u + kd d, d + tau d' = u' by backward differences, without limits or anti-windup",
@@ -168,12 +195,16 @@ TYPES = MappingProxyType(
             _number("tau", "s", "time constant of the derivative's filter; 0 for none", 0.0, low=0.0),
             _METHOD,
             steps="y[j] = kp u[j] + ki i[j] + kd d[j], i as in pi, d[j] = (tau d[j-1] + u[j] - u[j-1])/(tau + h[j])",
+            formula=((f"{_P}*(T + tau) + kd", f"{_P}*T + ki*T*(T + tau)", "ki*T**2"), ("T + tau", "T", "0")),
+            stepwise=_PID,
         ),
         "lead": _type(
             "(1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz)) by the bilinear transform, each corner prewarped",
             _U_Y,
             _number("zero_hz", "Hz", "corner of the numerator, below half the block's own rate", positive=True),
             _number("pole_hz", "Hz", "corner of the denominator, below half the block's own rate", positive=True),
+            below_half=("zero_hz", "pole_hz"),
+            formula=(("1 + 1/tan(pi*zero_hz*T)", "2"), ("1 + 1/tan(pi*pole_hz*T)", "2")),
         ),
         "notch": _type(
             "(s^2 + depth w s/q + w^2)/(s^2 + w s/q + w^2), w = 2 pi frequency_hz, by the bilinear transform prewarped there",
@@ -181,6 +212,11 @@ TYPES = MappingProxyType(
             _number("frequency_hz", "Hz", "frequency that is taken out, below half the block's own rate", positive=True),
             _number("q", "", "quality: the frequency over the width between the -3 dB points", positive=True),
             _number("depth", "", "gain that is left at the frequency", 0.0, low=0.0),
+            below_half=("frequency_hz",),
+            formula=(
+                ("(1 + 1/K**2)/4 + depth/(4*q*K)", "1 + depth/(2*q*K)", "1"),
+                ("(1 + 1/K**2)/4 + 1/(4*q*K)", "1 + 1/(2*q*K)", "1"),
+            ),
         ),
         "biquad": _type(
             "(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)",
@@ -188,6 +224,7 @@ TYPES = MappingProxyType(
             *(_number(name, "", "coefficient of the numerator", float(name == "b0")) for name in ("b0", "b1", "b2")),
             *(_number(name, "", "coefficient of the denominator", 0.0) for name in ("a1", "a2")),
             steps=_SAME,
+            formula=(("b0", "b1", "b2"), ("1", "a1", "a2")),
         ),
         "mean": _type(
             "mean of u in the last n runs of the block; an average over an exposure is a plant 1/s before a difference",
@@ -211,6 +248,7 @@ TYPES = MappingProxyType(
             _INTEGRATION,
             steps="x[j] = x[j-1] + h[j] v[j], and trapezoidal x[j] = x[j-1] + h[j] (v[j] + v[j-1])/2, h[j] elapsed; "
             "x_spring[j] is x[j], and if explicit x[j-1]",
+            stepwise=(_X, _V, _V, _X, _X, "0; 0; 1; -r/b"),
         ),
         "local_model": _type(
             "local model of the interaction with a decoder of its own",
@@ -221,6 +259,11 @@ TYPES = MappingProxyType(
             _INTEGRATION,
             steps="v[j] = (sqrt(2b) in[j] - f[j])/b, f[j] = K x_spring[j] + B v[j], out[j] = in[j] - sqrt(2/b) f[j], x and "
             "x_spring as in avatar",
+            stepwise=(
+                "1 - T/2*K*g; T/2 - T/2*K*T/2*g; T/2*r*g",
+                "-K*g; -K*T/2*g; r*g",
+                "-r*K*g; -r*K*T/2*g; r*r*g - 1",
+            ),
         ),
     }
 )

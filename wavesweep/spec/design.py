@@ -42,13 +42,14 @@ _OF_DEVICE = {name: SIMULATE_KEYS[f"simulate.{name}"] for name in ("resolution",
 
 @dataclass(frozen=True, slots=True)
 class WishKind:
-    """A quantity that may be wished for. more: whether more of it is better.
+    """A quantity that may be wished for. more: whether more of it is better. title: its name in figures.
 
     ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it.
     """
 
     unit: str
     more: bool
+    title: str
     description: str
     options: Mapping[str, tuple[Key, int | None]]
     ports: tuple[str, ...] | None = None
@@ -64,6 +65,7 @@ WISHES = MappingProxyType(
         "z_width": WishKind(
             "N/m",
             True,
+            "stiffest wall",
             "stiffest wall up to which every wall is stable, at most that of sweep.K_VE or 20000",
             _OF_WALL,
             ("wall",),
@@ -71,6 +73,7 @@ WISHES = MappingProxyType(
         "felt": WishKind(
             "N/m",
             True,
+            "stiffness felt",
             "stiffness felt of that wall at rest or, with a band, the least size of the impedance that it adds to free motion",
             {"band_hz": (_BAND, 2), **_OF_WALL},
             ("wall", "hand"),
@@ -78,6 +81,7 @@ WISHES = MappingProxyType(
         "free_motion": WishKind(
             "N/m",
             False,
+            "impedance of free motion",
             "largest size over the band of the impedance of free motion, that without the wall",
             {"band_hz": (_BAND, 2)},
             ("wall", "hand"),
@@ -85,17 +89,37 @@ WISHES = MappingProxyType(
         "transparency": WishKind(
             "1",
             False,
+            "error of the response",
             "root mean square over the band of |ln(H/H_dc)|, H the transmitted admittance and H_dc that of direct coupling",
             {"band_hz": (_BAND, 2), **_WALLS},
         ),
-        "channel": WishKind("1", False, "norm of the wave channel", {}),
-        "port": WishKind("m/N", True, "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)),
-        "damping_ratio": WishKind("1", True, "least damping ratio of all modes, as [sweep] require has it", _WALLS, ()),
-        "settling": WishKind("s", False, "time constant of the slowest mode, in which it falls to 1/e", _WALLS, ()),
-        "delay_margin": WishKind("tick", True, "further delay of the slow result up to which every delay is stable", _WALLS),
+        "channel": WishKind("1", False, "norm of the wave channel", "norm of the wave channel", {}),
+        "port": WishKind(
+            "m/N", True, "margin of the hand's port", "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)
+        ),
+        "damping_ratio": WishKind(
+            "1",
+            True,
+            "least damping ratio of all modes",
+            "least damping ratio of all modes, as [sweep] require has it",
+            _WALLS,
+            (),
+        ),
+        "settling": WishKind(
+            "s",
+            False,
+            "time constant of the slowest mode",
+            "time constant of the slowest mode, in which it falls to 1/e",
+            _WALLS,
+            (),
+        ),
+        "delay_margin": WishKind(
+            "tick", True, "delay margin", "further delay of the slow result up to which every delay is stable", _WALLS
+        ),
         "chatter": WishKind(
             "N",
             False,
+            "force of the encoder's rounding, at most",
             "bound on the force that the rounding of an encoder of this resolution, or that of [simulate], adds to a wall",
             {"resolution": (_OF_DEVICE["resolution"], 1), **_WALLS},
             ("hand",),
@@ -103,6 +127,7 @@ WISHES = MappingProxyType(
         "depth": WishKind(
             "m",
             True,
+            "depth at the force of the motors",
             "depth to which a wall can be pressed, slowly, with motors of this force, or that of [simulate]",
             {"max_force": (_OF_DEVICE["max_force"], 1), **_WALLS},
             ("hand",),

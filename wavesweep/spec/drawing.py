@@ -10,10 +10,10 @@ from itertools import product
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.block_types import BELOW_HALF, BODIES, EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import BODIES, EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
-from wavesweep.spec.firmware_blocks import FORMULAS, stepwise, transfer_function
+from wavesweep.spec.firmware_blocks import stepwise, transfer_function
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 
@@ -74,7 +74,7 @@ class DrawnBlock:
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
         """The block itself; in place of a word its transfer function, or if `named` that of the names of its keys and of T."""
-        if self.type not in FORMULAS:
+        if not TYPES[self.type].formula:
             return self
         keys, period = self.keys, ("/", self.every, tick_hz, 0)
         if named:
@@ -448,7 +448,7 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
     elif phase is not None and "phase" not in wrong and phase >= every:
         yield "phase", f"a whole number < every = {every:g}"
     half = (tick_hz or math.inf) / every / 2
-    for name in BELOW_HALF.get(block.type, ()) if known.get("order") != 0 else ():  # 0 is no filter
+    for name in TYPES[block.type].below_half if known.get("order") != 0 else ():  # 0 is no filter
         if known[name] is not None and name not in wrong and known[name] >= half:
             yield name, f"a number < {half:g} (half the block's own rate)"
     if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:

@@ -23,7 +23,6 @@ from wavesweep.spec.expressions import (
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
-EITHER = {"lowpass": ("a", "cutoff_hz"), "delay": ("steps", "seconds")}  # keys of which a block has one
 PERIOD = "dt"  # the name of a block's own period in its expressions
 ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # of which each type has one name
 LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
@@ -281,8 +280,8 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
         return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
-    if block.type in EITHER and len(keys) != 1:
-        one, other = EITHER[block.type]
+    if TYPES[block.type].either and len(keys) != 1:
+        one, other = TYPES[block.type].either
         return other, f"either {one} or {other}", "both" if keys else "neither"
     if block.type != "ss":
         return None
