@@ -104,7 +104,7 @@ def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], var
     for each in facts.get("runners_up", ())[: count == 1]:
         designs["next best"] = {**each["wishes"], **each["numbers"]}
     looks, hand = [_NOMINAL, *family_looks(len(designs) - 1)], spec is not None and not spec.without_hand()
-    across = 1 if is_narrow() else _ACROSS
+    across = 1 if is_narrow() else 2
     down, row = -(-len([*wishes, *varied]) // across), 0.65 + 0.17 * len(designs)
     with figure(TWO_COLUMNS, row * down + 2.4 * hand) as canvas:
         grid = canvas.add_gridspec(down + hand, across, height_ratios=[*[row] * down, *[2.4] * hand])
@@ -132,13 +132,11 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
         axes.set_title(label(name, facts), fontsize=7)
     for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
         known = value is not None and np.isfinite(value)
-        said = f"{value:.5g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "") if known else "not known"
+        said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "") if known else "not known"
         if known:
             axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
-        axes.annotate(said, (0.97, place), xycoords=("axes fraction", "data"), ha="right", va="center", fontsize=7)
+        axes.annotate(said, (1.03, place), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=7)
     axes.margins(x=0.1)
-    low, high = axes.get_xlim()
-    axes.set_xlim(low, high + 0.8 * (high - low))  # the texts are at the right of the marks
     axes.set_ylim(len(values) - 0.5, -0.5)
     axes.locator_params(axis="x", nbins=4)
     axes.tick_params(labelsize=7)

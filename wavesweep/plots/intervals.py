@@ -1,6 +1,7 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -227,6 +228,7 @@ class _Intervals:
         curves = member_curves(members, view, (low, high))
         for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
             region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
+            region = replace(region, unknown=[]) if member.joined else region  # nothing is computed between its dots
             filled = member.guarantee == "for_all" or (len(members) == 1 and self.whose != "spec")
             draw_region(axes, region, member.look, filled, shift, len(members))
             if self.felt:

@@ -131,11 +131,14 @@ def _figure(
     measured = {spec: distinct_colour(number) for number, spec in enumerate(specs if x == "frequency_hz" else ())}
     named = [curve.label for curve in curves if curve.label]
     in_a_row = fitting([*named, *coloured(facts, "response", measured)], wide(TWO_COLUMNS))
-    shape = (2 * len(quantities), 1) if is_narrow() or len(quantities) == 1 else (2, len(quantities))
+    across = 1 if is_narrow() else min(2, len(quantities))
+    shape = 2 * -(-len(quantities) // across), across
     with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(*shape, sharex=True, squeeze=False)
-        pairs = grid.reshape(-1, 2) if shape[1] == 1 else grid.T
-        for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=True)):
+        pairs = np.stack([grid[::2].ravel(), grid[1::2].ravel()], axis=1)
+        for axes in pairs[len(quantities) :].ravel():
+            axes.set_visible(False)
+        for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
             own = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
             for axes, part, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
                 name = f"{quantity.stem}_{part}"
@@ -144,13 +147,14 @@ def _figure(
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
             _add_decibels(above)
-        for axes in grid[-1]:
+        for axes in pairs[: len(quantities)][-across:, 1]:
+            axes.tick_params(labelbottom=True)
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
         canvas.align_ylabels()
         note_below(canvas, *notes)
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
-        shown = pairs[:1, 0] if quantities[0].unit is None else pairs[:, 0]  # all panels of the hand have the same curves
+        shown = pairs[: 1 if quantities[0].unit is None else None, 0]  # all panels of the hand have the same curves
         entries = [entry for axes in shown for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
         if entries:
             handles, labels = zip(*entries, strict=True)
