@@ -7,6 +7,7 @@ import pytest
 
 import wavesweep as library
 from wavesweep.cli import messages
+from wavesweep.cli.check import _after
 from wavesweep.spec import SYMBOLS
 
 DESIGN = """
@@ -82,3 +83,10 @@ def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, mon
     assert code == 2
     assert err.startswith("Error: ")
     assert "found 10000 for rates.slow_hz = 60.1; leave out these values" in err
+
+
+@pytest.mark.parametrize(("patience", "shown"), [(60.0, []), (-1.0, [1])])
+def test_a_search_of_ranges_has_a_bar_only_if_it_takes_long(patience, shown):
+    seen = []
+    _after(patience, seen.append)(1)
+    assert seen == shown

@@ -8,6 +8,7 @@ from support.held import more_damping, port_margin
 from support.specs import values_of
 
 from wavesweep import results
+from wavesweep.tables.passivity import PassivityTally
 
 pytestmark = pytest.mark.slow
 
@@ -133,3 +134,13 @@ sweep.b = [1.0, 1e10]
     assert "margin lost in rounding or overflow, and not known to be passive: 1 row" in err
     _, out, _ = wavesweep(*to_out, "--json")
     assert json.loads(out)["tables"]["passivity"]["margin_unknown"] == 1
+
+
+def test_the_tolerance_is_one_of_energy_and_not_of_amplitude():
+    """A norm of 1.0007 adds 0.14 % of energy, more than a tolerance of 0.1 %."""
+    facts = {"tolerance": 1e-3, "methods": ["damping_needed"], "slices": {"computed": 2, "certified": 2}, "spec": {}}
+    rows = {"channel_norm": np.array([1.0007, 1.0004]), "channel_passive": np.zeros(2, bool), "port_margin": np.zeros(2)}
+    rows |= {"port_passive": np.ones(2, bool), "stable": np.ones(2, bool), "damping_needed": np.zeros(2)}
+    tally = PassivityTally(facts)
+    tally.add(rows)
+    assert tally.numbers(facts)["channel_passive_within_tolerance"] == 1

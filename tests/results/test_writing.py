@@ -10,7 +10,7 @@ import pytest
 
 from wavesweep import results
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results import publish, stream
+from wavesweep.results import publish, read_table, stream
 from wavesweep.results.files import GROUP_ROWS
 from wavesweep.tables.table import Table
 
@@ -183,3 +183,17 @@ def test_a_figure_that_fails_leaves_nothing_half_written_and_says_how_to_do_with
         publish(replace(Table.of("zwidth", columns, facts), figure=fail), tmp_path)
     assert "--no-plot writes the table without it" in failed.value.__notes__[0]
     assert not [path for path in tmp_path.rglob("*") if path.is_file() and "lock" not in path.name]
+
+
+def test_a_byte_that_was_changed_is_noticed_though_the_size_is_the_same(columns, facts, tmp_path):
+    publish(Table.of("zwidth", columns, facts), tmp_path)
+    csv = tmp_path / "zwidth.csv"
+    csv.write_bytes(csv.read_bytes()[:-2] + bytes([csv.read_bytes()[-2] ^ 1]) + b"\n")
+    with pytest.raises(UsageError, match="torn or was changed"):
+        read_table(csv)
+
+
+def test_the_figure_of_another_spec_does_not_stay_beside_the_new_table(columns, facts, tmp_path):
+    publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
+    publish(Table.of("zwidth", columns, facts | {"spec_sha256": "cd" * 32}), tmp_path, overwrite=True)
+    assert not (tmp_path / "zwidth.png").exists()
