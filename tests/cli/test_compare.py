@@ -5,15 +5,10 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import wavesweep as library
 from wavesweep import results
-from wavesweep.spec import load
-from wavesweep.sweep import workers
-from wavesweep.tables import comparison
-from wavesweep.tables.responses import responses
 
 WAVES = """
 [controller]
@@ -223,37 +218,3 @@ def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compa
     assert facts["notices"][0] == dampings.strip()
     assert facts["notices"][1].startswith(admittance)
     assert library.bode(*both).attrs["units"]["B"] == ""
-
-
-@pytest.mark.slow
-def test_equal_units_and_a_controller_that_does_not_read_the_name_need_no_word(compare, both):
-    """`b` of a spec that does not read it is missing there, whatever its unit."""
-    Path("turned.toml").write_text(re.sub(r"\bB\b", "b", Path(both[0]).read_text()))
-    assert compare("--no-plot", specs=(both[0], "turned.toml"))[0] == 0
-    units, facts = units_of("results/wheel+turned/compare.datapackage.json")
-    assert (units["B"], units["b"], units["high"]) == ("N*m*s/rad", "N*m*s/rad", "N*m/rad")
-    assert "unlike_units" not in facts
-    for name, kind, unit in (("direct", "dc-slow", "N*m*s/rad"), ("waves", "pmw", "")):
-        Path(f"{name}.toml").write_text(f'[controller]\nkind = "{kind}"\n[bode]\nfrequency_hz = [1]\n')
-        assert library.bode("turned.toml", f"{name}.toml").attrs["units"]["b"] == unit
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("compare")
-def test_its_responses_take_the_same_workers_and_go_on_where_they_stopped(tmp_path):
-    many = ("bode.frequency_hz={ start = 1, stop = 20, num = 100 }", "bode.b={ start = 5, stop = 50, num = 100 }")
-    kept, specs = tmp_path / "kept", [load("waves.toml", many), load("direct.toml")]
-
-    def stop(*report):
-        if report[-1] is None:  # responses, of which none is certified
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        comparison.compare(specs, jobs=1, progress=stop, checkpoint=kept)
-    walls, both = comparison.compare(specs, jobs=2, backend="threading", checkpoint=kept)
-    assert both.facts["timings"]["slices_from_checkpoint"] > 0
-    assert both.facts["timings"]["workers"] == min(2, workers.processors())
-    walls.forget()  # as after each table that is written
-    assert pd.DataFrame(both.columns).equals(pd.DataFrame(responses(specs).columns))
-    both.forget()
-    assert not kept.exists()

@@ -19,8 +19,8 @@ from wavesweep.search.family import Scenario, scenarios_of
 from wavesweep.search.search import designs_of
 from wavesweep.search.study import DesignTask, box_of, job_of
 from wavesweep.spec import load
-from wavesweep.store.checkpoint import DamagedError, FileCheckpoint
-from wavesweep.sweep import running, workers
+from wavesweep.store.checkpoint import FileCheckpoint
+from wavesweep.sweep import running
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.tasks import HAND_RECORD
 
@@ -130,16 +130,6 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
     assert not list((tmp_path / "three").glob(".design-*"))
 
 
-def test_bounds_that_no_design_meets_name_the_nearest_miss(run):
-    walls = "sweep={K_VE={start=0, stop=60000}}"
-    code, text, results = run("--set", "design.wish={z_width={at_least=50000, B_VE=[1]}}", "--set", walls)
-    assert code == 1
-    assert "no design of 48 meets all bounds; the nearest has z_width" in text
-    assert "(at least 50000) with device.mass=" in text
-    assert "never met by itself: z_width" in text
-    assert not (results / "design.csv").exists()
-
-
 def test_bounds_that_stand_against_each_other_are_named():
     spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {
         "z_width": {"at_least": 100}, "channel": {"at_most": 1.1}, "port": {"at_least": 0}}}})  # fmt: skip
@@ -226,27 +216,6 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     assert 0 < float(place) < 0.08
 
 
-def test_bounds_that_no_design_meets_are_refused_before_any_search(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "far.toml").write_text(
-        '[controller]\nkind = "pmw"\n[design.vary]\nb = [10.0, 80.0]\n'
-        "[design.wish.damping_ratio]\nat_least = 2.0\n[design.wish.delay_margin]\nat_least = 50\n"
-    )
-    code, _, err = wavesweep("design", "far.toml")
-    assert code == 2
-    assert "far.toml:6:12: design.wish.damping_ratio.at_least: expected <= 1, found 2\n" in err
-    assert "far.toml:8:12: design.wish.delay_margin.at_least: expected <= 20, found 50\n" in err
-    assert not (tmp_path / "results").exists()
-
-
-def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():
-    job = job_of(load(tomllib.loads(SPEC)))
-    assert [each.values["device.mass"] for each in job.scenarios] == [0.08, 0.125]
-    assert [each.values["device.mass"] for each in job.finer] == pytest.approx(np.linspace(0.08, 0.125, 17))
-    assert [each.values["device.mass"] for each in job.finest] == pytest.approx(np.linspace(0.08, 0.125, 65))
-    assert workers.choose(1, None, None, 3, lambda: 1.0).count == 1
-
-
 def test_of_whole_numbers_all_between_the_ends_are_checked():
     """With trapezoidal integration and delays of 0 and 20 ticks some walls are stable; with 15 ticks none is."""
     tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "trapezoidal"}}
@@ -258,16 +227,6 @@ def test_of_whole_numbers_all_between_the_ends_are_checked():
     tables["design"]["wish"] = {"z_width": {"at_least": 1000.0, "B_VE": [1]}}
     with pytest.raises(WavesweepError, match=r"the nearest has z_width 0 N/m .at least 1000. with environment.delay=1\d"):
         wavesweep.design(tables)
-
-
-def test_a_choice_too_large_to_check_between_the_ends_says_so():
-    tables = tomllib.loads(SPEC)
-    tables["design"]["for_all"] = {"device.mass": list(np.linspace(0.1, 0.2, 2100)), "hand": {"stiffness": [800.0]}}
-    job = job_of(load(tables))
-    assert len(job.finer) == 2100
-    assert "values between the ends of the ranges were not checked" in list(study._notices(job))[1]
-    assert not study._checked(job)
-    assert study._checked(job_of(load(tomllib.loads(SPEC))))
 
 
 @pytest.mark.parametrize(
@@ -359,23 +318,6 @@ def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
     assert (code, text in said) == (2, True), said
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, monkeypatch):
-    (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
-    expected, load_chunk, damaged = wavesweep.design(tmp_path / "mine.toml"), FileCheckpoint.load, []
-
-    def once(store, number):
-        if not damaged:
-            damaged.append(number)
-            raise DamagedError("it is cut off")
-        return load_chunk(store, number)
-
-    monkeypatch.setattr(FileCheckpoint, "load", once)
-    assert wavesweep.design(tmp_path / "mine.toml", checkpoint=tmp_path / "kept").equals(expected)
-    assert damaged
-
-
 JOINT = """
 [rates]
 tick_hz = 1000
@@ -435,14 +377,6 @@ def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_
     ]
     assert rows["settling"][0] == pytest.approx(max(worst), rel=1e-9)
     assert rows["holds"][0]
-
-
-def test_a_drawn_loop_that_misses_its_wishes_says_so_in_its_own_units(run, tmp_path):
-    (tmp_path / "mine.toml").write_text(JOINT.replace("port = { at_least = -1 }", "port = { at_least = 1 }"))
-    code, text, _ = run("--no-plot")
-    assert code == 1
-    assert re.search(r"port \S+ rad/\(N\*m\) \(at least 1\) with n=\d, I=", text)
-    assert "never met by itself: port" in text
 
 
 @pytest.mark.parametrize(("wish", "said"), [("channel", True), ("damping_ratio", False)])

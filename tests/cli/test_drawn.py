@@ -130,32 +130,6 @@ def test_what_is_not_known_is_not_called_unstable():
     assert verdict._limit(spec, limit | {"certified": True, "doubt": ""}).endswith(": nowhere stable in 0 to 50 N*s/m")
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "damping", "rigid", "band", "text"),
-    [
-        (None, None, False, None, "not known"),
-        (None, None, True, None, "rigid, a constant force moves nothing in the end"),
-        (None, 0.5, False, None, "stiffness not known and 0.5 N*s/m"),
-        (-200.0, -1.1, False, None, "-200 N/m and -1.1 N*s/m"),
-        (
-            200.0,
-            -1.1,
-            False,
-            ([190.0, None], 0.5, 3.5),
-            (
-                "200 N/m (190 at 1 Hz, not known at 3 Hz; within a tenth of it only up to 0.5 Hz; "
-                "free motion outweighs it from 3.5 Hz on)"
-            ),
-        ),
-        (200.0, 0.0, False, ([200.0, 200.0], None, 2.0), "200 N/m (200 at 1 Hz; free motion outweighs it from 2 Hz on)"),
-    ],
-)
-def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, band, text):
-    over = band and {"hz": [1.0, 3.0], "impedance": band[0], "holds_to_hz": band[1], "outweighed_hz": band[2]}
-    felt = {"stiffness": stiffness, "damping": damping, "rigid": rigid, "over_band": over}
-    assert verdict._felt(felt, "N/m", "N*s/m") == text
-
-
 DIVIDED = """
 rates.tick_hz = 1000
 numbers = { p = 1.0, q = 0.5, k = 10.0 }

@@ -258,20 +258,6 @@ def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep
     assert not results.verify("here").differences
 
 
-@pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
-def test_a_quiet_run_waits_for_another_one_without_a_word(quiet, said, wavesweep, sweep, spec, monkeypatch):
-    at_work = results.at_work
-
-    def busy(kinds, directory, wait, say):
-        say("another run is at work")
-        return at_work(kinds, directory, wait, say)
-
-    monkeypatch.setattr(results, "at_work", busy)
-    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--wait", *quiet)
-    assert (code, len(sweep.seen)) == (0, 1)
-    assert err.count("another run is at work") == said
-
-
 @pytest.mark.usefixtures("sweep")
 def test_control_characters_of_foreign_files_are_shown_and_not_sent(wavesweep, spec, tmp_path):
     wavesweep("zwidth", spec, "--no-plot", "--quiet")
@@ -279,11 +265,3 @@ def test_control_characters_of_foreign_files_are_shown_and_not_sent(wavesweep, s
     package.write_text(package.read_text().replace('"spec_sha256": "', '"spec_sha256": "\\u001b[31m'))
     code, out, err = wavesweep("verify", "results/wall")
     assert (code, "\x1b" in out + err) == (1, False)
-
-
-@pytest.mark.parametrize("unit", ["=HYPERLINK(1)", "\\u001b[31mkg", "kg\\n"])
-def test_a_unit_that_a_terminal_or_a_spreadsheet_would_run_is_refused(unit, wavesweep, tmp_path):
-    text = f'[rates]\ntick_hz = 1000\n[numbers]\nk = {{ value = 1, unit = "{unit}" }}\n'
-    (drawn := tmp_path / "drawn.toml").write_text(text + '[block]\nm = { type = "mass" }\n[wire]\n"m.f" = "-k*m.x"\n')
-    code, _, err = wavesweep("check", str(drawn))
-    assert (code, "numbers.k.unit: expected a string that is printable" in err) == (2, True)

@@ -113,11 +113,6 @@ def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
     assert wavesweep("check", "first-hour.toml", "--exit-code", "-q", "--set", "K_VE=1000")[0] == 1
 
 
-def test_a_controller_from_outside_has_its_spec_too(written, monkeypatch):
-    monkeypatch.setitem(CONTROLLERS, "mine", CONTROLLERS["dc-slow"])
-    assert load(written("mine")[0]).values["controller.kind"] == "mine"
-
-
 def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("pmw.toml").write_text("mine")

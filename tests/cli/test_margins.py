@@ -20,14 +20,6 @@ def arm(tmp_path, monkeypatch):
     return "arm.toml"
 
 
-@pytest.mark.usefixtures("arm")
-def test_the_lines_of_the_page_are_those_that_are_printed(wavesweep):
-    shown = re.findall(r"^    (.*)$", (DOCS / "margins.md").read_text(encoding="utf-8"), re.MULTILINE)
-    code, out, err = wavesweep(*shown[0].removeprefix("$ wavesweep ").split(), "--no-plot")
-    assert (code, out) == (0, "")
-    assert err.splitlines()[: len(shown) - 1] == shown[1:]
-
-
 @pytest.mark.slow
 def test_a_row_for_each_margin_in_files_with_a_figure(wavesweep, arm):
     code, out, _ = wavesweep("margins", arm, "--cut", "camera.y", "--json")

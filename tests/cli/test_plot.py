@@ -9,7 +9,6 @@ import pyarrow.parquet
 import pytest
 from PIL import Image
 
-from wavesweep.cli import main
 from wavesweep.tables.responses import responses
 
 pytestmark = pytest.mark.slow
@@ -133,16 +132,6 @@ def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     assert not table.with_suffix(".png").exists()
 
 
-def test_another_file_in_place_of_the_data_package_is_left_as_it_is(wavesweep, spec, tmp_path):
-    made = tmp_path / "made"
-    assert wavesweep("zwidth", spec, "--no-plot", "--out", made)[0] == 0
-    package = made / "zwidth.datapackage.json"
-    package.write_text("{")
-    assert wavesweep("plot", made / "zwidth.parquet")[0] == 0
-    assert package.read_text() == "{"
-    assert (made / "zwidth.png").exists()
-
-
 @pytest.mark.sample(7)
 @pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
 @pytest.mark.parametrize(
@@ -241,51 +230,6 @@ def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
     code, _, err = wavesweep("plot", tmp_path / "zwidth.parquet")
     assert code == 2
     assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")
-
-
-COUNTED = """
-[rates]
-tick_hz = 1000
-[numbers]
-n = 2
-k = 5.0
-[block.m]
-type = "mass"
-mass = 1
-damping = 1
-[block.d]
-type = "delay"
-steps = "n"
-[wire]
-"d.u" = "m.x"
-"m.f" = "h - k*d.y"
-[ports]
-hand = { force = "h", displacement = "m.x" }
-"""
-
-
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("specs", "settings"),
-    [
-        (("a.toml", "b.toml"), ["bode.frequency_hz=[0.1, 1, 5, 20]", "bode.b=[10, 20]"]),
-        (("a.toml",), ["bode={frequency_hz=[5], 'environment.delay'=[0, 5]}"]),
-        (("drawn.toml",), ["bode={frequency_hz=[5], n=[1, 2]}"]),
-        (("drawn.toml",), ["bode={frequency_hz=[5], k=[1, 2]}"]),
-        (("a.toml",), ["bode.K_VE=[100, 500]"]),
-    ],
-    ids=["a point alone in a phase", "over a whole number", "over a drawn count", "over a drawn number", "over the wall"],
-)
-def test_responses_that_can_be_computed_can_be_drawn(tmp_path, monkeypatch, capfd, specs, settings):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "drawn.toml").write_text(COUNTED, encoding="utf-8")
-    for name, delay in (("a", 1), ("b", 0)):
-        (tmp_path / f"{name}.toml").write_text(
-            f"[controller]\nkind = 'pmw'\n[environment]\ndelay = {delay}\nK_VE = 500.0\n", encoding="utf-8"
-        )
-    given = [word for setting in settings for word in ("--set", setting)]
-    assert main(["bode", *specs, *given, "--out", "here"]) == 0, capfd.readouterr()
-    assert (tmp_path / "here" / "bode.png").is_file()
 
 
 def test_a_figure_goes_into_the_file_that_is_named(wavesweep, spec, tmp_path):

@@ -124,36 +124,6 @@ def test_walls_that_feel_alike_are_one_place_in_summary_and_figure():
     assert best_row(columns)["b"] == best_of(map(best_row, blocks))["b"] == 10.0
 
 
-def lines_of(table):
-    tally = kind_named(table.kind).tally(table)
-    for block in table.blocks():
-        tally.add(block)
-    return [text for text, _ in kind_named(table.kind).lines(tally.numbers(table.facts))]
-
-
-def test_the_intervals_of_a_few_slices_are_shown_one_by_one():
-    spec = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}, "filters": {"lp1": {"cutoff_hz": 8.57}}}
-    one = lines_of(intervals(load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 6000}}}), "K_VE"))
-    assert one[1].startswith("  K_VE 0 to ")
-    assert one[1].count(" and ") == 1
-    swept = {"K_VE": {"start": 0, "stop": 6000}, "b": [20.0, 30.0], "Kp": [10.0]}
-    two = lines_of(intervals(load(spec | {"sweep": swept}), "K_VE"))
-    assert [line.split(": ")[0] for line in two[1:3]] == ["  b = 20 N*s/m", "  b = 30 N*s/m"]
-    nowhere = lines_of(intervals(load({"controller": {"kind": "dc-slow"}, "sweep": swept | {"B_VE": [0, 900]}}), "K_VE"))
-    assert nowhere[1].endswith("N*s/m: K_VE none") or nowhere[2].endswith("N*s/m: K_VE none")
-    many = lines_of(intervals(load(spec | {"sweep": swept | {"b": list(range(20, 33))}}), "K_VE"))
-    assert not any(line.startswith("  ") for line in many)
-
-
-def test_a_spacing_of_a_range_that_is_searched_gets_a_notice():
-    K = {"start": 1.0, "stop": 100.0, "scale": "log"}
-    said = [
-        intervals(load({"controller": {"kind": "dc"}, "sweep": {"K_VE": each}})).facts["notices"]
-        for each in (K, K | {"num": 3})
-    ]
-    assert [any("scale" in notice for notice in notices) for notices in said] == [True, False]
-
-
 def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
     columns = {
         "b": np.array([1.0, 2.0]),

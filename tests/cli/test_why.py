@@ -74,15 +74,6 @@ def test_another_axis_and_a_drawn_loop(wavesweep, hole, tmp_path):
     assert list(end["limit"]["elasticities"]) == ["kd", "kp", "rates.tick_hz"]
 
 
-def test_results_along_another_number_are_said_to_be_replaced(wavesweep, hole):
-    along = "--no-plot", "--along"
-    wavesweep("why", hole, *along, "device.mass")
-    assert (
-        "replaced the results of this spec; changed: along device.mass -> filters.lp1.cutoff_hz"
-        in (wavesweep("why", hole, *along, "filters.lp1.cutoff_hz")[2])
-    )
-
-
 def test_nothing_is_said_of_numbers_that_would_move_a_stiffness_of_0(wavesweep, tmp_path, monkeypatch):
     path = Path(__file__).parents[2] / "sweeps/recipes/controllers/pmw.toml"
     monkeypatch.chdir(tmp_path)

@@ -68,17 +68,6 @@ def test_parts_read_as_the_single_file_does(home, same, command):
     assert (home / f"parts/{command}.png").read_bytes() == (home / f"one/{command}.png").read_bytes()
 
 
-def test_a_single_file_gives_way_to_parts_and_parts_to_a_single_file(home):
-    run("bode", "mine.toml", "--out", "o", "--no-plot")
-    one = names(home / "o")
-    for rows, parts in ((4, 2), (1, 6), (100, 1)):
-        run("bode", "mine.toml", "--out", "o", "--no-plot", "--partition", str(rows))
-        expected = [f"bode.parquet/part-{number:05d}.parquet" for number in range(parts)]
-        assert names(home / "o") == ["bode.datapackage.json", "bode.parquet", *expected]
-    run("bode", "mine.toml", "--out", "o", "--no-plot")
-    assert names(home / "o") == one
-
-
 def test_parts_of_another_spec_are_protected(home, capfd):
     run("bode", "mine.toml", "--out", "o", "--no-plot", "--partition", "4")
     before = names(home / "o")
@@ -131,20 +120,3 @@ def test_blocks_and_groups_leave_no_trace_in_the_parts(columns, facts, same, par
     same(results.read(folder), table)
     for first, end in ((0, 64), (5, 23), (16, 17), (40, None), (64, None)):
         same(read_rows(folder, first, end), {name: column[first:end] for name, column in table.items()})
-
-
-@pytest.mark.usefixtures("home")
-def test_stdout_is_no_place_for_parts(capfd):
-    assert main(["bode", "mine.toml", "--out", "-", "--partition", "4"]) == 2
-    assert "leave one of them out" in capfd.readouterr().err
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.usefixtures("home")
-def test_check_says_when_parts_would_serve(capfd):
-    assert main(["check", "mine.toml"]) == 0
-    assert "--partition" not in capfd.readouterr().out
-    many = ["--set=sweep.B_VE={ start = 0, stop = 5, num = 100000 }", "--set=sweep.b={ start = 5, stop = 50, num = 200 }"]
-    assert main(["check", "mine.toml", *many]) == 0
-    assert "rows: --partition 10000000 writes Parquet files" in capfd.readouterr().out

@@ -1,10 +1,8 @@
 """Shell completion: specs, keys and values of --set, devices and controllers. Loaded only if a shell asks for it."""
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
 from types import MappingProxyType
 
 import click
@@ -19,25 +17,14 @@ from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 from wavesweep.spec.reading import read_file
 
 STUDIES = ("sweep", "bode")
-DEEPEST, MOST_FOLDERS = 3, 200  # of the search for specs: a shell waits for it
-
-
-QUOTED = """if [[ ${COMP_WORDS[COMP_CWORD]} == [\\"\\']* ]]; then
-                COMPREPLY+=("$value")
-            else
-                COMPREPLY+=("$(printf %%q "$value")")
-            fi"""
-NO_SPACE = "    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace\n\n    return 0\n"
+# After `KEY=` there is no space, so that the value can be typed.
+NO_SPACE = "[[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace"
 
 
 class Bash(BashComplete):
     """Bash, which takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it, as it stands."""
 
-    source_template = (
-        BashComplete.source_template.replace("    return 0\n", NO_SPACE)
-        .replace("COMPREPLY+=($value)", QUOTED)
-        .replace("read type", "read -r type")
-    )
+    source_template = BashComplete.source_template.replace("    return 0\n", f"    {NO_SPACE}\n\n    return 0\n")
     _typed = ""
 
     def get_completion_args(self) -> tuple[list[str], str]:
@@ -111,31 +98,6 @@ def commands(helps: Iterable[tuple[str, str]], incomplete: str) -> list[Completi
     return [CompletionItem(name, help=text) for name, text in helps if name.startswith(incomplete)]
 
 
-def specs(incomplete: str) -> list[CompletionItem]:
-    """TOML files whose path begins with `incomplete`, a few folders deep; any file if there is none."""
-    folder, slash, start = incomplete.rpartition("/")
-    found = [CompletionItem(path) for path in sorted(_toml_files(folder + slash, start))]
-    return found or [CompletionItem(incomplete, type="file")]
-
-
-def _toml_files(folder: str, start: str) -> Iterator[str]:
-    """Paths of TOML files in a folder ("" or with a slash at its end) whose name there begins with `start`."""
-    pending, visited = deque([(folder, start, 1)]), 0
-    while pending and (visited := visited + 1) <= MOST_FOLDERS:
-        here, begin, depth = pending.popleft()
-        try:
-            entries = sorted(Path(here or ".").iterdir())
-        except OSError:
-            continue
-        for entry in entries:
-            if not entry.name.startswith(begin) or (entry.name.startswith(".") and not begin):
-                continue
-            if entry.suffix == ".toml":
-                yield here + entry.name
-            elif depth < DEEPEST and entry.is_dir():
-                pending.append((f"{here}{entry.name}/", "", depth + 1))
-
-
 def keys(incomplete: str) -> Iterator[CompletionItem]:
     """Keys, symbols and axes that begin with `incomplete`."""
     for name, key in _settable(incomplete).items():
@@ -197,8 +159,8 @@ def _files(incomplete: str) -> list[CompletionItem]:
 
 # Name of a parameter of any command -> its candidates.
 COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
-    "spec": specs,
-    "specs": specs,
+    "spec": _files,
+    "specs": _files,
     "overrides": settings,
     "along": axes,
     "name": keys,
