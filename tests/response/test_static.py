@@ -7,6 +7,7 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
+from wavesweep.response.static import relative_response
 from wavesweep.response.steady import static_response
 
 
@@ -135,6 +136,25 @@ def test_a_small_share_of_the_force_is_bounded_or_missing(spec, wanted):
     missing = np.isnan(row.impedance_re) and np.isnan(row.impedance_error)
     assert missing or abs(row.impedance_re / wanted - 1) <= row.impedance_error
     assert row.doubt == "rounding" or row.impedance_error < 1e-6
+
+
+@pytest.mark.parametrize(("error", "missing"), [(0.099, False), (0.101, True)])
+def test_a_number_without_a_correct_digit_is_missing(error, missing):
+    """Position and force of 2 m and 3 N: an error of a tenth leaves no digit of the admittance, and none of the impedance."""
+    found, off = np.array([[2.0 + 0j], [3.0 + 0j]]), np.array([[2 * error], [0.0]])
+    with np.errstate(invalid="ignore"):
+        admittance, impedance, *_ = relative_response(found, off)
+    assert np.isnan([admittance[0], impedance[0]]).tolist() == [missing] * 2
+
+
+def test_a_force_that_vanishes_up_to_rounding_is_zero_and_a_small_one_is_not():
+    """A wall of 1e-9 N/m on a device that a spring of 1 N/m holds, and no wall at all."""
+    spec = {"controller": {"kind": "dc"}, "operator": {"stiffness": 1.0, "damping": 5.0}}
+    some, none = (
+        wavesweep.compile(spec | {"environment": {"K_VE": K, "B_VE": 0.1}}).response([0.0]).iloc[0] for K in (1e-9, 0.0)
+    )
+    assert some.impedance_re == pytest.approx(1e-9, rel=max(some.impedance_error, 1e-12))
+    assert (none.impedance_re, none.doubt) == (0.0, "")
 
 
 @pytest.mark.parametrize("creep", [0.0, 1e-13, 1e-10, 1e-8])

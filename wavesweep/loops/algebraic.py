@@ -4,16 +4,16 @@ import numpy as np
 
 from wavesweep.errors import IllPosedLoopError
 
-WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer
+WORST_CONDITION = 1e12  # a closed loop beyond it keeps fewer than 4 digits
 
 
 def loop_inverse(loop, sizes, reached, name, ports):
     """Return the inverse of the return difference of torn ports, its condition number and its determinant.
 
     sizes: of the terms that the loop's entries are sums of. reached: entries of the inverse that are not zero by structure.
-    Errors: IllPosedLoopError if the condition number shows that the loop is ill-posed. It is that of the best units, the
-    spectral radius of |L^-1| |L| (Bauer 1963), which the norm of a power overestimates by a small factor: a wave impedance of
-    1e-9, which makes entries of very different sizes, is no ill-posed loop.
+    Errors: IllPosedLoopError if the condition number shows that the loop is ill-posed. The
+    number is that of the best units, the spectral radius of |L^-1| |L| (Bauer 1963), which the norm of a power overestimates by
+    a small factor: a wave impedance of 1e-9 makes entries of very different sizes and no ill-posed loop.
     """
     one, several = np.eye(len(reached)), len(reached) > 1
     loop = one - loop
@@ -23,7 +23,7 @@ def loop_inverse(loop, sizes, reached, name, ports):
             inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop)) if several else 1 / loop
         except np.linalg.LinAlgError:
             inverse = np.full_like(loop, np.inf)
-        for _ in range(2 if several else 0):  # refined: entries that are small beside the largest have lost their digits
+        for _ in range(2 if several else 0):  # refined: small entries have lost their digits
             inverse = inverse + inverse @ (one - loop @ inverse)
         inverse[..., ~reached] = 0.0
         power = np.abs(inverse) @ (one + sizes)

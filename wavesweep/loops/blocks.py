@@ -105,7 +105,7 @@ def _discrete_tf(name, num, den, of_num, of_den):
 def _near_minus_one(den):
     """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is 1.
 
-    Only plain numbers tell: the states of a loop must not change along a sweep.
+    Only plain numbers decide, since the states of a loop must not change along a sweep.
     """
     if not all(type(each) in (int, float) for each in den):
         return False
@@ -117,8 +117,8 @@ def _near_minus_one(den):
 def _about(at, coefficients, rests):
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
 
-    rests: the parts of the coefficients that rounding has taken. Those of the sums are kept beside them (D. E. Knuth, TAOCP 2,
-    4.2.2, theorem B).
+    rests: the parts of the coefficients that rounding has taken. Those of the sums are kept too (D. E. Knuth, TAOCP 2, 4.2.2,
+    theorem B).
     """
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
         signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]

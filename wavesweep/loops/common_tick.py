@@ -1,4 +1,4 @@
-"""The longest tick of a drawn loop: ticks at which nothing runs, and nothing that changes is read, are divided out.
+"""The longest tick of a drawn loop: ticks in which nothing runs and nothing that changes is read are divided out.
 
 A controller of 20 ms on a tick of 1 ms is the loop that is drawn at 50 Hz: plants are exact between ticks, and what is held
 does not change there. So the frames are the same, of a twentieth of the ticks, and dead times have a twentieth of the states.
@@ -12,7 +12,7 @@ from math import gcd
 from wavesweep.spec.drawing import Drawing, scalars
 from wavesweep.spec.expressions import value_of
 
-RELAYS = ("gain", "hold", "delay")  # which in every tick show what they read, or what they read so many ticks ago
+RELAYS = ("gain", "hold", "delay")  # blocks that only pass on what they read in a tick, or so many ticks ago
 
 
 def with_common_tick(drawing: Drawing, loops: Iterable[Mapping[str, object]]) -> Drawing:

@@ -22,7 +22,7 @@ from wavesweep.spec.drawing import AT, Drawing, Plant, scalars
 from wavesweep.spec.expressions import names_in
 
 SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
-ROUNDED = 1e-12  # relative, of a dead time that is meant to be a whole number of ticks
+ROUNDED = 1e-12  # relative distance from a whole number of ticks up to which a dead time is meant to be one
 
 
 def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
@@ -74,7 +74,7 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
         return _ticks(drawing, values, path, p)[which, np.arange(p.size)] - whole
 
     met = set(_whole_at(beyond, points[at], points[at + 1])) if found else ()
-    apart = ROUNDED * (span[1] - span[0])  # an end that is meant to be such a value is none within the span
+    apart = ROUNDED * (span[1] - span[0])  # an end that is meant to be such a value does not divide the span
     return [span[0], *sorted(each for each in met if span[0] + apart < each < span[1] - apart), span[1]]
 
 
@@ -96,8 +96,8 @@ def _nearer(low, high, at_low, at_high):
     return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
 
 
-HALVINGS = 60  # of a cell, after which its ends are the same or neighbours
-POINTS = 4001  # of a span, between which a number of ticks is taken as monotone
+HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
+POINTS = 4001  # of a span; a number of ticks is taken as monotone between neighbours
 
 
 def _ticks(drawing, values, path, p):

@@ -120,9 +120,9 @@ def _keep_sign(value):
     return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
 
 
-ZOOMS = 12  # towards a least size, each by ten
-NARROWEST = 40  # roundings of the number, about which a least size is examined
-VANISHED = 0.1  # of the size ten steps beside it, up to which a least size there is 0
+ZOOMS = 12  # towards a least size, each by a factor of ten
+NARROWEST = 40  # roundings of the number: the narrowest cell in which a least size is looked for
+VANISHED = 0.1  # a least size below this share of the size ten steps away counts as 0
 
 
 def _touches_zero(guard, known, name, points):
@@ -142,7 +142,7 @@ def _touches_zero(guard, known, name, points):
         return bool((flat <= VANISHED).any())
 
 
-MOST = 1000  # loops at a time
+MOST = 1000  # loops that are examined at a time
 
 
 def _different(known, most=None):

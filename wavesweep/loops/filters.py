@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.loops.block import Block, matrix, numbers
 
-FEW = 64.0  # roundings that the distance of a cutoff from half the rate may lose without a word
+FEW = 64.0  # roundings that a cutoff's distance from half the rate may lose before the block's condition counts them
 
 
 def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:

@@ -64,7 +64,7 @@ def value_in_fractions(tree: Tree, known: Mapping[str, fmpq], varied: Collection
     """Return the value of an expression. varied: names of numbers that other loops have other values of; a root of these is
     nowhere exact, since that of a square is either of two numbers.
 
-    Errors: ArithmeticError or ValueError where there is none.
+    Errors: ArithmeticError or ValueError if it has no value.
     """
     operation, *parts, _ = tree
     if operation in ("number", "name"):
@@ -191,7 +191,7 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
 
 
 def _without(each: Sum, shift: Sum, lead: str) -> Sum:
-    """Another shift, less so much of this one that it does not move the lead."""
+    """Another shift, from which so much of this one is taken that it does not move the lead."""
     share = each.get(lead, 0)
     less = {name: each.get(name, 0) - share * value for name, value in shift.items()} if share else {}
     return {name: value for name, value in (each | less).items() if value}

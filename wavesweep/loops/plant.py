@@ -74,7 +74,7 @@ def _closed(L, sizes, outputs, name):
         inverse, condition, pivot = loop_inverse(L, sizes, reached, name, outputs)
     except IllPosedLoopError as error:
         raise IllPosedLoopError(
-            f"the direct terms through {', '.join(outputs)} of the plant {name} make a loop that has no solution, or none that "
+            f"the direct terms through {', '.join(outputs)} of the plant {name} make a loop that has no solution that "
             "double precision can find; change a gain of the wires between its blocks, or put a hold into one"
         ) from error
     size = np.abs(inverse)

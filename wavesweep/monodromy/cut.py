@@ -247,7 +247,7 @@ def _with_moment(columns):
 
 @np.errstate(over="ignore", invalid="ignore")  # a frame that overflows is for the caller to see
 def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1, *, conserved: bool = False) -> Cut | None:
-    """Return the loop cut at the numbers of such a frame; None if its drift is none that a cut keeps.
+    """Return the loop cut at the numbers of such a frame; None if its drift cannot be represented in a cut.
 
     drift: that of the open loop. read: 2 if another number multiplies the second signal in the same sum. conserved: whether the
     integrator that the number reads remains in the closed loop: then a combination of states, which no number changes, takes

@@ -13,11 +13,11 @@ from wavesweep.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
 from wavesweep.monodromy.product import product_with_errors
 from wavesweep.monodromy.rounding import ALIKE, balance, measured_frame, radius_hidden
 
-SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
+SAME = 1e-12  # relative difference of a factor between two loops below which it does not depend on their numbers
 ROUGH = 1e-9  # error of an entry, in units that give rows and columns similar sizes, from which on its effect is looked for
-NEGLIGIBLE = 1e-10  # of the largest entry of a row, up to which an entry of that size may be set to 0
-SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding
-ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
+NEGLIGIBLE = 1e-10  # entries up to this share of the largest one in their row may be set to 0
+SOLVED = 1e-6  # of the terms of the equations for a shift: remainders below it are rounding
+ROUNDED = 1e3  # roundings of the largest unknown or right side that any equation may leave
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ def drift_of_drawn(one: MultirateLoop, other: MultirateLoop, watched=()) -> Tick
 
     watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
 
-    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). Where
-    numbers are not exact there is none, and what drifts is left as an eigenvalue next to 1.
+    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If numbers
+    are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
     """
     held, alive = one.held(watched), _alive(one, watched)
     names = [
@@ -147,7 +147,7 @@ def _counted(block, groups, leads, copies):
 
 
 def _cleaned(part, rounding):
-    """The part without what is rounding of its terms, if rounding is small beside the row: else an entry may be lost in it."""
+    """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide an entry."""
     least = NEGLIGIBLE * np.abs(part).max(-1, keepdims=True, initial=0.0)
     return np.where((np.abs(part) <= rounding) & (rounding <= least), 0.0, part)
 
@@ -169,7 +169,7 @@ def _copies(ticks):
 
 
 def _copied(state, rows):
-    """The state that a state copies, None if it is none; rows: of all kinds of tick, None for one that is no copy's."""
+    """The state that a state copies, or None; rows: of all kinds of tick, None for a row that a copy cannot have."""
     if any(row is None for row in rows):
         return None
     entries = {tuple((int(at), row[at].item()) for at in np.flatnonzero(row)) for row in rows} - {()}

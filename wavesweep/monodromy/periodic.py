@@ -110,8 +110,8 @@ def frame_of(ticks: Ticks) -> np.ndarray:
         return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], Change.then).E, batch, n, kind)
 
 
-GROWING = 32.0  # growth beyond which it is computed, and its effect on a loop is looked for (see `rounding`)
-LOST = 1e6  # growth of which nothing is known
+GROWING = 32.0  # growth beyond which it is computed for each loop (see `rounding`)
+LOST = 1e6  # growth beyond which a frame has no digits that are known
 
 
 def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
@@ -119,7 +119,7 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
 
     kind: of each tick; changes: per kind, the matrix less identity, `(..., n, n)`.
 
-    Of a frame of stretches P and Q a rounding of `|Q| |P|` is unknown, which exceeds `Q P` by as much as its terms cancel.
+    The product `Q P` of two stretches has an error of a rounding of `|Q| |P|`, which is larger than `Q P` where terms cancel.
     The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
     Accuracy: a measure of the digits that are lost, not a bound.
     """

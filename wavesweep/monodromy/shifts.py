@@ -22,8 +22,8 @@ class DelayLines:
     def of(E) -> "DelayLines":
         """Return the delay lines that all frames less identity of a batch have, `(..., n, n)`.
 
-        The state with the most entries that a delay does not have is kept, then the next one, until there are none; then those
-        that several states take over from.
+        The state with the most entries that a delay does not have is kept, then the next one, and so on; then those that
+        several states take over from.
         """
         passed = (E + np.eye(E.shape[-1])).reshape(-1, *E.shape[-2:])
         there, one, delayed = (passed != 0).any(0), (passed == 1).all(0), (passed.diagonal(axis1=1, axis2=2) == 0).all(0)

@@ -14,9 +14,9 @@ from wavesweep.passive.margin import port_margin
 from wavesweep.response.linear_systems import solved
 from wavesweep.stability.spectrum import is_stable
 
-SLACK = 1e-10  # of the damping and of 1 N*s/m, within which no frequency needs more
+SLACK = 1e-10  # of the damping and of 1 N*s/m: no frequency needs more than so much more
 SURE = 1e-7  # of the same, for rounding, with room
-LOWEST = 1e-3  # rad per frame, from which on the map is looked at of loops that do not settle
+LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on
 
 
 @dataclass(frozen=True, slots=True, eq=False)

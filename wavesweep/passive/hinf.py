@@ -37,8 +37,8 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.in
     angles that are tried first, the same or others for each loop; the largest value among low ones is then climbed to. enough:
     values, beyond which the search ends, without a certificate.
     Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma, M. Steinbuch, ibid. 14 (1990):
-    between two neighbouring angles at which a level is met the response is on one side of it, so their middle tells
-    which, and the next level is what was found there. Quadratic convergence: 2 to 5 rounds.
+    between two neighbouring angles at which a level is met the response is on one side of it, so their middle shows
+    which, and the next level is the value found there. Quadratic convergence: 2 to 5 rounds.
     """
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)

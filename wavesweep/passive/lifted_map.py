@@ -42,8 +42,8 @@ class TickMaps:
     def in_even_units(self) -> "TickMaps":
         """Return the ticks with states in units that give their entries similar sizes.
 
-        States of a transfer function are as different as powers of its poles, and eigenvalues of a level's pencil would be off
-        by as much.
+        States of a transfer function differ in size like powers of its poles, and so would errors of the eigenvalues of a
+        level's pencil.
         """
         n = self.maps[0][0].shape[-1]
         whole = np.zeros((self.loops, n + 1, n + 1))

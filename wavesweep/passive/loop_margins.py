@@ -19,9 +19,9 @@ from wavesweep.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARC
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
 SPARED = 1e-6  # relative error of a margin up to which there is no doubt
-TOUCHES = 1e-7  # of 1, distance of a gain from 1 up to which it may be one that touches 1
-DIRECT = 1e-6  # of 1, distance of the direct term's size, from which on the pencil of the gain 1 is regular
-BESIDE = 1e-7  # rad, an angle that is as good as 0 for a peak
+TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch it
+DIRECT = 1e-6  # distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
+BESIDE = 1e-7  # rad; stands for the angle 0, at which an integrator has no response
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class BrokenLoop:
         """Return all angles in (0, pi) at which |L| crosses 1, and whether it is known that there are no others.
 
         |L| = 1 exactly where the real part of S is 1/2. The pencil of that level has all the angles as eigenvalues; between
-        these and their middles the size of L tells where it crosses, and a root is found to rounding.
+        these and their middles the size of L shows where it crosses, and a root is found to rounding.
         """
         from scipy.optimize import brentq
 

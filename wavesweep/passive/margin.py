@@ -13,12 +13,12 @@ from wavesweep.stability.spectrum import count_outside, eigenvalues, is_stable
 
 SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
 TOLERANCE = 1e-9  # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding
-FAINT = 256 * np.finfo(float).eps  # of the mean eigenvalue, up to which a margin is 0 but for rounding
-ALIKE = 0.5  # least share of one another of values that are alike
-SURE = 1e-8  # of the margin and of the mean, by how much rounding of the ticks may move a margin that is known
-SHARE = 1 / 16  # of a coupling at rest, up to which rounding of the ticks may move it
-SHAKES = 4  # times that ticks are rounded otherwise
-SLOW = 5e-3  # of an eigenvalue less 1, below which a mode may have a peak next to rest
+FAINT = 256 * np.finfo(float).eps  # of the mean eigenvalue: smaller margins are 0 up to rounding
+ALIKE = 0.5  # values are alike if each is at least this share of the others
+SURE = 1e-8  # of the margin and of the mean: rounding of the ticks moves a known margin by no more
+SHARE = 1 / 16  # of a coupling at rest: rounding of the ticks moves a known coupling by no more
+SHAKES = 4  # other roundings of the ticks that are tried
+SLOW = 5e-3  # distance of an eigenvalue from 1 below which its mode may have a peak next to rest
 HUGE = 1e10  # an unstable loop that grows by this much in a frame keeps no digit worth reporting
 LONGEST = 1000  # ticks; the map of a frame is a matrix of that size
 

@@ -1,4 +1,4 @@
-"""The response from a system that modes have no part in."""
+"""The response from one linear system of fast states and frame, where modes cancel."""
 
 from dataclasses import replace
 

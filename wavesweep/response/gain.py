@@ -12,10 +12,10 @@ from wavesweep.response.linear_systems import solved
 from wavesweep.response.static import LOST
 from wavesweep.response.steady import respond
 
-DENSE = 64  # ticks up to which LAPACK's singular values of the whole matrix are the quicker way
+DENSE = 64  # ticks up to which singular values of the whole matrix are quicker
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
-FEWEST = 8  # steps before that, since the process may rest at another singular value first
-SETTLED = 1e-13  # relative change of a singular value that counts as none
+FEWEST = 8  # steps before it may stop, since the process may rest at another singular value first
+SETTLED = 1e-13  # relative change below which a singular value has settled
 BLOCK = 2_000_000  # entries of one batch of matrices
 
 

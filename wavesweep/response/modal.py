@@ -5,8 +5,8 @@ import numpy as np
 from wavesweep.monodromy.circle import solve
 from wavesweep.monodromy.rounding import ROUNDING
 
-CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
-NOISE = 1e-13  # of the sizes of the modes, what rounding may leave of an entry of their sum
+CLOSE = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
+NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
 
 
 class Modal:

@@ -12,7 +12,7 @@ from wavesweep.response.port import Port
 MOST_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
 ENTRIES = 50_000  # of maps over several frames that are summed together
 WORK = 2e9  # multiplications, up to which the sum goes on
-SETTLED, KNOWN = 1e-6, 1e-2  # of the sum, what the rest of it may be: when it ends, and at most
+SETTLED, KNOWN = 1e-6, 1e-2  # share of the sum that its rest may be: to stop, and to give a result at all
 
 
 class Peak(NamedTuple):

@@ -13,11 +13,11 @@ from wavesweep.response.encoder import with_displacements
 from wavesweep.response.ticks import long_sum
 from wavesweep.spec.drawing import OF_PLANT
 
-STILL = 1e-9  # of the terms of a shift, what is rounding
+STILL = 1e-9  # of the terms of a shift: a movement below it is rounding
 
 
 class NoPositionError(UsageError):
-    """The displacement at a port is none that could be counted from tick to tick."""
+    """The displacement at a port cannot be counted from tick to tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Port:
     `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick
     of the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs of
     the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a constant
-    force does in the end, if the structure tells (see `static`). between: the first output is a signal itself, and no
+    force does in the end, if the structure decides it (see `static`). between: the first output is a signal itself and not a
     displacement; see `port_between`.
     """
 

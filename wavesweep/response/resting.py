@@ -17,7 +17,7 @@ from wavesweep.response.linear_systems import solved
 from wavesweep.response.port import Ports
 from wavesweep.response.ticks import ordered_products
 
-SURE = 1e-9  # relative error up to which a stiffness is known; of that of a rigid wall, up to which nothing is felt
+SURE = 1e-9  # relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as nothing felt
 
 
 @dataclass(frozen=True, slots=True, eq=False)

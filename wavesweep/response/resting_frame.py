@@ -16,7 +16,7 @@ from wavesweep.response.linear_systems import solved
 from wavesweep.response.port import Ports
 from wavesweep.response.resting import Resting
 
-SURELY = 2  # bounds on the rounding of a sum, up to which it is 0
+SURELY = 2  # a sum below so many bounds on its rounding counts as 0
 
 
 def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> bool:
@@ -29,7 +29,7 @@ def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> 
 
 
 def resting_frame(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: TickDrift) -> Resting | None:
-    """Return the loops at rest, free in the number that the frame is without; None if the frame does not tell.
+    """Return the loops at rest, free in the number that the frame is without; None if the frame does not determine them.
 
     frame: with the hand's force; its signals are first the one that the number multiplies, then perhaps the one that another
     number of the same sum multiplies, and last the force against the hand. drift: that of the open loop.

@@ -9,9 +9,9 @@ from wavesweep.response.linear_systems import solved
 from wavesweep.response.ticks import ordered_product
 
 STEP = 1e-30  # of z, for slopes
-STILL = 1e-9  # of the terms of a displacement, up to which it is nothing but rounding
-NOTHING = 1e-11  # of the hand's force, or of the terms of a position, up to which what rounding may leave of it is none
-LOST = 0.1  # relative error from which on a number has no digit
+STILL = 1e-9  # of the terms of a displacement: below it the displacement is rounding
+NOTHING = 1e-11  # of the hand's force, or of the terms of a position: a value that may be rounding below it counts as zero
+LOST = 0.1  # relative error beyond which a number has no correct digit
 
 
 def at_port(outputs, step):
@@ -106,8 +106,8 @@ def limit_of(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
 def limit_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
     """Return the limit of a response between an input and a signal towards 0 Hz, `(...)`, and its relative error.
 
-    NaN: there is none, as of a signal that a constant input moves without end, or it is not known. The error of a number that
-    does not exist is 0, and so is that of a response that is nothing but rounding, as of an error that an integrator removes.
+    NaN: no limit exists, as for a signal that a constant input moves without end, or it is not known. The error of a number
+    that does not exist is 0, and so is that of a response that is nothing but rounding, as of one that an integrator removes.
     """
     (value, off), (slope, off_slope), (size, of_slopes) = _limits(loop)
     found, error, terms, going = value[0], off[0], size[0], np.zeros(value[0].shape, bool)

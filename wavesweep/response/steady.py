@@ -8,9 +8,9 @@ from wavesweep.monodromy.rounding import ROUNDING
 from wavesweep.response.lifted import Lifted, Sums
 from wavesweep.response.static import LOST, NOTHING, at_port, at_signal, limit_between, limit_of, relative_response
 
-GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
+GOOD = 1e-9  # relative error up to which the modes are believed; beyond it the larger system is solved
 EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
-LOW = 2e-4  # of the slowest pole and of the frame's rate, the frequency that the static limit is held against
+LOW = 2e-4  # of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
 TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
 
@@ -82,7 +82,7 @@ def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray
 def static_response(loop: Lifted) -> tuple[np.ndarray, ...]:
     """Return admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, and their relative errors, `(...)` each.
 
-    NaN: there is none, or it is not known. If a constant force moves the position without end, there is no admittance. If it
+    NaN: it does not exist, or is not known. If a constant force moves the position without end, there is no admittance. If it
     does not move it at all in the end, as a position that an integrator holds, the admittance is 0, and there is no impedance;
     or it is not known, if the force against the hand vanishes with the position. The error of a number that does not exist
     is 0.
@@ -102,7 +102,7 @@ def static_response(loop: Lifted) -> tuple[np.ndarray, ...]:
         found = np.where(error < LOST, found, np.nan)
         error = np.where(error < LOST, error, np.nan)
         found[0], error[0] = (np.where(rest.going, *part) for part in ((np.nan, found[0]), (0.0, error[0])))
-        known = np.where(np.abs(force) > of_force, 0.0, np.nan)  # that the impedance of a rigid loop is none
+        known = np.where(np.abs(force) > of_force, 0.0, np.nan)  # whether it is known that a rigid loop has no impedance
         for row, (value, unsure) in enumerate(((0.0, 0.0), (np.nan, known))):
             found[row], error[row] = np.where(rest.rigid, value, found[row]), np.where(rest.rigid, unsure, error[row])
         found, error = (np.where(loop.lost, np.nan, part) for part in (found, error))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 _TERMS = 18  # of the Taylor series at norm 1/4: the next term is below 1e-27
-_REST = 1e-20  # a term of the series that is this small beside the motion is below rounding
+_REST = 1e-20  # of the motion: smaller terms of the series are below rounding
 
 
 def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> np.ndarray:
@@ -21,7 +21,7 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
     in any shape. Returns shape ``lengths.shape + (6,)``: ``a, b, c, d, e, g``, the *increments*, so that slow motion
     keeps its digits.
 
-    Accuracy: relative about 1e-15 of the largest coefficient in each row for ticks short beside the device's time
+    Accuracy: relative about 1e-15 of the largest coefficient in each row for ticks that are short against the device's time
     constants, and 1e-16·(tick/time constant) if they are not. Taylor's series of the scaled exponential minus one,
     doubled back by ``2E + E²``, has no case of its own for missing damping, missing stiffness or equal poles.
     """

@@ -58,7 +58,7 @@ class Frames:
 class Rhythm:
     """The ticks in which a block runs: some phases of each `every` ticks. slow: whether its results may be late.
 
-    periods: of its runs in turn, in ticks; if there are none, all have their mean.
+    periods: of its runs in turn, in ticks; empty if all have the mean period.
     """
 
     every: int = 1

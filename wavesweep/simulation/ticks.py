@@ -17,8 +17,8 @@ from wavesweep.simulation.parts import DEPTH, FORCE, POSITION, SPEED, VELOCITY, 
 Line = tuple[int, tuple[tuple[float, int], ...]]
 """A place, and the factors and places of the sum that is put there."""
 Sums = Mapping[str, Sum]
-ROUNDING = 2.0**-50  # relative, of the part of a number that comes back within the tick
-OPEN = 1e-12  # of its own response, below which a wall's depth does not depend on its force: rounding is left of it
+ROUNDING = 2.0**-50  # relative rounding of the share of a number that comes back within the tick
+OPEN = 1e-12  # of its open response: below this share a wall's depth does not depend on its force, but for rounding
 
 
 class Meeting(NamedTuple):
@@ -34,7 +34,7 @@ class Meeting(NamedTuple):
         """Return the force (N) and whether the wall is touched, of a depth (m) and a speed (m/s) without the force.
 
         A one-sided wall fills depths above its position. Pressed, the force is that of spring and damper; it is if the depth
-        with this force is above the position. Free, there is none. Between the two the damper alone would throw out what
+        with this force is above the position. Free, the force is 0. Between the two the damper alone would throw out what
         arrives, and let in what does not touch: the depth stays at the position, with the part of the damper's force that
         keeps it there.
         """
