@@ -2,8 +2,6 @@
 
 import pickle
 
-import pytest
-
 from wavesweep import errors
 from wavesweep.errors import Mistake, SpecError
 
@@ -17,19 +15,6 @@ def test_usage_errors_leave_with_2_and_failures_with_1():
         "SpecError": 2,
         "CheckpointError": 2,
     }
-
-
-@pytest.mark.parametrize(
-    ("mistake", "text"),
-    [
-        (Mistake("a.toml:9:14", "rates.ratio", "X", "Y"), "a.toml:9:14: rates.ratio: expected X, found Y"),
-        (Mistake("", "rates.ratio", "X", "Y"), "rates.ratio: expected X, found Y"),
-        (Mistake("a.toml:1:1", "", "X", "Y"), "a.toml:1:1: expected X, found Y"),
-        (Mistake("", "k", "X", "Y", "key"), "k: expected X, found Y; did you mean `key`?"),
-    ],
-)
-def test_a_mistake_reads_as_one_line(mistake, text):
-    assert str(mistake) == text
 
 
 def test_a_spec_error_lists_its_mistakes_and_survives_a_process_border():

@@ -73,14 +73,6 @@ def test_the_hand_of_a_loop_that_turns_has_torques_and_angles():
     assert wavesweep.bode(turned, turned).attrs["units"]["admittance_abs"] == "rad/(N*m)"
 
 
-def test_what_is_felt_of_a_wall_without_a_unit_is_of_a_torque():
-    tables = turning(WHEEL, sweep={"along": "K", "K": {"start": 0, "stop": 400}})
-    tables["numbers"] |= {"K": 10.0, "B": 0.0}
-    tables["ports"]["wall"] = {"stiffness": "K", "damping": "B"}
-    assert wavesweep.zwidth(tables).attrs["units"]["felt_high"] == "N*m/rad"
-    assert load(tables).units_felt == ("N*m/rad", "N*m*s/rad")
-
-
 def test_hands_are_an_option():
     table = wavesweep.zwidth(
         SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}, for_hands="passive", jobs=1

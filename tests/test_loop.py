@@ -97,12 +97,6 @@ def test_what_a_spec_would_refuse_is_refused(hole, call, says):
         call(hole)
 
 
-def test_values_of_any_kind_of_float_are_taken(hole):
-    expected = hole.spectral_radius(b=[10.0, 20.0])
-    for kind in (np.longdouble, np.float32, np.int8):
-        np.testing.assert_array_equal(hole.spectral_radius(b=kind([10, 20])), expected)
-
-
 @pytest.mark.parametrize(
     ("axes", "says"),
     [
