@@ -35,6 +35,7 @@ LAYERS = (
     "prove",
     "store",
     "sweep",
+    "analyses",
     "tables",
     "export",
     "results",

@@ -12,10 +12,10 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
+from wavesweep.analyses.assumptions import assumes
+from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.controllers import CONTROLLERS, Controller
 from wavesweep.loops.page import Page
-from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.open_loops import wall_cut
 
 KIND = "dc-filtered"
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
+from wavesweep.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
+from wavesweep.analyses.loops import drift_of, refuse_singular
 from wavesweep.columns import Columns, joined
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import SpecError, UsageError
@@ -19,8 +21,6 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.spec import Axis, Require, Spec, load
 from wavesweep.spec.loading import naming
-from wavesweep.sweep.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
-from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.sweep.running import Options
 from wavesweep.tables import identify as of_identify
@@ -140,7 +140,7 @@ class Loop:
         *,
         require: Require | None = None,
     ) -> DataFrame:
-        from wavesweep.sweep.interval_job import job_over
+        from wavesweep.analyses.intervals import job_over
 
         grid, axis = self._asked(along, span, axes)
         return self._frame("zwidth", intervals.of_calls(job_over(grid, axis, require=require)))
@@ -164,7 +164,7 @@ class Loop:
         axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
         the loop is stable. It is infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
         """
-        from wavesweep.sweep.tasks import radius_over
+        from wavesweep.analyses.interval_records import radius_over
 
         spec = naming(self.spec, axes)
         asked = axes_asked(spec, axes)
@@ -179,7 +179,7 @@ class Loop:
         by participation factors. A frame shows only an image of a frequency above half its rate.
         Accuracy: that of eigenvalues in double precision; intervals and the spectral radius say when rounding hides them.
         """
-        from wavesweep.sweep.poles import UNITS, poles
+        from wavesweep.analyses.poles import UNITS, poles
 
         return frame(poles(self.spec), UNITS, self.spec.for_all)
 
@@ -195,7 +195,7 @@ class Loop:
         a drawn loop without a hand that has no such ports.
         Accuracy: every row has bounds on its relative errors, or a reason of doubt.
         """
-        from wavesweep.sweep.response_job import one_spec
+        from wavesweep.analyses.responses import one_spec
 
         spec, frequency = naming(self.spec, axes), frequencies_asked(self.spec, frequency_hz)
         routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
@@ -228,8 +228,8 @@ class Loop:
         the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
         Errors: as for a spec.
         """
+        from wavesweep.analyses.experiment import simulation_of
         from wavesweep.simulation import table
-        from wavesweep.sweep.experiment import simulation_of
 
         return self._frame("simulate", table(simulation_of(self.spec, force, **options)))
 
@@ -318,8 +318,8 @@ class Loop:
         """
         import control
 
+        from wavesweep.analyses.loops import loop_at_hand
         from wavesweep.response.lifted import displacements, held_over_frame, positions
-        from wavesweep.sweep.drawn_loops import loop_at_hand
 
         drawing = self.spec.drawing
         if output is None:
@@ -366,9 +366,9 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
 
 def _figure(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+    from wavesweep.analyses.assumptions import assumes
     from wavesweep.identification.points import facts_of_points
     from wavesweep.plots import drawn_into, figure_of
-    from wavesweep.sweep.assumptions import assumes
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
     varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
@@ -387,7 +387,7 @@ def zwidth(
     --help`. work: jobs, backend, scheduler, progress, checkpoint and force, see `Options`. Errors: UsageError, SpecError,
     WavesweepError.
     """
-    from wavesweep.sweep.hands import hands_of
+    from wavesweep.analyses.hands import hands_of
 
     return framed(intervals.intervals(_spec(source), along, hands_of(for_hands), **work))
 
@@ -454,8 +454,8 @@ def simulate(source: Source) -> list[DataFrame]:
 
 
 def verdict(source: Source) -> dict[str, Any]:
-    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.sweep.verdict`."""
-    from wavesweep.sweep.verdict import verdict as found
+    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.analyses.verdict`."""
+    from wavesweep.analyses.verdict import verdict as found
 
     return found(_spec(source))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.analyses.loops import named_loops
 from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
 from wavesweep.loops.multirate import MultirateLoop
@@ -16,7 +17,6 @@ from wavesweep.response.lifted import Lifted
 from wavesweep.response.port import Ports, port_of
 from wavesweep.response.steady import respond
 from wavesweep.stability.spectrum import radius_of
-from wavesweep.sweep.drawn_loops import named_loops
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

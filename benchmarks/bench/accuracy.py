@@ -13,8 +13,8 @@ from bench.measuring import Row
 from bench.problems import references, score
 from bench.this_tool import answer_of
 from wavesweep import Spec, load
+from wavesweep.analyses.loops import loop_at_hand
 from wavesweep.response.steady import respond
-from wavesweep.sweep.drawn_loops import loop_at_hand
 
 _EXPLICIT = {"environment": {"integration": "explicit"}}
 

@@ -12,7 +12,7 @@ import numpy as np
 from bench.measuring import Patience, Row, interleaved
 from bench.problems import SPECS, load_paper
 from bench.this_tool import run
-from wavesweep.sweep.open_loops import wall_cut
+from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.tables.intervals import intervals
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)

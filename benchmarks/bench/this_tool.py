@@ -20,13 +20,13 @@ import wavesweep
 from bench.measuring import Row
 from bench.problems import COLUMNS, PROBLEMS, SPECS, Intervals, Problem
 from wavesweep import Spec, results
+from wavesweep.analyses.open_loops import open_loop, open_loops
 from wavesweep.monodromy.cut import cut_of
 from wavesweep.stability.boundary import polish
 from wavesweep.stability.crossings import sampled_polynomial
 from wavesweep.stability.real_roots import isolate
 from wavesweep.stability.regions import regions
 from wavesweep.stability.stable import trace_excludes_stability
-from wavesweep.sweep.open_loops import open_loop, open_loops
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
     open_loops: "draw, connect and lift",

@@ -93,7 +93,7 @@ def sweep(monkeypatch):
 
     monkeypatch.setattr("wavesweep.tables.intervals.intervals", intervals)
     monkeypatch.setattr("wavesweep.tables.responses.responses", responses)
-    monkeypatch.setattr("wavesweep.sweep.planning.plan", plan)
+    monkeypatch.setattr("wavesweep.analyses.planning.plan", plan)
     return calls
 
 

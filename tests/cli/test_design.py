@@ -9,6 +9,8 @@ import pytest
 from support.chunks import finished
 
 import wavesweep
+from wavesweep.analyses.hands import Guarantee
+from wavesweep.analyses.interval_records import HAND_RECORD
 from wavesweep.cli import main
 from wavesweep.errors import WavesweepError
 from wavesweep.passive import HandBox
@@ -21,8 +23,6 @@ from wavesweep.search.study import DesignTask, box_of, job_of
 from wavesweep.spec import load
 from wavesweep.store.checkpoint import FileCheckpoint
 from wavesweep.sweep import running
-from wavesweep.sweep.hands import Guarantee
-from wavesweep.sweep.tasks import HAND_RECORD
 
 SPEC = """
 [environment]

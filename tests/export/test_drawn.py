@@ -10,11 +10,11 @@ from support.drawn import DRIVE, as_blocks, drive
 from support.exports import COMPILERS, LEVELS, check, made, need, present, put, written
 
 import wavesweep
+from wavesweep.analyses.experiment import simulation_of
 from wavesweep.errors import UsageError
 from wavesweep.export import exported
 from wavesweep.export.source import _identifiers
 from wavesweep.spec import load
-from wavesweep.sweep.experiment import simulation_of
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 NAMES = ("policy", "long-delay", "teleoperation", "wheel", "hybrid-test", "controllers/pmw-lm", "controllers/dc-lm")

@@ -10,6 +10,7 @@ from support.drawn import as_blocks, random_tables
 from support.specs import KINDS
 
 import wavesweep
+from wavesweep.analyses.loops import drift_of
 from wavesweep.loops import blocks
 from wavesweep.loops.from_drawing import twins
 from wavesweep.loops.integrator_modes import decimal, shifts, value_in_fractions
@@ -17,7 +18,6 @@ from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.monodromy.periodic import frame_of, ticks_of
 from wavesweep.spec import load
 from wavesweep.spec.expressions import parse
-from wavesweep.sweep.drawn_loops import drift_of
 
 
 def value(text, **numbers):

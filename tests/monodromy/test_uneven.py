@@ -8,13 +8,13 @@ from scipy.linalg import expm
 from scipy.signal import butter, tf2ss
 
 import wavesweep
+from wavesweep.analyses.loops import drift_of, frames, radii_of
 from wavesweep.controllers import CONTROLLERS, WALL
 from wavesweep.errors import SpecError
 from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
 from wavesweep.monodromy.drift import closed
 from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.spec import load
-from wavesweep.sweep.drawn_loops import drift_of, frames, radii_of
 from wavesweep.sweep.grid import own_loop
 
 BASE = {"controller": {"Kp": 20.0}, "environment": {"K_VE": 700.0, "B_VE": 3.0}}

@@ -9,12 +9,12 @@ from support.drawn import random_tables
 
 import wavesweep
 from wavesweep import UsageError, load
+from wavesweep.analyses.broken_loops import GAIN, _with_gain, broken_at
+from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.cli.studies import margins as command
 from wavesweep.passive import LiftedLoop, margins_of
 from wavesweep.passive.lifted_margins import lifted_margins
 from wavesweep.spec.drawing import path_of
-from wavesweep.sweep.broken_loops import GAIN, _with_gain, broken_at
-from wavesweep.sweep.drawn_loops import drift_of, frames
 from wavesweep.sweep.grid import own_loop
 
 CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"

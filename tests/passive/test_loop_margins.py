@@ -13,11 +13,11 @@ from scipy.signal import cont2discrete
 from support.drawn import ARM
 
 from wavesweep import UsageError, load
+from wavesweep.analyses.broken_loops import broken_at
+from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.api import compile as compiled
 from wavesweep.passive import margins_of
 from wavesweep.stability.certificate import words
-from wavesweep.sweep.broken_loops import broken_at
-from wavesweep.sweep.drawn_loops import drift_of, frames
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
 W = 2 * np.pi

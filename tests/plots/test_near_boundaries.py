@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analyses.loops import radii_of
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
-from wavesweep.sweep.drawn_loops import radii_of
 from wavesweep.sweep.grid import drawing_for, read_by
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.regions import View, curves_of, region_of

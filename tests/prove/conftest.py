@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analyses.loops import drift_of
 from wavesweep.prove import prove_column
-from wavesweep.sweep.drawn_loops import drift_of
 
 
 @pytest.fixture(scope="session")

@@ -4,9 +4,9 @@ import pytest
 from stability.test_meeting import line
 
 import wavesweep
+from wavesweep.analyses import intervals as interval_job
 from wavesweep.cli import main
 from wavesweep.results.verify import verify
-from wavesweep.sweep import interval_job
 
 SPEC = """
 [rates]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.sweep import open_loops
+from wavesweep.analyses import open_loops
 
 TABLES = {
     "rates": {"tick_hz": 1000},

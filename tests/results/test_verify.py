@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from wavesweep import results
+from wavesweep.analyses.hands import hands_of
 from wavesweep.cli import main
 from wavesweep.errors import UsageError
 from wavesweep.results import publish
 from wavesweep.results.verify import verify
 from wavesweep.spec import load
-from wavesweep.sweep.hands import hands_of
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.margins import margins
 from wavesweep.tables.passivity import filter_choices, passivity

@@ -6,6 +6,7 @@ from scipy.linalg import expm
 from scipy.signal import butter
 from support.specs import INTEGRATIONS, values_of
 
+from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.from_drawing import assembled, twins
@@ -17,7 +18,6 @@ from wavesweep.robust.loop_frames import Symbol
 from wavesweep.robust.words import growth
 from wavesweep.spec import load
 from wavesweep.stability import stable_intervals
-from wavesweep.sweep.open_loops import wall_cut
 
 LENGTHS = 16, 20, 25, 33
 

@@ -8,6 +8,7 @@ from support.drawn import ARM, NETWORK, as_blocks
 from support.specs import KINDS
 
 import wavesweep
+from wavesweep.analyses.intervals import at_points
 from wavesweep.errors import SpecError
 from wavesweep.search import study
 from wavesweep.search import wishes as measures
@@ -17,7 +18,6 @@ from wavesweep.search.search import Judged
 from wavesweep.search.wishes import Worst, evaluate
 from wavesweep.spec import SYMBOLS, Axis, load
 from wavesweep.sweep.grid import keys_of
-from wavesweep.sweep.interval_job import at_points
 
 TABLES = {
     "controller": {"kind": "pmw-lm", "Kp": 2.0},

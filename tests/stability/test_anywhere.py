@@ -80,8 +80,8 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
 
 def test_along_the_wall_it_finds_what_the_exact_way_finds():
     """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
+    from wavesweep.analyses.open_loops import wall_cut
     from wavesweep.monodromy.cut import close
-    from wavesweep.sweep.open_loops import wall_cut
 
     spec = {
         "controller": {"kind": "pmw"},
@@ -102,8 +102,8 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 @pytest.mark.parametrize("low", [0.0, 3.0])
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
+    from wavesweep.analyses.open_loops import wall_cut
     from wavesweep.monodromy.cut import close, errors_of_closed
-    from wavesweep.sweep.open_loops import wall_cut
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
     cut, span = wall_cut(values), (low, 20000.0)

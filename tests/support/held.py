@@ -3,11 +3,11 @@
 import numpy as np
 
 from wavesweep import passive as passivity
+from wavesweep.analyses.hands import Guarantee
+from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.passive import HAND, HeldLoop
-from wavesweep.sweep.drawn_loops import drift_of, frames
 from wavesweep.sweep.grid import distinct, selected
-from wavesweep.sweep.hands import Guarantee
 
 WALL = "environment.K_VE"
 

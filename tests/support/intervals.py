@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.monodromy.cut import close
 from wavesweep.stability import stable_intervals
-from wavesweep.sweep.open_loops import wall_cut
 
 
 def cut_of(values):

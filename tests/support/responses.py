@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from wavesweep.analyses.loops import ports_of_batch
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.response.lifted import Lifted
-from wavesweep.sweep.drawn_loops import ports_of_batch
 
 
 def loop_of(values) -> Lifted:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from support.chunks import changed, finished_in
 
+from wavesweep.analyses.interval_records import RECORD
 from wavesweep.errors import CheckpointError, UsageError
 from wavesweep.store import checkpoint
 from wavesweep.sweep import running
-from wavesweep.sweep.tasks import RECORD
 from wavesweep.tables.intervals import intervals
 
 

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import pytest
 
 import wavesweep
+from wavesweep.analyses.intervals import job_of
+from wavesweep.analyses.planning import plan
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.sweep import estimates, job, running, workers
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
-from wavesweep.sweep.interval_job import job_of
-from wavesweep.sweep.planning import plan
 from wavesweep.sweep.workers import WORTH, choose
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.responses import responses

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from wavesweep.analyses.intervals import job_of
 from wavesweep.columns import joined
 from wavesweep.spec import load
 from wavesweep.store.checkpoint import MemoryCheckpoint
 from wavesweep.sweep import running
-from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
 from wavesweep.sweep.running import compute
 from wavesweep.sweep.workers import Workers

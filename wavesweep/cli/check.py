@@ -49,12 +49,12 @@ def command(spec: str, plot: bool, locus: str | None, out: str | None, exit_code
       wavesweep check sweeps/examples/motor.toml --root-locus kp
     """
     from wavesweep import spec as specs
+    from wavesweep.analyses.assumptions import over_preset, unusual
+    from wavesweep.analyses.measured import read_points
+    from wavesweep.analyses.planning import plan, within_ticks
+    from wavesweep.analyses.verdict import beside, own_design
     from wavesweep.cli.messages import printable, progress, say, show_json
     from wavesweep.cli.verdict import own_lines, verdict_lines
-    from wavesweep.sweep.assumptions import over_preset, unusual
-    from wavesweep.sweep.measured import read_points
-    from wavesweep.sweep.planning import plan, within_ticks
-    from wavesweep.sweep.verdict import beside, own_design
 
     loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
     # Errors come before anything is printed.
@@ -114,9 +114,9 @@ def _axis_of_poles(spec: Spec, name: str) -> Axis:
     """The values of a root locus: over the range of a number in [sweep], or that in which the verdict looks."""
     import numpy as np
 
+    from wavesweep.analyses.asked import axes_asked, key_named
+    from wavesweep.analyses.verdict import searched
     from wavesweep.plots.locus import LOCUS
-    from wavesweep.sweep.asked import axes_asked, key_named
-    from wavesweep.sweep.verdict import searched
 
     key = key_named(spec, name)
     of_sweep = [axis for axis in spec.sweep if axis.path == key.path]

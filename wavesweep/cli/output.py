@@ -138,8 +138,8 @@ def _report(
     seconds: float,
 ) -> None:
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
+    from wavesweep.analyses.assumptions import unusual
     from wavesweep.store.checkpoint import SUFFIX
-    from wavesweep.sweep.assumptions import unusual
 
     said = [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]
     notices = [*dict.fromkeys(said), *(notice for each in finished for notice in each.notices)]
@@ -159,7 +159,7 @@ def _report(
         )
     if options.quiet or options.as_json:
         return
-    from wavesweep.sweep.assumptions import FAVOURABLE
+    from wavesweep.analyses.assumptions import FAVOURABLE
 
     assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
     lines = [(line, False) for line in dict.fromkeys(said)]
@@ -189,7 +189,7 @@ def produce_intervals(
     loop itself into a table KIND-hands.
     """
     from wavesweep import results
-    from wavesweep.sweep.hands import hands_of
+    from wavesweep.analyses.hands import hands_of
     from wavesweep.tables.intervals import intervals
 
     hands = hands_of(for_hands)

@@ -22,7 +22,7 @@ def own_lines(spec: Spec, found: Facts) -> Iterator[str]:
 
 def _favourable(found: Facts) -> bool:
     """Whether the design is better only by what it assumes, which is then said first."""
-    from wavesweep.sweep.assumptions import FAVOURABLE
+    from wavesweep.analyses.assumptions import FAVOURABLE
 
     return FAVOURABLE in found["assumes"]
 
@@ -79,7 +79,7 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
 
 
 def _for_all(found: Facts | None) -> Iterator[str]:
-    from wavesweep.sweep.for_all import in_words
+    from wavesweep.analyses.for_all import in_words
 
     if found:
         yield f"  for all of [for_all]: {in_words(found)}"
@@ -100,7 +100,7 @@ def _limit(spec: Spec, limit: Facts) -> str:
 
 def _going_on(spec: Spec, limit: Facts) -> str:
     """A line with what finds the rest of a range that ended early, unless both ends of the interval are known."""
-    from wavesweep.sweep.verdict import searched
+    from wavesweep.analyses.verdict import searched
 
     name = limit["name"]
     start, stop = searched(spec, name, spec.names.find(name).path)
@@ -169,7 +169,7 @@ def _felt(felt: Facts, *units: str) -> str:
             for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
         )
         return " and ".join(known)
-    from wavesweep.sweep.feel import in_words
+    from wavesweep.analyses.feel import in_words
 
     return f"{stiffness:.6g} {units[0]}{in_words(felt['over_band'])}"
 
@@ -211,7 +211,7 @@ def _text(value: float | None, digits: int = 6) -> str:
 
 
 def measured_lines(spec: Spec, found: Facts) -> Iterator[str]:
-    """Yield how far the design is from the points of [measured]; found: see `wavesweep.sweep.measured.distances`."""
+    """Yield how far the design is from the points of [measured]; found: see `wavesweep.analyses.measured.distances`."""
     stiffness, damping = (f" {each}" if each else "" for each in _units(spec))
     if "limits" in found:
         yield from _limits(found["limits"], stiffness, damping)

@@ -9,6 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from wavesweep.analyses.interval_records import FELT, LINES, radius_over
+from wavesweep.analyses.intervals import cost_of, job_over
+from wavesweep.analyses.loops import loop_at_hand
+from wavesweep.analyses.measured import read_points
+from wavesweep.analyses.open_loops import wall_cut
+from wavesweep.analyses.responses import doubt_of
+from wavesweep.analyses.verdict import own_design
 from wavesweep.columns import complex_columns
 from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
@@ -18,15 +25,8 @@ from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.plane import quick_columns, refined_curve
-from wavesweep.sweep.drawn_loops import loop_at_hand
 from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.interval_job import cost_of, job_over
-from wavesweep.sweep.measured import read_points
-from wavesweep.sweep.open_loops import wall_cut
-from wavesweep.sweep.response_job import doubt_of
 from wavesweep.sweep.running import in_memory
-from wavesweep.sweep.tasks import FELT, LINES, radius_over
-from wavesweep.sweep.verdict import own_design
 from wavesweep.tables.regions import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
+from wavesweep.analyses.verdict import FAR, USUAL
 from wavesweep.errors import SpecError
 from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import SYMBOLS, Key, Spec, load
@@ -12,7 +13,6 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.grid import is_plain
-from wavesweep.sweep.verdict import FAR, USUAL
 
 FACTOR = 4.0  # times a gain's value: the end of its slider
 HALVINGS, DIGITS = 12, 3  # steps towards an end that the spec accepts, and digits of that end

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep import __version__
+from wavesweep.analyses.experiment import refuse_what_makes_no_loop
 from wavesweep.errors import UsageError
 from wavesweep.export.gains import Gains, Table, gains_of, named
 from wavesweep.export.text import constants, factor, filled, number, table_of
@@ -26,7 +27,6 @@ from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import PORT, scalars
 from wavesweep.spec.expressions import sum_of, text_of, value_of
-from wavesweep.sweep.experiment import refuse_what_makes_no_loop
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 255

@@ -145,9 +145,9 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
 
 def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
+    from wavesweep.analyses.experiment import radius_of
+    from wavesweep.analyses.loops import loop_at_hand
     from wavesweep.response.steady import respond
-    from wavesweep.sweep.drawn_loops import loop_at_hand
-    from wavesweep.sweep.experiment import radius_of
 
     frequency = np.array([each for each in spec.frequency_hz if each > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):

@@ -18,8 +18,8 @@ STEP = 0.2  # between neighbouring values of the number, up to which a line join
 
 def locus_of(spec: Spec, axis: Axis) -> Any:
     """The root locus of a spec over the values of an axis, with the ends of the stable intervals between them."""
-    from wavesweep.sweep.assumptions import assumes
-    from wavesweep.sweep.poles import ends_on_circle, poles_over
+    from wavesweep.analyses.assumptions import assumes
+    from wavesweep.analyses.poles import ends_on_circle, poles_over
 
     facts = {"spec": spec.tables(), "spec_name": spec.name, "assumes": assumes(spec, [axis.path])}
     return root_locus(axis.name, *poles_over(spec, axis), ends_on_circle(spec, axis), facts)

@@ -24,8 +24,8 @@ def margins(columns: Columns, facts: Mapping[str, Any]) -> Any:
     Beside it are gain (dB) and phase of L over frequency, with the margins as lines between the curve and its limit. The curve
     is computed from the spec of the table, so densely that no step shows.
     """
+    from wavesweep.analyses.broken_loops import broken_at
     from wavesweep.spec import load
-    from wavesweep.sweep.broken_loops import broken_at
 
     loop = broken_at(load(facts["spec"]), facts["cut"])
     angles = dense_angles(loop.response) if loop.times == 1 else np.geomspace(LEAST, 1.0, LOCI) * np.pi

@@ -363,8 +363,8 @@ def _linear(rows: Columns, facts: Mapping[str, Any]) -> dict[str, np.ndarray] | 
     spec = spec_of(facts)
     if spec is None or np.isnan(rows["linear_admittance_abs"]).all():
         return None
+    from wavesweep.analyses.loops import loop_at_hand
     from wavesweep.response.steady import respond
-    from wavesweep.sweep.drawn_loops import loop_at_hand
 
     seen = rows["frequency_hz"]
     band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.analyses.hardware import GIVEN
 from wavesweep.results.folder import BEST, HEADER
 from wavesweep.search.family import Scenario, described
 from wavesweep.spec import Spec
@@ -13,7 +14,6 @@ from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.writing import as_toml
-from wavesweep.sweep.hardware import GIVEN
 from wavesweep.tables.design import wish_units
 from wavesweep.tables.table import Table
 

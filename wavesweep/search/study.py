@@ -9,6 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wavesweep.analyses.for_all import refuse_unsuitable_ranges
+from wavesweep.analyses.hands import Guarantee
+from wavesweep.analyses.loops import held_loop
+from wavesweep.analyses.planning import duration
+from wavesweep.analyses.varying import Rules
 from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.passive import HAND as OPERATOR
 from wavesweep.passive import HandBox
@@ -21,14 +26,9 @@ from wavesweep.spec.design import HAND
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
-from wavesweep.sweep.drawn_loops import held_loop
-from wavesweep.sweep.for_all import refuse_unsuitable_ranges
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
-from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
-from wavesweep.sweep.planning import duration
 from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
-from wavesweep.sweep.varying import Rules
 from wavesweep.sweep.workers import choose
 from wavesweep.tables.design import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.tables.table import Table, facts_of

@@ -6,6 +6,11 @@ from functools import cache, partial
 
 import numpy as np
 
+from wavesweep.analyses import for_all
+from wavesweep.analyses.hardware import peaks_of
+from wavesweep.analyses.intervals import at_points
+from wavesweep.analyses.loops import felt_of, held_loop, radii_of, responses_of, telling_frames
+from wavesweep.analyses.varying import Rules
 from wavesweep.columns import Rows
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
@@ -16,12 +21,7 @@ from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
-from wavesweep.sweep import for_all
-from wavesweep.sweep.drawn_loops import felt_of, held_loop, radii_of, responses_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
-from wavesweep.sweep.hardware import peaks_of
-from wavesweep.sweep.interval_job import at_points
-from wavesweep.sweep.varying import Rules
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn

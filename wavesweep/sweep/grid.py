@@ -11,7 +11,6 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.loops.dead_time import structure
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.assumptions import over_preset
 
 if TYPE_CHECKING:
     from wavesweep.spec.drawing import Drawing
@@ -38,13 +37,6 @@ class Grid:
     def ignored(self) -> tuple[Axis, ...]:
         """Axes that the controller does not read."""
         return tuple(axis for axis in self.axes if axis not in self.loop_axes)
-
-    @property
-    def notices(self) -> list[str]:
-        """A sentence for each axis that the controller does not read, and one for numbers that a preset does not give."""
-        kind = self.spec.kind
-        ignored = [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in self.ignored]
-        return [*ignored, *over_preset(self.spec)]
 
     @property
     def size(self) -> int:

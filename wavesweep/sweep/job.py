@@ -13,7 +13,6 @@ from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.spec.checking import show
 from wavesweep.sweep.grid import Grid, groups, is_plain
 from wavesweep.sweep.pools import Task
-from wavesweep.sweep.tasks import certified_slices
 
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
@@ -120,9 +119,9 @@ class Job(ABC):
         """Number of slices of a chunk."""
         return chunk.slices
 
+    @abstractmethod
     def certified(self, records: np.ndarray) -> int:
         """How many slices of these records are certified."""
-        return certified_slices(records)
 
 
 AnyJob = TypeVar("AnyJob", bound=Job)

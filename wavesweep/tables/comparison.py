@@ -25,7 +25,7 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     one if its controller does not read it. The second is that of `responses`. work: as for `intervals`;
     its progress is called with the counts of one spec after the other, and with those of all responses.
     """
-    from wavesweep.sweep.response_job import units_in
+    from wavesweep.analyses.responses import units_in
 
     for spec in specs:  # before the work for any of them
         sweep_axes(spec, "K_VE")
@@ -50,8 +50,8 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
+    from wavesweep.analyses.responses import own_value
     from wavesweep.sweep.grid import keys_of
-    from wavesweep.sweep.response_job import own_value
 
     rows, read = len(columns["along"]), keys_of(spec)
     axes = {name: columns.get(name, np.full(rows, own_value(spec, name, read))) for name in names}

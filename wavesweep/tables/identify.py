@@ -9,12 +9,12 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
+from wavesweep.analyses.assumptions import USUAL
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.writing import as_toml
-from wavesweep.sweep.assumptions import USUAL
 from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table
 

@@ -192,8 +192,8 @@ class IntervalTally:
         """What the hand feels of that wall over frequency; None of walls for other hands than the spec's."""
         if self._hand not in ("", "spec") or not self._felt.value > 0 or "spec" not in self._facts:
             return None
+        from wavesweep.analyses.feel import band_at
         from wavesweep.spec import load
-        from wavesweep.sweep.feel import band_at
 
         numbers = self._felt.place() | {self._along: self._felt.row["value"]}
         return band_at(load(self._facts["spec"]), numbers, self._felt.value)
@@ -308,7 +308,7 @@ class Words:
             return ""
         band = ""
         if felt["over_band"]:
-            from wavesweep.sweep.feel import in_words
+            from wavesweep.analyses.feel import in_words
 
             band = in_words(felt["over_band"])
         wall = f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
 from wavesweep.stability.certificate import OF_INTERVALS
@@ -17,10 +18,10 @@ from wavesweep.tables.kind import OF_ALONG, OF_WALL, Again, Field, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
+    from wavesweep.analyses.for_all import ForAllGuarantee
+    from wavesweep.analyses.hands import Guarantee, Hands
+    from wavesweep.analyses.intervals import IntervalJob
     from wavesweep.spec import Spec
-    from wavesweep.sweep.for_all import ForAllGuarantee
-    from wavesweep.sweep.hands import Guarantee, Hands
-    from wavesweep.sweep.interval_job import IntervalJob
     from wavesweep.sweep.running import Options
 
 ALONG = Field("along", "string", "", "name of the axis that the intervals lie on")
@@ -129,7 +130,7 @@ class Stage:
 
 def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
-    from wavesweep.sweep.interval_job import job_of, method
+    from wavesweep.analyses.intervals import job_of, method
 
     own = job_of(spec, along)
     how = method(own)
@@ -147,8 +148,8 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
 
 def _for_all(spec: Spec, own: IntervalJob, hands: Hands | None) -> Stage:
     """The stage of rows for all numbers of [for_all]."""
-    from wavesweep.sweep.for_all import ForAllGuarantee, refuse_unsuitable_ranges
-    from wavesweep.sweep.varying import Rules
+    from wavesweep.analyses.for_all import ForAllGuarantee, refuse_unsuitable_ranges
+    from wavesweep.analyses.varying import Rules
 
     if hands:
         raise UsageError("for hands: expected a spec without [for_all], which may have the operator's numbers, found both")
@@ -252,7 +253,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     notices = [
         *_required(own),
         *_linear(own.axis),
-        *own.grid.notices,
+        *notices_of(own.grid),
         *spans_held(spec, own.axis.path),
         *(hands.notices(own) if hands else ()),
     ]
@@ -265,7 +266,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
 
 def _limits_of_walls(spec, along, swept) -> dict:
     """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
-    from wavesweep.sweep.hardware import deciding, limits_of_walls
+    from wavesweep.analyses.hardware import deciding, limits_of_walls
 
     given = any(spec.simulate[name] for name in ("resolution", "friction"))
     if spec.drawing or not given or along != spec.wall[0] or any(map(deciding, swept)):
@@ -276,8 +277,8 @@ def _limits_of_walls(spec, along, swept) -> dict:
 
 def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     """A way to compute rows of a table with these facts again."""
+    from wavesweep.analyses.hands import hands_of
     from wavesweep.spec import load
-    from wavesweep.sweep.hands import hands_of
 
     spec = load(facts["spec"])
     run = spec, along, hands_of(facts.get("for_hands", ()))

@@ -69,9 +69,9 @@ def margins(spec: Spec, cut: str) -> Table:
     cut: the signal, "block.port". Errors: UsageError for a signal at which the loop cannot be broken, or a loop that is not
     known to be stable.
     """
+    from wavesweep.analyses.assumptions import over_preset
+    from wavesweep.analyses.broken_loops import broken_at
     from wavesweep.passive import margins_of
-    from wavesweep.sweep.assumptions import over_preset
-    from wavesweep.sweep.broken_loops import broken_at
 
     started = time.perf_counter()
     loop = broken_at(spec, cut)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
 from wavesweep.tables.columns import at_port
@@ -76,7 +77,7 @@ def passivity(
     summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
     of `run`.
     """
-    from wavesweep.sweep.passivity_job import certified_slices, jobs_of
+    from wavesweep.analyses.passivity import certified_slices, jobs_of
     from wavesweep.sweep.running import Work, run
 
     _refuse_tolerance(tolerance)
@@ -91,7 +92,7 @@ def passivity(
 
 def in_memory(spec: Spec, axes) -> Columns:
     """The table over `axes`, computed in this process."""
-    from wavesweep.sweep.passivity_job import jobs_of
+    from wavesweep.analyses.passivity import jobs_of
     from wavesweep.sweep.running import Work, run
 
     return joined(_blocks(run(jobs_of(spec, axes), Work(jobs=1))))
@@ -99,7 +100,7 @@ def in_memory(spec: Spec, axes) -> Columns:
 
 def _blocks(found: Run) -> Iterator[Columns]:
     """Yield the rows in blocks."""
-    from wavesweep.sweep.passivity_job import blocks
+    from wavesweep.analyses.passivity import blocks
 
     for axes, columns in blocks(found):
         known = {name: np.ascontiguousarray(columns[name]) for name in KINDS[0].names if name in columns}
@@ -108,9 +109,9 @@ def _blocks(found: Run) -> Iterator[Columns]:
 
 def _notices(grid) -> Iterator[str]:
     """Yield notices about axes that are not swept, and about a missing channel."""
-    from wavesweep.sweep.passivity_job import not_computed, sends_waves
+    from wavesweep.analyses.passivity import not_computed, sends_waves
 
-    yield from grid.notices
+    yield from notices_of(grid)
     yield from spans_held(grid.spec)
     yield from not_computed(grid)
     if not grid.spec.drawing and not sends_waves(grid.spec):

@@ -243,7 +243,7 @@ class _Source:
 
     def ask(self, wanted: list[tuple[int, float]]) -> list[Column]:
         """The intervals at (number of a design, x)."""
-        from wavesweep.sweep.interval_job import at_points
+        from wavesweep.analyses.intervals import at_points
 
         places = [(number, x if self.x else 0.0) for number, x in wanted]
         number = {place: at for at, place in enumerate(dict.fromkeys(places))}
@@ -266,9 +266,9 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     hand = str(rows[whose][0]) if (whose := whose_column(rows)) else ""
     if spec is None or hand not in ("", "free", "operator", "spec"):
         return None
+    from wavesweep.analyses.intervals import cost_of
     from wavesweep.spec import sweep_axes
     from wavesweep.sweep.grid import is_plain, make_grid
-    from wavesweep.sweep.interval_job import cost_of
 
     path = spec.names.find(x).path
     if not is_plain(spec, path):

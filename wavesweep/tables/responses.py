@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.stability.certificate import OF_RESPONSES, SPARED
@@ -19,8 +20,8 @@ from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count
 from wavesweep.tables.table import Table, digest_of, facts_of, with_unlike_units
 
 if TYPE_CHECKING:
+    from wavesweep.analyses.responses import ResponseJob
     from wavesweep.spec import Spec
-    from wavesweep.sweep.response_job import ResponseJob
     from wavesweep.sweep.running import Options, Run
 
 DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
@@ -75,7 +76,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
     half the fast rate, for specs of which some have their hand's responses and others not, and the errors of `run`.
     """
-    from wavesweep.sweep.response_job import response_job, units_in
+    from wavesweep.analyses.responses import response_job, units_in
     from wavesweep.sweep.running import Work, run
 
     if not specs:
@@ -90,7 +91,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     grids = [job.grid for job in asked.values()]
     computed = sum(grid.loops for grid in grids)
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
-    notices = [notice for grid in grids for notice in grid.notices]
+    notices = [notice for grid in grids for notice in notices_of(grid)]
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods, kind = (METHODS, "bode") if routes[0][1] is None else (METHODS_PORTS, "bode-ports")
     facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
@@ -112,7 +113,7 @@ def routes_of(spec: Spec) -> tuple:
 
 def _blocks(kind: str, asked: Mapping[str, ResponseJob], found: Run) -> Iterator[Columns]:
     """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
-    from wavesweep.sweep.response_job import has_values
+    from wavesweep.analyses.responses import has_values
 
     several = [(job.grid.spec, job.grid.axes, name, job.read) for job in asked.values() for name in job.names]
     rough = {each[2] for each in several if not has_values(*each)}

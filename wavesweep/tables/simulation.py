@@ -83,9 +83,9 @@ SIMULATE_RESPONSE = (
 
 def simulate(spec: Spec) -> list[Table]:
     """The time series of the simulated spec and, for settled sines, the response estimated from it."""
+    from wavesweep.analyses.experiment import linear_loop, seen_response, settled_values, simulation_of
     from wavesweep.simulation import hand_force, table
     from wavesweep.simulation.march import FARTHEST, STRONGEST
-    from wavesweep.sweep.experiment import linear_loop, seen_response, settled_values, simulation_of
 
     started = time.perf_counter()
     hand = hand_force(spec)
@@ -167,7 +167,7 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
 
 def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
-    from wavesweep.sweep.assumptions import over_preset
+    from wavesweep.analyses.assumptions import over_preset
 
     options = spec.simulate
     if unread := spec.unread:

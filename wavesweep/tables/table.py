@@ -62,7 +62,7 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
 
     specs: a spec or several, of which `spec` in the facts is the first. swept: paths of the axes of the table.
     """
-    from wavesweep.sweep.assumptions import assumed_by
+    from wavesweep.analyses.assumptions import assumed_by
 
     several = specs if isinstance(specs, (list, tuple)) else (specs,)
 

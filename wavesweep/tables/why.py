@@ -61,11 +61,11 @@ def why(spec: Spec, along: str | None = None) -> Table:
     along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
     held at the spec's values. Errors: as for `intervals`.
     """
-    from wavesweep.sweep import for_all
-    from wavesweep.sweep.assumptions import over_preset
-    from wavesweep.sweep.elasticities import elasticities, without_derivatives
+    from wavesweep.analyses import for_all
+    from wavesweep.analyses.assumptions import over_preset
+    from wavesweep.analyses.elasticities import elasticities, without_derivatives
+    from wavesweep.analyses.intervals import job_over, method
     from wavesweep.sweep.grid import make_grid
-    from wavesweep.sweep.interval_job import job_over, method
     from wavesweep.sweep.running import in_memory
 
     started = time.perf_counter()
@@ -106,8 +106,8 @@ def _spans(found):
 
 def sensitivities(grid: Grid, axis: Axis) -> Columns:
     """The same columns for every combination of a grid, in memory."""
-    from wavesweep.sweep.elasticities import elasticities
-    from wavesweep.sweep.interval_job import job_over
+    from wavesweep.analyses.elasticities import elasticities
+    from wavesweep.analyses.intervals import job_over
     from wavesweep.sweep.running import in_memory
 
     taken = sorted({other.name for other in grid.axes} & set(KINDS[0].names))

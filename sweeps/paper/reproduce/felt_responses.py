@@ -12,12 +12,12 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec
+from wavesweep.analyses.loops import ports_of_batch, radii_of
 from wavesweep.columns import Columns
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond as respond_at
 from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.drawn_loops import ports_of_batch, radii_of
 from wavesweep.sweep.grid import read_by, selected
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.

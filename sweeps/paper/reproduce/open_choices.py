@@ -9,9 +9,9 @@ import numpy as np
 
 from reproduce.specs import load_paper
 from wavesweep import Spec
+from wavesweep.analyses.interval_records import radius_over
 from wavesweep.results import Field
 from wavesweep.spec import KEYS
-from wavesweep.sweep.tasks import radius_over
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.table import Table, facts_of
 

@@ -11,13 +11,13 @@ from reproduce.felt_responses import CONTROLLERS, FeltResponse, estimated, respo
 from reproduce.readings import Reading
 from reproduce.specs import load_paper
 from wavesweep import Spec
+from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.passive import ChannelNorm, channel_norm
 from wavesweep.spec import find_key
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.stability import stable_intervals
-from wavesweep.sweep.open_loops import wall_cut
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]

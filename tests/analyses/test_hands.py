@@ -1,0 +1,159 @@
+"""Intervals for hands beside those of the loop as it is: which rows, how sure, whoever computes them."""
+
+import numpy as np
+import pytest
+from support.held import box_intervals, damping_needed, worst_modes
+from support.published import colgate_schenkel
+from support.tables import same
+
+from wavesweep.analyses import unknown
+from wavesweep.analyses.hands import hands_of
+from wavesweep.errors import UsageError
+from wavesweep.passive import HandBox
+from wavesweep.spec import load
+from wavesweep.tables.interval_tally import HandTally, interval_lines
+from wavesweep.tables.intervals import intervals
+
+OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
+BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}
+
+
+def spec_of(kind="dc", operator=None, velocity="difference", **axes):
+    device = {"velocity": velocity, "damping": 3.0}
+    return load({"controller": {"kind": kind}, "device": device, "operator": operator or {}, "sweep": axes})
+
+
+def rows_of(run, hand):
+    rows = run.columns["hand"] == hand
+    return {name: column[rows] for name, column in run.columns.items()}
+
+
+def worded(box):
+    return "box:" + ",".join(f"{name}={low:g}..{high:g}" for name, (low, high) in box.items())
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("operator", "words", "expected"),
+    [
+        (None, ["box:mass=0.1..0.1,damping=5..5,stiffness=100..300"], ["free", "box"]),
+        (OPERATOR, ["port", "box:mass=0.1..0.1,damping=5..5,stiffness=100..300"], ["free", "operator", "box", "port"]),
+        (OPERATOR, ["passive"], ["free", "operator", "passive"]),
+        (OPERATOR, ["port"], ["operator", "port"]),
+        (None, ["port"], ["free", "port"]),
+    ],
+)
+def test_which_hands_have_rows(operator, words, expected):
+    run = intervals(spec_of(operator=operator), hands=hands_of(words))
+    assert list(dict.fromkeys(run.columns["hand"])) == expected
+
+
+def test_the_other_rows_are_those_of_the_plain_table():
+    spec = spec_of(operator=OPERATOR, B_VE=[0.0, 1.0])
+    run = intervals(spec, hands=hands_of("passive"))
+    for hand, loop in (("operator", spec), ("free", spec_of(B_VE=[0.0, 1.0]))):
+        rows = rows_of(run, hand)
+        del rows["hand"]
+        same(rows, intervals(loop).columns)
+
+
+def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
+    damping = np.array([0.0, 1.0, 2.9])
+    run = intervals(spec_of(B_VE=damping.tolist()), hands=hands_of("passive"))
+    rows = rows_of(run, "passive")
+    assert rows["certified"].all()
+    assert rows["low"].tolist() == [0, 0, 0]
+    assert colgate_schenkel(rows["high"], damping, 1e-3) == pytest.approx([3.0] * 3, rel=1e-6)
+    assert np.isnan(rows["low_omega"]).all()
+    assert rows["high_omega"][1:] == pytest.approx(np.pi * 1000)
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
+@pytest.mark.parametrize("delay", [0, 2])
+def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind, delay):
+    """Which is why the walls that a damping pays for are one interval, proved by its ends."""
+    values = load({"controller": {"kind": kind}, "device": {"velocity": "difference"}, "rates": {"ratio": 4}}).values
+    generator = np.random.default_rng(5)
+    K, B = generator.uniform(0, 5000, (2, 40)), generator.uniform(0, 20, (2, 40))
+
+    def needed(K, B):
+        walls = {"environment.K_VE": K, "environment.B_VE": B, "environment.delay": delay}
+        return damping_needed(dict(values) | walls).damping
+
+    middle = needed(K.mean(0), B.mean(0))
+    assert np.all(middle <= (needed(K[0], B[0]) + needed(K[1], B[1])) / 2 * (1 + 1e-7) + 1e-7)
+
+
+def test_what_nothing_proves_is_not_certified():
+    run = intervals(spec_of("pmw-lm", B_VE=[1.0]), hands=hands_of(["passive", "port"]))
+    assert rows_of(run, "passive")["intervals"].tolist() == [0]
+    assert any("no damping is enough" in notice for notice in run.facts["notices"])
+    for hand in ("passive", "port"):
+        assert not rows_of(run, hand)["certified"].any()
+
+
+def test_along_another_number_the_least_damping_of_the_device_is_found():
+    spec = spec_of(along="device.damping", **{"device.damping": {"start": 0, "stop": 20}, "B_VE": [0.0, 2.0]})
+    rows = rows_of(intervals(spec, hands=hands_of("passive")), "passive")
+    expected = colgate_schenkel(500.0, np.array([0.0, 2.0]), 1e-3)
+    assert rows["low"] == pytest.approx(expected, rel=1e-5)
+    assert rows["high"].tolist() == [20, 20]
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_the_box_names_the_hand_that_ends_it():
+    spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
+    run = intervals(spec, hands=hands_of(worded(BOX)))
+    rows = rows_of(run, "box")
+    assert not rows["certified"].any()
+    assert rows["settled"].all()
+    free = rows_of(run, "free")
+    assert free["settled"].tolist() == free["certified"].tolist()
+    assert run.facts["for_hands"] == [worded(BOX)]
+    for row in range(2):
+        values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
+        found = box_intervals(values, (0.0, 20000.0), HandBox(**BOX))
+        assert rows["high"][row] == found["high"][0]
+        hand = [rows[f"high_hand_{part}"][row] for part in BOX]
+        walls = rows["high"][row] * np.array([1 - 1e-7, 1 + 1e-7])
+        radius, _ = worst_modes(values, np.array([hand, hand]), walls, values["environment.B_VE"])
+        assert radius[0] < 1 < radius[1]
+        assert 0 < rows["high_omega"][row] < np.pi * 50
+
+
+def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
+    monkeypatch.setattr(unknown, "FRAMES", 1000)
+    run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
+    rows = rows_of(run, "box")
+    assert not rows["settled"].any()
+    tally = HandTally()
+    tally.add(rows)
+    assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
+        interval_lines(tally.numbers({"slices": {}}))
+    )
+
+
+def test_progress_counts_all_hands_together():
+    seen = []
+    intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("port"), progress=lambda *now: seen.append(now[:2]))
+    assert seen[-1] == (4, 4)
+    assert {total for _, total in seen} == {4}
+
+
+@pytest.mark.parametrize(
+    ("spec", "hand", "said"),
+    [
+        (spec_of(velocity="exact"), "passive", 'expected device.velocity = "difference", found "exact"'),
+        (spec_of(**{"operator.mass": [0.1, 0.2]}), "box", "operator.mass cannot be an axis as well"),
+    ],
+)
+def test_what_cannot_be_answered_is_refused(spec, hand, said):
+    with pytest.raises(UsageError, match=said):
+        intervals(spec, hands=hands_of(hand))
+
+
+def test_an_empty_box_is_refused():
+    with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found \(0.5, 0.1\)"):
+        hands_of("box:mass=0.5..0.1")

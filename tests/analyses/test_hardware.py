@@ -1,0 +1,244 @@
+"""What encoder, friction and motors do to a loop, against simulations with them, which share nothing with the bounds."""
+
+import numpy as np
+import pytest
+from support.specs import nested, values_of
+
+import wavesweep
+from wavesweep.analyses.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
+from wavesweep.analyses.verdict import own_design
+from wavesweep.errors import WavesweepError
+from wavesweep.loops.from_drawing import REACTION, assembled
+from wavesweep.passive.held_loop import device_of
+from wavesweep.simulation.hardware import Effects
+from wavesweep.simulation.march import run_drawn, simulate
+from wavesweep.sweep.grid import own_loop
+from wavesweep.tables import simulation
+
+STEP = 5e-5  # m, of the encoder
+
+
+def forces_of_errors(spec, ticks):
+    """The force in each tick (row) after a reading that is wrong by 1 m in one tick (column), by marching."""
+    drawing, values = own_loop(spec)
+    drawn = readings(assembled(drawing, values), device_of(drawing))
+    found = np.zeros((ticks, ticks))
+    for phase in range(drawn.ticks):
+        inputs = {name: np.zeros(ticks) for name in drawn.inputs} | {ROUNDING: np.arange(ticks) == phase}
+        after = run_drawn(drawn, inputs, [REACTION])[REACTION]
+        for frame in range(phase, ticks, drawn.ticks):
+            found[frame - phase :, frame] = after[: ticks - frame + phase]
+    return found
+
+
+def random_spec(rng):
+    """A stable loop of a controller, with its encoder."""
+    while True:
+        ratio = int(rng.choice([1, 2, 5, 10, 20, 33]))
+        tables = {
+            "rates": {"fast_hz": float(rng.choice([500.0, 1000.0, 2000.0])), "ratio": ratio},
+            "device": {"mass": 10 ** rng.uniform(-1.5, 0.3), "damping": 10 ** rng.uniform(-1, 1), "velocity": "difference"},
+            "operator": {"mass": float(rng.choice([0, 0.1])), "stiffness": float(rng.choice([0, 0, 300.0]))},
+            "environment": {
+                "K_VE": 10 ** rng.uniform(0.5, 3.5),
+                "B_VE": float(rng.choice([0, 1, 3])),
+                "integration": str(rng.choice(["explicit", "implicit", "trapezoidal"])),
+                "delay": int(rng.integers(0, ratio + 1)),
+            },
+            "controller": {
+                "kind": str(rng.choice(["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])),
+                "b": 10 ** rng.uniform(0.7, 2),
+                "Kp": float(rng.choice([0, 20.0])),
+            },
+            "local_model": {"K_LM": 10 ** rng.uniform(1, 3), "delay": int(rng.integers(0, 2))},
+        }
+        try:
+            spec = wavesweep.load(tables)
+            if own_design(spec)["stable"]:
+                return spec
+        except WavesweepError:  # no such loop
+            continue
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [
+        ("dc", {"K_VE": 800.0, "damping": 5.0}),
+        ("dc-slow", {"K_VE": 60.0, "damping": 3.0}),
+        ("pmw", {"K_VE": 300.0, "B_VE": 3.0, "damping": 5.0}),
+        ("pmw-lm", {"K_VE": 300.0, "Kp": 20.0, "damping": 5.0}),
+    ],
+)
+def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
+    spec = wavesweep.load(nested(values_of(kind, velocity="difference", ratio=5, **changes)))
+    ticks = 3600
+    forces = forces_of_errors(spec, ticks)
+    found = peak_of_encoder(*own_loop(spec))
+    last = forces[-5:]  # a row for each phase of the frame; what is older than the run has settled
+    assert found.excess <= 1e-6 * found.gain
+    assert np.abs(last).sum(1).max() == pytest.approx(found.gain, rel=1e-6)
+    after = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]  # of a step from each tick on
+    assert np.abs(after[:, :1000]).max() == pytest.approx(found.step, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(2, 30))])
+def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(10):
+        spec = random_spec(rng)
+        peak = peak_of_encoder(*own_loop(spec))
+        if peak is None:  # nothing is said
+            continue
+        for force in (
+            rng.normal(0, 10 ** rng.uniform(-2, 1), 800),
+            np.where(np.arange(800) > 50, 10 ** rng.uniform(-2, 1), 0.0),
+        ):
+            with_encoder, without = (
+                simulate(spec.values, force, Effects(resolution=step)).signals["f_m"] for step in (STEP, 0.0)
+            )
+            assert np.abs(with_encoder - without).max() <= peak.gain * STEP / 2 * (1 + 1e-9) + 1e-12
+
+
+def worst_forces(spec, signs):
+    """Forces of the hand that keep a device within a step of its encoder, in each tick on the side of these signs.
+
+    The encoder then reads 0 in every tick, and is wrong by minus the position.
+    """
+    values, tick = spec.values, 1 / spec.values["rates.fast_hz"]
+    mass, damping = (values[f"device.{part}"] + values[f"operator.{part}"] for part in ("mass", "damping"))
+    decay = np.exp(-damping / mass * tick)
+    from_v, of_f = mass / damping * (1 - decay), (tick - mass / damping * (1 - decay)) / damping
+    x, v, net = 0.0, 0.0, []
+    for target in np.append(signs[1:], 0.0) * -STEP / 2 * (1 - 1e-6):
+        net.append((target - x - from_v * v) / of_f)
+        x, v = target, v * decay + net[-1] * (1 - decay) / damping
+    return np.array(net)
+
+
+@pytest.mark.parametrize("kind", ["dc", "pmw"])
+def test_the_worst_hand_comes_near_the_bound(kind):
+    """The controller reads 0 and exerts nothing, so that the hand alone moves the device."""
+    spec = wavesweep.load(nested(values_of(kind, velocity="difference", ratio=5, K_VE=300.0, B_VE=3.0, damping=5.0)))
+    ticks = 400
+    row = forces_of_errors(spec, ticks)[-1]
+    force = worst_forces(spec, np.sign(row))
+    with_encoder, without = (simulate(spec.values, force, Effects(resolution=step)).signals["f_m"] for step in (STEP, 0.0))
+    bound = peak_of_encoder(*own_loop(spec)).gain * STEP / 2
+    assert bound / 3 < np.abs(with_encoder - without).max() <= bound
+
+
+def test_an_exact_velocity_and_no_kp_do_not_see_the_encoder():
+    spec = wavesweep.load(nested(values_of("pmw", velocity="exact")))
+    assert peak_of_encoder(*own_loop(spec)).gain == 0
+
+
+def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
+    """With a spring in the hand, sampled waves leave an offset between hand and avatar that no wave takes away."""
+    tables = nested(values_of("pmw", velocity="difference", damping=5.0)) | {"operator": {"stiffness": 300.0}}
+    spec = wavesweep.load(tables)
+    assert peak_of_encoder(*own_loop(spec)) is None
+    after = forces_of_errors(spec, 4000)[:, 0]
+    assert np.abs(after[-20:]).max() > 1e-4 * np.abs(after).max()
+
+
+@pytest.mark.parametrize(("kind", "ratio", "delay"), [("dc", 1, 0), ("dc-slow", 20, 0), ("dc-slow", 5, 5)])
+def test_direct_coupling_is_passive_up_to_its_limit(kind, ratio, delay):
+    tables = nested(values_of(kind, ratio=ratio, delay=delay, B_VE=0.0))
+    limit = limits_of_walls(wavesweep.load(tables))["passive_to"]
+    for factor, passive in ((0.999, True), (1.001, False)):
+        walls = {**tables, "environment": {**tables["environment"], "K_VE": factor * limit}}
+        assert bool(wavesweep.compile(walls).passivity()["port_passive"][0]) is passive
+
+
+def test_a_limit_is_that_of_whole_frames_and_of_the_keys_that_decide_it():
+    """Nothing is said of a delay within a frame, nor of a device of which nothing is given."""
+    loops = {delay: wavesweep.load(nested(values_of("dc-slow", ratio=5, delay=delay, B_VE=0.0))) for delay in (0, 3, 5)}
+    assert [set(limits_of_walls(spec)) for spec in loops.values()] == [{"passive_to"}, set(), {"passive_to"}]
+    assert hardware_of(loops[0]) == {}
+    paths = ("device.damping", "environment.delay", "controller.kind", "rates.fast_hz", "rates.ratio", "device.mass", "b")
+    assert [deciding(path) for path in paths] == [True] * 5 + [False] * 2
+
+
+@pytest.mark.parametrize(("factor", "rests"), [(0.9, True), (1.2, False)])
+def test_friction_holds_a_device_between_two_steps_of_its_encoder_up_to_its_limit(factor, rests):
+    """A hand that presses half a step deep: beyond the limit neither of both readings lets the device rest."""
+    tables = nested(values_of("dc", mass=0.1, damping=0.3, B_VE=0.0)) | {"simulate": {"resolution": STEP, "friction": 0.02}}
+    limit = limits_of_walls(wavesweep.load(tables))["holds_to"]
+    assert limit == pytest.approx(2 * 0.02 / STEP)
+    walls = {**tables, "environment": {**tables["environment"], "K_VE": factor * limit}}
+    ticks = np.arange(6000)
+    force = factor * limit * STEP * 20.5 * np.minimum(ticks / 2000, 1.0)
+    end = wavesweep.compile(walls).simulate(force)["x"].to_numpy()[-1000:]
+    assert bool(np.ptp(end) == 0) is rests
+
+
+RUBBING = {
+    "device": {"mass": 0.045, "damping": 0.5, "velocity": "difference"},
+    "controller": {"kind": "dc-slow"},
+    "environment": {"K_VE": 300.0, "B_VE": 1.0, "delay": 1},
+}
+
+
+def rubbed(push, friction=0.26, parts=100, ticks=2000):
+    """Positions of RUBBING in each tick after a push from 0.1 to 0.15 s, by small steps in which friction stops or brakes."""
+    T, x, v, last, wall, held, rows = 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, []
+    for k in range(ticks):
+        rows.append(x)
+        held = wall if k % 20 == 1 else held
+        wall = 300.0 * x + (x - last) / T if k % 20 == 0 else wall
+        last, force = x, push * (100 <= k < 150) - held
+        for _ in range(parts):
+            if v == 0 and abs(force) <= friction:
+                break
+            new = v + T / parts / 0.045 * (force - 0.5 * v - np.copysign(friction, v or force))
+            v, before = (new, v) if v * new >= 0 else (0.0, v)
+            x += T / parts * (v + before) / 2
+    return np.array(rows)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("push", "rests"), [(0.5, True), (1.0, False)])
+def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests):
+    tables = RUBBING | {"simulate": {"friction": 0.26, "input": "pulse", "amplitude": push, "duration_s": 2.0}}
+    found, (run, *_) = wavesweep.verdict(tables), simulation.simulate(wavesweep.load(tables).as_simulated())
+    moving = np.flatnonzero(np.diff(rubbed(push)))[-1] + 1
+    rest_s = simulation._run_numbers(run.columns, run.facts)["rest_s"]
+    assert not found["stable"]
+    assert (rest_s is not None) == (moving < 1900) == rests
+    if rests:
+        assert rest_s == pytest.approx(moving * 1e-3, abs=2e-3)
+
+
+def test_the_limit_of_friction_stands_whether_the_linear_loop_is_stable_or_not():
+    for stiffness, stable in ((50.0, True), (300.0, False)):
+        tables = {"device": {"preset": "touch"}, "controller": {"kind": "dc-slow"}, "environment": {"K_VE": stiffness}}
+        found = wavesweep.verdict(tables)
+        assert found["stable"] is stable
+        assert found["hardware"]["holds_to"] == pytest.approx(2 * 0.26 / 5.5e-5)
+        assert ("chatter" in found["hardware"], "depth" in found["hardware"]) == (stable, stable)
+
+
+def test_the_verdict_and_the_wishes_say_the_same():
+    tables = {
+        "device": {"preset": "touch", "velocity": "difference"},
+        "controller": {"kind": "dc"},
+        "environment": {"K_VE": 300.0, "B_VE": 1.0},
+        "design": {"vary": {"operator.damping": {"start": 0.0, "stop": 1.0}}, "wish": {"chatter": {}, "depth": {}}},
+    }
+    spec = wavesweep.load(tables)
+    found, own = wavesweep.verdict(tables)["hardware"], hardware_of(spec)
+    assert own["step_force"] == pytest.approx((300 + 1000) * 0.055e-3)
+    assert found["depth"] == pytest.approx(3.3 / 300)
+    assert {name: found[name] for name in own} == own
+    from wavesweep.search.family import scenarios_of
+    from wavesweep.search.wishes import evaluate
+
+    wishes = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"operator.damping": np.zeros(1)}, 2000.0)
+    assert wishes["chatter"].value[0] == pytest.approx(own["chatter"])
+    assert wishes["depth"].value[0] == pytest.approx(found["depth"])
+
+
+def test_a_wish_without_its_device_says_what_it_needs():
+    design = {"vary": {"b": {"start": 5.0, "stop": 50.0}}, "wish": {"chatter": {}, "depth": {}}}
+    with pytest.raises(wavesweep.SpecError, match=r"(?s)chatter: expected resolution > 0 here.*depth: expected max_force > 0"):
+        wavesweep.load({"controller": {"kind": "pmw"}, "design": design})

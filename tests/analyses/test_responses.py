@@ -1,0 +1,255 @@
+"""The table of responses: several specs, axes that only some of them read, and the static limit."""
+
+import numpy as np
+import pytest
+from support.tables import same
+
+import wavesweep
+from wavesweep.analyses import responses as response_job
+from wavesweep.errors import UsageError
+from wavesweep.tables.responses import responses
+from wavesweep.tables.simulation import simulate
+
+
+def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
+    specs = [
+        wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.0, 1.0], "b": [20.0, 40.0]}}),
+        wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [0.0, 1.0]}}),
+        wavesweep.load({"controller": {"kind": "pmw", "b": 30.0}, "bode": {"frequency_hz": [0.0, 1.0]}}),
+    ]
+    columns = responses(specs).columns
+    assert columns["b"].tolist()[:4] == [20, 20, 40, 40]
+    assert np.isnan(columns["b"][columns["controller"] == "dc"]).all()
+    assert columns["b"].tolist()[-2:] == [30, 30]
+    assert columns["frequency_hz"].tolist() == [0, 1] * 4
+    assert np.isfinite(columns["impedance_abs"]).all()
+    assert columns["impedance_re"][4] == pytest.approx(500.0, rel=1e-14)
+
+
+def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
+    one = {
+        "controller": {"kind": "pmw"},
+        "bode": {"frequency_hz": [1.0], "environment.delay": [1, 2], "rates.slow_hz": [100.0]},
+    }
+    other = {"controller": {"kind": "pmw"}, "environment": {"delay": 3}, "bode": {"frequency_hz": [1.0]}}
+    ideal = {"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}}
+    columns = wavesweep.bode(one, other, ideal)
+    assert columns["environment.delay"].tolist()[:3] == [1, 2, 3]
+    assert columns["environment.delay"].dtype == np.int64
+    assert columns["rates.slow_hz"].tolist()[:3] == [100.0, 100.0, 50.0]
+    assert np.isnan(columns["rates.slow_hz"].iloc[3])
+
+
+@pytest.mark.slow
+def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path, monkeypatch):
+    bode = {"frequency_hz": [0.0, 1.0, 10.0], "K_VE": [0.0, 100.0], "K_LM": [1.0, 2.0], "b": [10.0, 20.0, 40.0]}
+    spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode})
+    monkeypatch.setattr(response_job, "TICKS", 20 * 6)  # two curves of three frequencies
+    told = []
+    whole = responses([spec, spec], progress=lambda *counts: told.append(counts)).columns
+    assert told[-1] == (36, 36, None)
+    assert len(told) == 6
+
+    def stop(done, *_):
+        if done == 24:
+            raise KeyboardInterrupt
+
+    place = tmp_path / ".bode.sqlite"
+    with pytest.raises(KeyboardInterrupt) as caught:
+        responses([spec, spec], progress=stop, checkpoint=place)
+    assert f"6 of 18 responses are kept in {place}; the same" in caught.value.__notes__[0]
+    again = responses([spec, spec], checkpoint=place)
+    assert again.facts["timings"]["slices_from_checkpoint"] == 24
+    same(again.columns, whole)
+    again.forget()
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(
+        UsageError, match=r"\[bode\]: every combination is computed, and rates.ratio = 10, environment.delay = 15 makes no loop"
+    ):
+        responses(
+            [wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"rates.ratio": [20, 10], "environment.delay": [0, 15]}})]
+        )
+
+
+def test_many_frequencies_are_cut_into_chunks_of_one_curve(monkeypatch):
+    bode = {"frequency_hz": {"start": 0, "stop": 20, "num": 21}, "K_VE": [0.0, 100.0]}
+    spec = wavesweep.load({"controller": {"kind": "dc"}, "bode": bode})
+    whole = responses([spec]).columns
+    monkeypatch.setattr(response_job, "WIDE", 8)
+    cut = responses([spec]).columns
+    same(
+        {name: cut[name] for name in ("K_VE", "frequency_hz", "spec")},
+        {name: whole[name] for name in ("K_VE", "frequency_hz", "spec")},
+    )
+    assert np.allclose(cut["admittance_re"], whole["admittance_re"], rtol=1e-12, atol=0, equal_nan=True)
+
+
+@pytest.mark.parametrize("slow_hz", [50.0, 60.0])  # 60 Hz: assembled tick by tick
+def test_a_response_that_is_not_known_has_no_part(slow_hz):
+    free = {"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 0.0, "B_VE": 0.0}}
+    columns = wavesweep.compile(free).response([0.0, 1.0])  # nothing holds the device at rest: it has no static admittance
+    parts = columns[[f"admittance_{part}" for part in ("re", "im", "abs", "deg")]].to_numpy()
+    assert np.isnan(parts).tolist() == [[True] * 4, [False] * 4]
+    assert np.isfinite(columns["impedance_im"]).all()
+
+
+def test_a_simulation_in_which_nothing_pushes_has_no_response_in_any_column():
+    still = {"controller": {"kind": "dc"}, "simulate": {"input": "sine", "amplitude": 0.0, "frequency_hz": 5.0}}
+    response = simulate(wavesweep.load(still))[1].columns
+    assert all(np.isnan(response[f"{name}_{part}"]).all() for name in ("admittance", "impedance") for part in ("re", "im"))
+
+
+def test_a_whole_number_that_only_the_first_spec_has_is_missing_in_the_others():
+    counted = LOOP | {"numbers": {"n": 2, "k": 5.0}, "bode": {"n": [1, 2], "frequency_hz": [1.0, 2.0]}}
+    table = responses(
+        [wavesweep.load(counted), wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})]
+    )
+    blocks = list(table.blocks())
+    assert {block["n"].dtype for block in blocks} == {np.dtype(float)}
+    np.testing.assert_array_equal(np.concatenate([block["n"] for block in blocks]), [1, 1, 2, 2, np.nan])
+
+
+LOOP = {
+    "rates": {"tick_hz": 1000},
+    "block": {"m": {"type": "mass", "mass": 1, "damping": 1}, "d": {"type": "delay", "steps": "n"}},
+    "wire": {"d.u": "m.x", "m.f": "h - k*d.y"},
+    "ports": {"hand": {"force": "h", "displacement": "m.x"}},
+}
+
+
+def free_mass(every=20, **changes):
+    """A mass that nothing brakes, before a wall without stiffness and damping."""
+    numbers = {"K": 0.0, "B": 0.0, "m": 0.1, "d": 0.0} | changes
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": numbers,
+        "block": {"arm": {"type": "mass", "mass": "m", "damping": "d"}, "wall": {"type": "hold", "every": every}},
+        "wire": {"wall.u": "K*arm.x + B*arm.v", "arm.f": "hand - wall.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+    }
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_mass_in_free_space_is_no_damper(alone):
+    """Its velocity is read by nothing but its position, which drifts: x = T^2/(2m) (z + 1)/(z - 1)^2 f."""
+    tables = free_mass()
+    if alone:
+        del tables["block"]["wall"], tables["wire"]["wall.u"], tables["numbers"]["K"], tables["numbers"]["B"]
+        tables["wire"]["arm.f"] = "hand"
+    loop, frequency = wavesweep.compile(tables), np.array([0.1, 1.0, 10.0, 300.0])
+    found, z = loop.response(frequency), np.exp(2j * np.pi * frequency * 1e-3)
+    expected = 1e-6 / 0.2 * (z + 1) / (z - 1) ** 2
+    np.testing.assert_allclose(found.admittance_re + 1j * found.admittance_im, expected, rtol=1e-12)
+    assert loop.spectral_radius() == 1
+    assert not found.stable.any()
+    assert np.isnan(loop.passivity().port_margin[0])  # the map has a pole on the circle
+
+
+def test_a_velocity_that_grows_in_free_space_is_unstable():
+    loop = wavesweep.compile(free_mass(d=-0.5))
+    assert loop.spectral_radius() == pytest.approx(np.exp(0.02 * 0.5 / 0.1), rel=1e-12)
+
+
+def test_the_margin_of_a_drawn_loop_that_grows_too_much_is_missing():
+    tables = free_mass(d=1.0)
+    tables["wire"]["arm.f"], tables["numbers"]["kd"] = "hand - wall.y - kd*arm.v", 100.0
+    found = [wavesweep.compile(tables | {"numbers": tables["numbers"] | {"kd": kd}}).passivity() for kd in (100.0, 1e6)]
+    assert [np.isnan(each.port_margin[0]) for each in found] == [False, True]
+
+
+def test_a_long_frame_that_contracts_keeps_its_digits():
+    """Holds of 33 and 32 ticks are in step again after 1,056; the response follows from all ticks in a row, one by one."""
+    tick, mass, damping, gain, periods = 1e-3, 0.5, 1.0, 5.0, (33, 32)
+    hold = {name: {"type": "hold", "every": every} for name, every in zip("ab", periods, strict=True)}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": gain},
+        "block": {"m": {"type": "mass", "mass": mass, "damping": damping}} | hold,
+        "wire": {"a.u": "m.x", "b.u": "a.y", "m.f": "hand - k*b.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+    frequency, count = np.array([0.1, 1.0, 10.0]), int(np.lcm(*periods))
+    found = wavesweep.compile(tables).response(frequency)
+    assert set(found.doubt) == {""}
+    assert found.admittance_error.max() < 1e-9
+    decay = np.exp(-damping / mass * tick)
+    slow = -np.expm1(-damping / mass * tick) * mass / damping
+    own = np.array([[1, slow], [0, decay]])  # of position and velocity
+    forced = np.array([(tick - slow) / damping, slow / mass])
+    for hz, given in zip(frequency, found.admittance_re + 1j * found.admittance_im, strict=True):
+        z = np.exp(2j * np.pi * hz * tick)
+        state, shown = np.hstack([np.eye(4), np.zeros((4, 1))]).astype(complex), []  # the start, and the force
+        for k in range(count):
+            if k % periods[0] == 0:
+                state[2] = state[0]
+            if k % periods[1] == 0:
+                state[3] = state[2]
+            shown.append(state[0] * z**-k)
+            force = -gain * state[3] + np.array([0, 0, 0, 0, z**k])
+            state[:2] = own @ state[:2] + np.outer(forced, force)
+        start = np.linalg.solve(z**count * np.eye(4) - state[:, :4], state[:, 4])
+        assert np.mean(shown, axis=0) @ np.append(start, 1) == pytest.approx(given, rel=1e-9)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("slow_hz", [60.1, 59.94])
+def test_rates_with_a_long_common_frame_have_a_response(slow_hz):
+    tables = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "delay": 1}}
+    found = wavesweep.compile(tables | {"rates": {"slow_hz": slow_hz}}).response([0.0, 1.0, 20.0])
+    near = wavesweep.compile(tables | {"rates": {"slow_hz": 60}}).response([0.0, 1.0, 20.0])
+    assert set(found.doubt) == {""}
+    assert found.admittance_error.max() < 1e-6
+    assert found.admittance_abs.to_numpy() == pytest.approx(near.admittance_abs.to_numpy(), rel=0.05)
+
+
+def with_integral(leak=0.0, ki=500.0):
+    """A servo with integral action, felt at its axis; leak: share of the integral that is lost in each tick."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 200.0, "ki": ki, "kd": 3.0, "leak": leak},
+        "block": {
+            "axis": {"type": "mass", "mass": 0.2, "damping": 0.5},
+            "speed": {"type": "difference"},
+            "sum": {"type": "integrator"},
+            "out": {"type": "hold", "every": 2},
+        },
+        "wire": {
+            "speed.u": "axis.x",
+            "sum.u": "axis.x - 1000*leak*sum.y",
+            "out.u": "kp*axis.x + ki*sum.y + kd*speed.y",
+            "axis.f": "hand - out.y",
+        },
+        "ports": {"hand": {"force": "hand", "displacement": "axis.x"}},
+    }
+
+
+def test_integral_action_is_rigid_at_rest():
+    """Towards 0 Hz the position is s/ki of the force: no admittance, an impedance without bound, and no doubt of either."""
+    columns = wavesweep.bode(with_integral() | {"bode": {"frequency_hz": [0.0, 1e-3]}})
+    assert columns["doubt"].tolist() == ["", ""]
+    assert columns["admittance_abs"][0] == 0.0
+    assert np.isnan(columns[["impedance_re", "impedance_abs", "impedance_error"]].iloc[0]).all()
+    assert columns["admittance_abs"][1] == pytest.approx(2 * np.pi * 1e-3 / 500.0, rel=1e-4)
+    assert wavesweep.verdict(with_integral())["felt"] == {"stiffness": None, "damping": None, "rigid": True}
+
+
+@pytest.mark.parametrize("leak", [1e-2, 1e-6, 1e-9])
+def test_an_integral_that_leaks_is_as_stiff_as_what_is_left_of_it(leak):
+    columns = wavesweep.bode(with_integral(leak) | {"bode": {"frequency_hz": [0.0]}})
+    assert columns["impedance_re"][0] == pytest.approx(200.0 + 500.0 * 0.001 / leak, rel=1e-6)
+    assert columns["doubt"].tolist() == [""]
+    assert not wavesweep.verdict(with_integral(leak))["felt"]["rigid"]
+
+
+@pytest.mark.parametrize("kind", ["dc", "pmw", "drawn"])
+def test_an_admittance_without_bound_is_missing_without_a_doubt(kind):
+    """Nothing holds the device: a constant force moves it without end, and the impedance at rest is 0."""
+    spec = {"controller": {"kind": kind, "Kp": 0.0} if kind == "pmw" else {"kind": kind}, "environment": {"K_VE": 0.0}}
+    if kind == "drawn":
+        spec = with_integral(ki=0.0)
+        spec["wire"] |= {"out.u": "(kp + ki + kd + leak)*speed.y"}
+        del spec["block"]["sum"], spec["wire"]["sum.u"]
+    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0]}})
+    assert columns["impedance_abs"].tolist() == [0.0]
+    assert np.isnan(columns[["admittance_abs", "worst_gain", "admittance_error", "worst_gain_error"]].iloc[0]).all()
+    assert (columns["stable"].tolist(), columns["doubt"].tolist()) == ([1], [""])

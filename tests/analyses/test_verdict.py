@@ -1,0 +1,278 @@
+"""The verdict on a spec's own design, against the library's own answers and laws of the model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.specs import nested, values_of
+
+import wavesweep
+from wavesweep.analyses import verdict as judging
+from wavesweep.analyses.verdict import own_design
+from wavesweep.cli.verdict import verdict_lines
+from wavesweep.spec import SYMBOLS, load
+
+ROOT = Path(__file__).parents[2]
+
+WAVES = values_of("pmw", integration="explicit", velocity="difference", delay=1, b=10.0)
+
+
+def verdict(values):
+    return wavesweep.verdict(nested(values))
+
+
+def limit_of(found, name):
+    return next(each for each in found["limits"] if each["name"] == name)
+
+
+@pytest.mark.slow
+def test_it_can_be_written_as_json():
+    for kind in ("dc", "pmw-lm"):  # without a channel, and with all that there is
+        json.dumps(verdict(values_of(kind)), allow_nan=False)
+
+
+def test_the_limits_are_the_ends_of_the_stable_interval_about_the_value():
+    found = verdict(WAVES)
+    assert found["stable"]
+    assert limit_of(found, "K_VE")["high"] == pytest.approx(798.521, abs=1e-2)
+    for name in ("K_VE", "b"):
+        limit, path = limit_of(found, name), SYMBOLS[name]
+        assert limit["certified"]
+        for end, inside in (("low", 1.001), ("high", 0.999)):
+            if limit[end]:
+                radius = [
+                    float(wavesweep.compile(nested(WAVES | {path: limit[end] * each})).spectral_radius())
+                    for each in (inside, 2 - inside)
+                ]
+                assert radius[0] < 1 < radius[1]
+
+
+def test_an_unstable_design_is_called_so_and_has_no_slowest_mode():
+    found = verdict(WAVES | {"environment.K_VE": 900.0})
+    assert not found["stable"]
+    assert found["spectral_radius"] > 1
+    assert found["slowest"] is None
+    assert limit_of(found, "K_VE")["stable"] is False
+
+
+def test_the_delay_may_grow_to_the_last_tick_that_is_stable():
+    found = verdict(WAVES)["delay"]
+    for delay, stable in ((found["most"], True), (found["most"] + 1, False)):
+        changed = WAVES | {"environment.delay": delay}
+        assert (wavesweep.compile(nested(changed)).spectral_radius() < 1) == stable
+
+
+def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
+    felt = verdict(values_of("dc", K_VE=300.0, B_VE=2.0))["felt"]
+    assert felt["stiffness"] == pytest.approx(300.0, rel=1e-9)
+    assert felt["damping"] == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("K", "B"), [(100.0, 0.01), (2000.0, 0.003), (5000.0, 0.2)])
+@pytest.mark.parametrize("ratio", [1, 20])
+def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": K, "B_VE": B}, "device": {"damping": 10.0}}
+    felt = wavesweep.verdict(tables | {"rates": {"fast_hz": 4000.0, "ratio": ratio}})["felt"]
+    assert felt["damping"] == pytest.approx(B, rel=1e-4)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
+)
+def test_rounding_at_the_lowest_frequencies_is_no_damping(slow_hz, wall, Kp):
+    """There it is the same at every look, and minus the device's damping."""
+    tables = {
+        "rates": {"fast_hz": 1000.0, "slow_hz": slow_hz},
+        "device": {"damping": 5.0},
+        "controller": {"kind": "pmw", "Kp": Kp},
+        "environment": dict(zip(("K_VE", "B_VE"), wall, strict=True)),
+    }
+    hz = 1e-3
+    impedance = wavesweep.compile(tables).response([hz]).impedance_im[0]
+    assert wavesweep.verdict(tables)["felt"]["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-3)
+
+
+def with_a_slow_part(stiffness, damping, slow, seconds):
+    """A wall with a part `slow/(seconds s + 1)`, N/m."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "block": {
+            "arm": {"type": "mass", "mass": 0.44, "damping": 7.0},
+            "creep": {"type": "tf", "num": [slow], "den": [seconds, 1.0]},
+        },
+        "wire": {"creep.u": "arm.x", "arm.f": f"hand - {stiffness}*arm.x - {damping}*arm.v - creep.y"},
+        "ports": {
+            "hand": {"force": "hand", "displacement": "arm.x", "reaction": f"{stiffness}*arm.x + {damping}*arm.v + creep.y"}
+        },
+    }
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "slow", "seconds"), [(6800.0, 0.00831, 80.0), (680.0, 0.0831, 8.0), (50.0, 0.00831, 80.0)]
+)
+def test_a_slow_part_of_a_wall_is_felt(stiffness, slow, seconds):
+    """It takes `slow seconds` of the damping. Above its own frequency looks at 1.5 N*s/m agree, better than those below."""
+    damping = wavesweep.verdict(with_a_slow_part(stiffness, 1.5, slow, seconds))["felt"]["damping"]
+    assert damping == pytest.approx(1.5 - slow * seconds, rel=2e-3)
+
+
+def test_a_late_wall_is_felt_with_less_damping():
+    """A force that is late by tau has the damping B - K tau: half a frame of hold here."""
+    felt = verdict(values_of("dc-slow", K_VE=50.0, B_VE=3.0))["felt"]
+    assert felt["damping"] == pytest.approx(3.0 - 50.0 * 0.0095, rel=2e-2)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(("Kp", "ratio", "damping"), [(0.5, 2, -1151.175), (1.0, 2, -570.985), (0.5, 20, -1794.691)])
+def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, damping):
+    tables = {"controller": {"kind": "pmw", "Kp": Kp}, "rates": {"ratio": ratio}}
+    felt = wavesweep.verdict(tables)["felt"]
+    hz = 1e-5
+    impedance = wavesweep.compile(tables).response([hz]).impedance_im[0]
+    assert felt["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-5)
+    assert felt["damping"] == pytest.approx(damping, abs=1e-3)
+
+
+def test_the_slowest_mode_decays_as_a_simulation_does():
+    found = verdict(WAVES)["slowest"]
+    assert 0 < found["damping_ratio"] < 1
+    assert found["time_constant_s"] == pytest.approx(-0.02 / np.log(verdict(WAVES)["spectral_radius"]), rel=1e-9)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "pmw", "pmw-lm"])
+@pytest.mark.filterwarnings("error")
+def test_no_damping_is_felt_as_none(kind):
+    """Without a wall, and with the wall of an immediate coupling that has no damping, the impedance is real."""
+    for K in (0.0, 500.0)[: 1 + (kind == "dc")]:
+        spec = {
+            "controller": {"kind": kind},
+            "environment": {"K_VE": K, "B_VE": 0.0},
+            "local_model": {"K_LM": 0.0, "B_LM": 0.0},
+        }
+        felt = wavesweep.verdict(spec)["felt"]
+        assert (felt["stiffness"], felt["damping"], felt["rigid"]) == (K, 0.0, False)
+
+
+def test_a_range_ends_where_the_spec_takes_no_more():
+    """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
+    tables = {
+        "rates": {"tick_hz": 400},
+        "numbers": {"fc": 30.0, "g": 0.0},
+        "block": {
+            "m": {"type": "mass", "mass": "1.0 + sqrt(1 - g)", "damping": 1.0},
+            "lp": {"type": "butterworth", "order": 1, "cutoff_hz": "fc"},
+        },
+        "wire": {"lp.u": "m.x", "m.f": "-5*lp.y - 3*m.v"},
+    }
+    limits = {each["name"]: each for each in wavesweep.verdict(tables)["limits"]}
+    assert limits["fc"]["to"] == pytest.approx(200, rel=1e-6)
+    assert limits["fc"]["to"] < 200
+    assert limits["fc"]["certified"]
+    assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("examples/first-hour", {"b": 90.5}),  # sampled damping of the waves, at 251 Hz: 8.7 Hz once a frame
+        ("examples/first-hour", {}),
+        ("recipes/wheel", {"rates.tick_hz": 1000}),
+        ("paper/pmw", {"rates.slow_hz": 60.0, "K_VE": 2000.0}),
+    ],
+)
+def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, changes):
+    """The peak of the spectrum of the displacements after a pulse, once faster modes have gone."""
+    spec = load(ROOT / f"sweeps/{name}.toml").with_values(changes)
+    slowest = wavesweep.verdict(spec)["slowest"]
+    ticks = int(10 * slowest["time_constant_s"] * spec.tick_hz)
+    linear = {"wall": None} if name.startswith("examples") else {}
+    moved = np.diff(wavesweep.compile(spec).simulate(np.eye(1, ticks)[0], **linear).x.to_numpy())[ticks // 2 :]
+    frequency = np.fft.rfftfreq(moved.size, 1 / spec.tick_hz)
+    line = np.abs(np.fft.rfft(moved * np.hanning(moved.size)))
+    found = frequency[1 + np.argmax(line[1:] / frequency[1:])]
+    assert slowest["omega"] / (2 * np.pi) == pytest.approx(found, abs=2 * frequency[1])
+
+
+@pytest.mark.parametrize(("kind", "known"), [("pmw-lm", False), ("pmw", True)])
+def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
+    """Its matrix grows with the frame on both sides with a local model; without one it has a single row."""
+    spec = load(nested(values_of(kind) | {"rates.fast_hz": 10_000.0, "rates.ratio": 200}))
+    assert (own_design(spec)["channel_norm"] is not None) == known
+    said = [line for line in verdict_lines(spec, wavesweep.verdict(spec)) if "wave channel: norm" in line]
+    assert len(said) == 1
+    assert ("not computed" in said[0]) != known
+
+
+def late(k, ticks, **numbers):
+    """A level that is corrected by k times what it was so many ticks ago; the tick is 0.1 s."""
+    return {
+        "rates": {"tick_hz": 10},
+        "numbers": {"k": k, "tau": 0.1 * ticks} | numbers,
+        "block": {
+            "level": {"type": "tf", "num": [1], "den": [1, 0]},
+            "late": {"type": "delay", "seconds": "tau"},
+            "hold": {"type": "hold"},
+        },
+        "wire": {"late.u": "level.y", "hold.u": "-k*late.y", "level.u": "hold.y"},
+    }
+
+
+def late_radius(k, tau, tick=0.1):
+    """The same by its states x[k], ..., x[k-m] and u[k-1], ..., u[k-m]: what is read is x[k-m] + (m T - tau) u[k-m]."""
+    m = int(np.ceil(tau / tick))
+    A, read = np.zeros((2 * m + 1, 2 * m + 1)), np.zeros(2 * m + 1)
+    read[m], read[2 * m] = -k, -k * (m * tick - tau)
+    A[0, 0], A[0] = 1, A[0] + tick * read
+    A[0, 0] += 1
+    A[1 : m + 1, :m], A[m + 2 :, m + 1 : -1] = np.eye(m), np.eye(m - 1)
+    A[m + 1] = read
+    return np.abs(np.linalg.eigvals(A)).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "ticks"), [(0.9, 8), (0.4, 36)])
+def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ticks, monkeypatch):
+    monkeypatch.setattr(judging, "SECONDS", 600.0)
+    found = limit_of(wavesweep.verdict(late(k, ticks)), "tau")
+    assert found["certified"]
+    assert (found["low"], found["stopped"]) == (None, True)  # the dead time of the own values to the first end, and no further
+    assert late_radius(k, found["high"] * 0.9999) < 1 < late_radius(k, found["high"] * 1.0001)
+    assert found["to"] == pytest.approx(np.ceil(found["high"] / 0.1) * 0.1, rel=1e-12)
+
+
+def test_a_range_that_takes_long_ends_next_to_the_value(monkeypatch):
+    monkeypatch.setattr(judging, "SECONDS", 0.0)
+    spec = load(late(0.02, 48))
+    found = limit_of(wavesweep.verdict(spec), "tau")
+    assert (found["stable"], found["certified"], found["stopped"]) == (True, True, True)
+    assert (found["from"] <= 4.8 <= found["to"], found["to"] - found["from"]) == (True, pytest.approx(0.1))
+    text = "\n".join(verdict_lines(spec, wavesweep.verdict(spec)))
+    assert "--set sweep.along=tau --set 'sweep.tau={start=0.48, stop=48}'" in text
+
+
+def test_a_range_that_would_cross_a_pole_ends_before_it():
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"phi": 1.0},
+        "block": {"lag": {"type": "tf", "num": [1], "den": [1, 1]}, "hold": {"type": "hold"}},
+        "wire": {"hold.u": "-2/sin(phi)*lag.y", "lag.u": "hold.y"},
+    }
+    found = limit_of(wavesweep.verdict(tables), "phi")
+    assert (found["stable"], found["certified"], found["low"], found["high"]) == (True, True, None, None)
+    assert 0.98 * np.pi < found["to"] < np.pi
+    decay = np.exp(-0.01)  # over a tick; a gain g makes it decay - g (1 - decay)
+    assert decay - 2 / np.sin(found["to"]) * (1 - decay) > -1
+
+
+def test_a_value_at_a_limit_is_not_in_what_is_stable():
+    """`x' = (1 - 2 k) x` alternates for ever at k = 1."""
+    sums = {"type": "tf", "num": [1], "den": [1, -1], "discrete": True}
+    tables = {"rates": {"tick_hz": 1}, "numbers": {"k": 1.0}, "block": {"sum": sums}, "wire": {"sum.u": "-2*k*sum.y"}}
+    found = wavesweep.verdict(tables)
+    assert not found["stable"]
+    assert limit_of(found, "k")["stable"] is False
+    assert limit_of(found, "k")["intervals"] == [[0.1, pytest.approx(1.0, rel=1e-9)]]

@@ -1,0 +1,84 @@
+"""What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from types import MappingProxyType
+
+from wavesweep.loops.controllers import assumption_of_page, keys_of_page
+from wavesweep.spec import KEYS, Spec
+from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.resolving import longest_delay
+from wavesweep.sweep.grid import Grid
+
+FAVOURABLE = "kind default"  # in a sentence of `assumes` that rests on some
+INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
+
+
+def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
+    """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
+
+    swept: paths of the axes of the result, which have no single value. If the spec gives one of the three no value of its
+    own, the sentence says so, and names the usual practice of engines, which is less kind than the default. There is none for
+    a drawn loop, which shows all of that itself.
+    """
+    if spec.drawing:
+        return ""
+    read, values = keys_of_page(spec.values), spec.values
+    parts = [assumption_of_page(values)]
+    if DELAY in read:
+        delay, ratio = values[DELAY], values["rates.ratio"]
+        within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
+        ticks = "tick" if delay == 1 and not within else "ticks"
+        parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
+    if VELOCITY in read:
+        parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
+    kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
+    return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
+
+
+# Ranges in which the numbers of devices and hands lie, in the unit of the key.
+USUAL = MappingProxyType({"device.mass": (1e-3, 20.0), "device.damping": (0.0, 200.0), "operator.mass": (0.0, 20.0)})
+
+
+def unusual(spec: Spec) -> Iterator[str]:
+    """Yield a sentence for each number of the spec that is so far from those of devices that its unit may be wrong."""
+    for path, (low, high) in USUAL.items():
+        if path in spec.given and not low <= spec.values[path] <= high:
+            unit, value = KEYS[path].unit, spec.values[path]
+            yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
+
+
+def notices_of(grid: Grid) -> list[str]:
+    """A sentence for each axis that the controller does not read, and one for numbers that a preset does not give."""
+    kind = grid.spec.kind
+    ignored = [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in grid.ignored]
+    return [*ignored, *over_preset(grid.spec)]
+
+
+def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})) -> Iterator[str]:
+    """Yield a sentence about the numbers of a preset device that the spec itself gives otherwise; options: other numbers."""
+    if spec.preset:
+        used, numbers = {**spec.values, **options}, DEVICES[spec.preset].numbers.items()
+        own = [(path, used[path], number.value) for path, number in numbers if path in used]
+        given = [f"{path} = {value:g} and not {other:g}" for path, value, other in own if value != other]
+        if given:
+            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
+
+
+def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
+    """The sentence of one spec, or those of several with their names, one a line; swept: see `assumes`, by any of them."""
+    several = len(specs) > 1
+    own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
+    said = [assumes(spec, mine.intersection(swept)) for spec, mine in zip(specs, own, strict=True)]
+    if len(set(said)) == 1:
+        return said[0]
+    return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
+
+
+def _defaults(kept, ratio):
+    usual = {INTEGRATION: '"explicit"', DELAY: str(ratio), VELOCITY: '"difference"'}
+    names = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
+    return f"{names}: engines usually have {_listed([usual[path] for path in kept])}"
+
+
+def _listed(words):
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,296 @@
+"""Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from textwrap import shorten
+
+import numpy as np
+
+from wavesweep.analyses.interval_records import FELT, FIELDS, LINES
+from wavesweep.analyses.interval_search import Parts, loop_by_loop
+from wavesweep.analyses.unknown import FROM_ZERO, Case, Part, proofs, searched
+from wavesweep.analyses.varying import Rules, bracketed, decided, decided_along, text_of
+from wavesweep.errors import UsageError
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.dead_time import timing
+from wavesweep.robust.joint import UNKNOWN
+from wavesweep.spec import Axis, Spec
+from wavesweep.spec.drawing import name_of
+from wavesweep.spec.for_all import values_of_range
+from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.stability.certificate import NONE, SEARCH
+from wavesweep.sweep.grid import drawing_for, own_loop
+
+MOST_CASES = 256  # combinations of numbers that have values in place of a range
+MOST_UNKNOWN = 5  # ranges
+NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
+SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
+SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
+TEXT = 160  # characters of a counterexample
+
+FOR_ALL_RECORD = np.dtype(
+    [
+        *FIELDS,
+        *((name, "<f8") for name in (*FELT, *LINES)),
+        ("fails_below", "<f8"),
+        ("fails_from", "<f8"),
+        ("settled", "?"),
+        ("counterexample", f"<U{TEXT}"),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ForAllGuarantee:
+    """The numbers of [for_all], as `IntervalJob.guarantee`."""
+
+    rules: Rules
+    dtype = FOR_ALL_RECORD
+    kind = "for_all"
+
+    @property
+    def method(self) -> str:
+        """How the intervals are found, in a line."""
+        if self.rules.vary:
+            return (
+                "quadratic norms on a graph of frames, in which all shrink, checked by Cholesky with bounds on rounding; "
+                "refuted by a pattern of frames that grows"
+            )
+        return (
+            "guardian maps of all numbers at once, interpolated with a bound and proved positive by Bernstein coefficients; "
+            "refuted by the exact intervals of the worst numbers found"
+        )
+
+    def task(self, along: str, span: tuple[float, float], parts: tuple) -> "ForAllTask":
+        """The task for loops with these numbers."""
+        return ForAllTask(self.rules, along, span, parts)
+
+
+def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
+    """Raise UsageError for numbers that cannot be held for beside intervals along a number, empty for a design alone."""
+    for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
+    swept = [axis.name for axis in for_all.axes if axis.path == along]
+    ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
+    timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
+    cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
+    for wrong, expected, found in (
+        (
+            rules.vary and ranges,
+            "values of numbers beside such that vary from frame to frame",
+            f"the range of {', '.join(ranges)}",
+        ),
+        (swept, "another number than that of the intervals", ", ".join(swept)),
+        (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
+        (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
+        (timed, "values of a number that dead times follow from", f"the range of {', '.join(timed)}"),
+        (
+            parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
+            "values of a number that decides how the loop is built and need not be whole",
+            f"the range of {', '.join(parts)}",
+        ),
+    ):
+        if wrong:
+            raise UsageError(f"[for_all]: expected {expected}, found {found}")
+    if rules.vary:
+        rules.family(drawing, dict(spec.values), along)
+
+
+def _has_parts(spec: Spec, axis: Axis) -> bool:
+    """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
+    return bool(axis.structural and not axis.values and not spec.drawing and spec.names.find(axis.name).type != "integer")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForAllTask:
+    """Intervals for all numbers of [for_all] along the number `along` within span = (low, high), a loop at a time.
+
+    parts: (members, drawing, values), see `drawn_groups`.
+    """
+
+    rules: Rules
+    along: str
+    span: tuple[float, float]
+    parts: Parts
+
+    def records(self) -> np.ndarray:
+        """The intervals as records, sorted by slice."""
+        return loop_by_loop(self.parts, self.along, self._of_loop)
+
+    def _of_loop(self, drawing, values):
+        loop = _Loop(self, drawing, values)
+        return _recorded(loop.varying() if self.rules.vary else loop.intervals(), loop.certified)
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    low: float
+    high: float
+    part: Part
+    settled: bool
+    text: str
+
+
+class _Loop:
+    """One loop of a sweep with all numbers of [for_all]."""
+
+    def __init__(self, task, drawing, values):
+        self.task, self.values = task, values
+        unknown = [axis for axis in task.rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+        ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
+        listed = [axis for axis in unknown if axis.values or axis.structural]
+        self.cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
+        for each in product(*map(values_of_range, listed)):
+            fixed = dict(zip((axis.path for axis in listed), each, strict=True))
+            own = values | fixed
+            drawn = loop_drawing(own, (task.along, *gains)) if "controller.kind" in own else drawing
+            self.cases.append(Case(drawn, own, task.along, task.span, ranges, fixed))
+
+    @property
+    def certified(self) -> bool:
+        """Whether the search was."""
+        return all(case.certified for case in self.cases)
+
+    def intervals(self) -> list[_Row]:
+        """The rows of loops whose numbers are constant."""
+        found = proofs(self.cases, self.task.span, NEAR)
+        return [_row(part, *proved) for part, proved in found if proved]
+
+    def varying(self) -> list[_Row]:
+        """The rows of loops whose frames vary."""
+        rows = []
+        for part in searched(self.cases, self.task.span):
+            own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
+            if None not in own:
+                rows.append(_all_of(own))
+        return [row for row in rows if row.low < row.high]
+
+    def _bracketed(self, case, about) -> _Row | None:
+        family = self.task.rules.family(case.drawing, self.values | case.fixed, self.task.along)
+        found = bracketed(family, self.task.span, about)
+        if found is None:
+            return None
+        texts = [text_of(family, word) for word in found.words]
+        part = Part(
+            found.fails_below if texts[0] else found.low,
+            found.fails_from if texts[1] else found.high,
+            *({**case.fixed, text: None} if text else None for text in texts),
+        )
+        return _Row(found.low, found.high, part, found.settled, _text(part))
+
+
+def _row(part, low, high) -> _Row:
+    """A part of which this is proved; it is settled if that is near to its ends."""
+    near = [_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), _near(high, part.high)]
+    return _Row(low, high, part, all(near), _text(part))
+
+
+def _near(one, other):
+    return abs(one - other) <= SETTLED * max(abs(other), abs(one))
+
+
+def _text(part):
+    ends = [("below", part.low_by), ("from", part.high_by)]
+    texts = [(end, _numbers(by)) for end, by in ends if by is not None]
+    if len(texts) == 1:
+        return shorten(texts[0][1], TEXT, placeholder=" ...")
+    most = TEXT // 2 - len("; below: ")
+    return "; ".join(f"{end}: {shorten(text, most, placeholder=' ...')}" for end, text in texts)
+
+
+def _numbers(by):
+    return ", ".join(name_of(path) if value is None else f"{name_of(path)} = {value:.6g}" for path, value in by.items())
+
+
+def _all_of(rows) -> _Row | None:
+    """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
+    low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
+    below, above = max(rows, key=lambda row: row.part.low).part, min(rows, key=lambda row: row.part.high).part
+    part = Part(below.low, above.high, below.low_by, above.high_by)
+    near = [
+        by is None or _near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
+    ]
+    return _Row(low.low, high.high, part, all(near) and all(row.settled for row in (low, high)), _text(part))
+
+
+def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
+    """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved to be stable from about 0 on."""
+    values = dict(spec.values)
+    drawing = drawing_for(spec, values, path)
+    rows = ForAllTask(rules, path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
+    found = rows[(rows["intervals"] > 0) & (rows["low"] <= 10 * FROM_ZERO * rows["high"])]
+    return float(found["high"].max(initial=0.0))
+
+
+def in_words(found: Mapping[str, str]) -> str:
+    """What a verdict says, after "for all of [for_all]: "."""
+    words = {"proved": "proved stable", "unknown": "not known: no unstable numbers found, and no proof"}
+    return words.get(found["verdict"], f"not stable with {found['counterexample']}")
+
+
+def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
+    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown") and
+    counterexample, the numbers with which it is unstable. rules: others than those of the spec."""
+    refuse_unsuitable_ranges(spec, "")
+    rules, values = rules or Rules.of(spec), dict(spec.values)
+    loop, known = _Loop(ForAllTask(rules, "", (0.0, 0.0), ()), own_loop(spec)[0], values), True
+    for number, case in enumerate(loop.cases):
+        if rules.vary:
+            said, pattern = _decided(spec, rules, number, case)
+            if said == "refuted":
+                return {"verdict": said, "counterexample": _numbers({**case.fixed, pattern: None})}
+            known &= said == "proved"
+            continue
+        numbers = case.unstable()
+        found = case.cover() if numbers is None and case.ranges else None
+        if found is not None and len(found.unstable):
+            numbers = case.named(found.unstable[0])
+        if numbers is not None:
+            return {"verdict": "refuted", "counterexample": _numbers(numbers)}
+        known &= found is None or not len(found.open)
+    return {"verdict": "proved" if known else "unknown", "counterexample": ""}
+
+
+def _decided(spec, rules, number, case):
+    """Whether a case whose frames vary is stable, and the pattern with which it is not.
+
+    What is not decided soon is asked of the intervals along the wall, or the spec's own number, as the tables have them: the
+    patterns that set their ends are found nearer to them.
+    """
+    values = dict(spec.values)
+    family = rules.family(case.drawing, values | case.fixed, "")
+    said, pattern = decided(family, SOON)
+    path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
+    if said != UNKNOWN or not path:
+        return (said, pattern) if said != UNKNOWN else decided(family)
+    value, axis = float(values[path]), next((axis for axis in spec.sweep if axis.path == path), None)
+    low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
+    span = min(value, low), max(value, high)
+    along = _Loop(ForAllTask(rules, path, span, ()), drawing_for(spec, values, path), values).cases[number]
+    try:
+        family_along = rules.family(along.drawing, values | along.fixed, path)
+    except UsageError:  # its frames cannot be cut there
+        return decided(family)
+    for part in searched([along], span):
+        said, pattern = decided_along(family_along, value, bracketed(family_along, span, (part.low, part.high)))
+        if said != UNKNOWN:
+            break
+    return said, pattern
+
+
+def _recorded(rows, certified):
+    records = np.zeros(max(1, len(rows)), FOR_ALL_RECORD)
+    for name in FOR_ALL_RECORD.names:
+        if FOR_ALL_RECORD[name].kind == "f":
+            records[name] = np.nan
+    records["residual"] = 0.0
+    records["intervals"], records["doubt"] = len(rows), NONE if rows and certified else SEARCH
+    records["certified"] = bool(rows and certified)
+    for number, row in enumerate(rows):
+        records[number]["interval"] = number
+        records["low"][number], records["high"][number] = row.low, row.high
+        records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
+        records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan
+        records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega
+        records["settled"][number], records["counterexample"][number] = row.settled, row.text
+    return records

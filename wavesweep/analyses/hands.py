@@ -1,0 +1,249 @@
+"""Intervals guaranteed for hands: for every passive hand, for every hand of a box, for every held force at the port."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
+from wavesweep.analyses.interval_search import Parts, loop_by_loop
+from wavesweep.analyses.intervals import IntervalJob
+from wavesweep.analyses.loops import held_loop
+from wavesweep.analyses.unknown import Case, proofs
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.passive import (
+    HOLDING_A_DEVICE,
+    HandBox,
+    HeldLoop,
+    any_hand_walls,
+    damping_needed,
+    port_margin,
+    port_passive_walls,
+    reads_velocity,
+)
+from wavesweep.passive.held_loop import HAND, is_affine
+from wavesweep.spec import Axis, Spec
+from wavesweep.stability.certificate import NONE, SEARCH
+from wavesweep.sweep.grid import own_loop
+
+_RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
+MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
+METHODS = {
+    "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
+    "box": "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
+    "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else searched",
+    "port": "port margin; each value looked at is proved, what lies between two of the same kind is not",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Guarantee:
+    """The hands for which an interval is guaranteed: "passive", "box" (those of `box`) or "port"; see `METHODS`."""
+
+    kind: str
+    box: HandBox | None = None
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The records have fields about hands."""
+        return HAND_RECORD
+
+    @property
+    def method(self) -> str:
+        """How the intervals are found, in a line."""
+        return METHODS[self.kind]
+
+    @property
+    def word(self) -> str:
+        """The guarantee as a word that `hands_of` reads."""
+        ranges = (f"{field.name}={_text(getattr(self.box, field.name))}" for field in fields(HandBox) if self.box)
+        return ":".join(filter(None, [self.kind, ",".join(ranges)]))
+
+    def task(self, along: str, span: tuple[float, float], parts: tuple) -> "HandTask":
+        """The task for loops with these guarantees; see `HandTask`."""
+        return HandTask(self, along, span, parts)
+
+    def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
+        """Intervals of the key `along` within `span` for one loop, as records of slice 0.
+
+        Certified are those for every passive hand if the force against the device is linear in the
+        number, as along the wall of a direct coupling: then the values that a damping pays for are a convex set, which its
+        ends prove. The others are not: nothing proves that no smaller interval hides, or that no hand ends it a little sooner.
+        """
+        if self.kind == "box":
+            return _for_box(loop, along, span, self.box)
+        if self.kind == "port":
+            return _from_ends(port_passive_walls(loop, span, along), span, lambda at: port_margin(loop.changed({along: at})))
+        found = any_hand_walls(loop, span, along)
+        convex = is_affine(loop, along)
+        return _from_ends(found, span, lambda at: damping_needed(loop.changed({along: at})), certified=convex)
+
+
+def _text(ends: tuple[float, float]) -> str:
+    return "..".join(repr(float(end)).removesuffix(".0") for end in ends)
+
+
+def _from_ends(found, span, measure, certified=False) -> np.ndarray:
+    records = _blank(found.low, found.high)
+    if certified and found.low.size:
+        records["certified"], records["settled"], records["doubt"] = True, True, NONE
+    for end, border in zip(("low", "high"), span, strict=True):
+        real = np.flatnonzero(records[end] != border) if found.low.size else []
+        if len(real):
+            records[f"{end}_omega"][real] = measure(records[end][real]).omega
+    return records
+
+
+def _for_box(loop, along, span, box) -> np.ndarray:
+    loop, ends = loop.with_hand(), box.ranges()
+    ranges = [Axis(path, path, (), low, high, structural=False) for path, (low, high) in ends.items() if low < high]
+    known = {path: low for path, (low, high) in ends.items() if low == high}
+    case = Case(loop.drawing, {**loop.values, **known}, along, span, ranges, known)
+    found = list(proofs([case], span, MARGIN))
+    records = _blank(*(np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high")))
+    records["settled"] = case.vouched if found else case.certified
+    for record, (part, proved) in zip(records, found, strict=False):
+        record["settled"] &= _all_but_margin(part, proved)
+        for end in ("low", "high"):
+            record[f"{end}_omega"] = getattr(part, f"{end}_omega")
+            if by := getattr(part, f"{end}_by"):
+                for name, path in zip(END_HANDS[end], HAND, strict=True):
+                    record[name] = by[path]
+    return records
+
+
+def _all_but_margin(part, proved):
+    low, high = part.within(MARGIN)
+    return proved is not None and proved[0] <= low and high <= proved[1]
+
+
+def _blank(low, high) -> np.ndarray:
+    """Records with these ends, or the one record of a slice without intervals."""
+    records = np.zeros(max(low.size, 1), HAND_RECORD)
+    records["doubt"] = SEARCH
+    for name in HAND_RECORD.names:
+        if HAND_RECORD[name].kind == "f":
+            records[name] = np.nan
+    records["intervals"] = low.size
+    if low.size:
+        records["interval"], records["low"], records["high"] = np.arange(low.size), low, high
+    return records
+
+
+@dataclass(frozen=True, slots=True)
+class Hands:
+    """Guarantees whose intervals are added to those of the spec's own loop; at most one of each kind."""
+
+    guarantees: tuple[Guarantee, ...]
+
+    @property
+    def box(self) -> HandBox | None:
+        """The hands of the box, if there is one."""
+        return next((each.box for each in self.guarantees if each.box), None)
+
+    @property
+    def replaced(self) -> list[str]:
+        """The guarantees for which other hands are in the place of the spec's operator."""
+        return [each.kind for each in self.guarantees if each.kind != "port"]
+
+    def facts(self) -> dict[str, list[str]]:
+        """The guarantees as a fact of a run: words, which `hands_of` reads."""
+        return {"for_hands": [each.word for each in self.guarantees]}
+
+    def refuse(self, job: IntervalJob) -> None:
+        """Raise UsageError if the spec's own job leaves no answer for these hands."""
+        swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in HAND]
+        if self.replaced and swept:
+            raise UsageError(
+                f"hand {self.replaced[0]}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well; "
+                f"--set sweep.{swept[0]}= leaves it out"
+            )
+        spec = job.grid.spec
+        spec.refuse_require("hands")
+        if missing := spec.without_hand() if spec.drawing else None:
+            raise SpecError(missing)
+        loop = held_loop(*own_loop(spec, job.axis.path))
+        if self.replaced and loop.device is None:
+            raise UsageError(
+                f"hand {self.replaced[0]}: expected a hand whose force acts on one block mass and on nothing else, and whose "
+                "displacement is the position of that block, found another one"
+            )
+        if "passive" in self.replaced and reads_velocity(loop):
+            raise UsageError(
+                'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
+                "anything at no cost in energy, so no damping answers for what its feedback does"
+                if spec.drawing is None
+                else f"hand passive: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
+                "the velocity can be anything at no cost in energy; take a block difference of the position"
+            )
+
+    def without_operator(self, spec: Spec) -> Spec | None:
+        """The spec for the free device; None if it has no operator anyway."""
+        operated = spec.drawing is None and any(spec.values[path] for path in HAND)
+        return spec.with_values(dict.fromkeys(HAND, 0.0)) if operated else None
+
+    def notices(self, job: IntervalJob) -> Iterator[str]:
+        """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
+        spec = job.grid.spec
+        if "passive" not in self.replaced or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
+            return
+        swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.axis))
+        if not swept and spec.values["controller.Kp"] == 0:
+            yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
+
+
+def hands_of(words: str | Iterable[str]) -> Hands | None:
+    """Hands from the words of `--for-hands`; None without any.
+
+    words: "passive", "port", "box", and a box with ranges in place of those of the literature, such as
+    "box:mass=0.1..0.4,damping=2..5". Raises UsageError for another word, one that is there twice, or a range that is empty.
+    """
+    words, found = (words,) if isinstance(words, str) else words, {}
+    for word in words if isinstance(words, Iterable) else (words,):
+        kind, colon, ranges = word.partition(":") if isinstance(word, str) else ("", "", "")
+        if kind not in METHODS or (colon and kind != "box"):
+            raise UsageError(f"hands: expected {', '.join(METHODS)} or box:RANGES, found {word!r:.60}")
+        if kind in found:
+            raise UsageError(f"hands: expected {kind} once, found it twice")
+        box = HOLDING_A_DEVICE if kind == "box" else None
+        try:
+            found[kind] = Guarantee(kind, replace(box, **_ranges(ranges)) if colon else box)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+    return Hands(tuple(found[kind] for kind in METHODS if kind in found)) if found else None
+
+
+def _ranges(text: str) -> dict[str, tuple[float, float]]:
+    """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
+    found: dict[str, tuple[float, float]] = {}
+    for part in text.split(","):
+        name, low, high = matched.groups() if (matched := _RANGE.fullmatch(part)) else ("", "", "")
+        if name in found:
+            raise UsageError(f"hand box: expected one range of {name}, found two")
+        try:
+            found[name] = (float(low), float(high))
+        except ValueError:
+            expected = "ranges such as mass=0.1..0.5 (mass, damping, stiffness)"
+            raise UsageError(f"hand box: expected {expected}, found {part.strip()!r:.60}") from None
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandTask:
+    """Guaranteed intervals along the number `along` within span = (low, high), a loop at a time.
+
+    Each takes from tenths of a second to some seconds. parts: (members, drawing, values), see `drawn_groups`.
+    """
+
+    guarantee: Guarantee
+    along: str
+    span: tuple[float, float]
+    parts: Parts
+
+    def records(self) -> np.ndarray:
+        """The intervals as records, sorted by slice."""
+        return loop_by_loop(self.parts, self.along, self._of_loop)
+
+    def _of_loop(self, drawing, values):
+        return self.guarantee.records(held_loop(drawing, values), self.along, self.span)

@@ -1,0 +1,109 @@
+"""The closed-loop poles of a spec's own loop, with frequency, damping and the states that take part."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.analyses.intervals import job_over
+from wavesweep.analyses.lines import lines_in_loops
+from wavesweep.analyses.loops import drift_of, frames, named_loops, refuse_singular
+from wavesweep.columns import Columns
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.monodromy.drift import closed_frame
+from wavesweep.spec import Axis, Spec
+from wavesweep.stability.modes import Modes, modes_of
+from wavesweep.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.sweep.grid import drawing_for, groups, make_grid, own_loop, read_by
+from wavesweep.sweep.running import in_memory
+
+ON_CIRCLE = 1e-6  # distance of a pole from the unit circle at an end, which is known to rounding
+MOST = 3  # states that are named of a mode
+LEAST = 0.05  # share of a mode, below which a state is not named
+
+
+def poles(spec: Spec) -> Columns:
+    """The columns of all poles per frame, the slowest first; what drifts is left out.
+
+    frequency_hz: as it is seen once a frame; shown_hz: the strongest line that a spectrum of the states shows; second_hz: the
+    next one, if it has more than a third of the energy.
+
+    Errors: SpecError for a loop without a solution.
+    """
+    (delta, shares), names, period = own_modes(spec)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.log1p(delta) / period
+        columns = {
+            "z_re": 1 + delta.real,
+            "z_im": delta.imag,
+            "radius": np.abs(1 + delta),
+            "s_re": s.real,
+            "s_im": s.imag,
+            "frequency_hz": np.abs(s.imag) / (2 * np.pi),
+            "damping_ratio": damping_ratio(delta),
+            "time_constant_s": -1 / s.real,
+        }
+        hz = lines_in_loops(*own_loop(spec), np.log1p(delta)[:, None])
+    columns |= {"states": np.array([", ".join(leading(names, each)) for each in shares], object)}
+    return columns | {"shown_hz": hz[:, 0], "second_hz": hz[:, 1]}
+
+
+UNITS = {"z_re": "1", "z_im": "1", "radius": "1", "s_re": "1/s", "s_im": "rad/s", "frequency_hz": "Hz", "damping_ratio": "1"}
+UNITS |= {"time_constant_s": "s", "states": "", "shown_hz": "Hz", "second_hz": "Hz"}
+
+
+def poles_over(spec: Spec, axis: Axis) -> tuple[np.ndarray, np.ndarray]:
+    """The poles per frame of the loops over the values of an axis: the value and z of each pole, `(poles,)` both.
+
+    What drifts is left out, and so are loops whose frame is not known.
+    """
+    grid = make_grid(spec, (axis,))
+    loops, found = np.arange(grid.loops), []
+    for members, values in groups(spec, grid.loop_values(loops), grid.loops, rates=True):
+        drawing = drawing_for(spec, values)
+        some = read_by(drawing, values)
+        drift = drift_of(drawing, some)
+        delta, known = eigenvalues(frames(drawing, some, drift))
+        delta = np.broadcast_to(delta, (members.size, delta.shape[-1]))
+        known = np.broadcast_to(known, members.shape)
+        at = grid.axis_columns(members)[axis.name]
+        found.append((np.repeat(at[known], delta.shape[-1]), 1 + delta[known].ravel()))
+    numbers, z = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(numbers, kind="stable")
+    return numbers[order], z[order]
+
+
+def ends_on_circle(spec: Spec, axis: Axis) -> list[tuple[float, np.ndarray, float, bool]]:
+    """Ends of stable intervals between the least and the largest value of an axis: the value, the poles there that are on the
+    unit circle, the strongest line of their oscillation (Hz), and whether the end is certified.
+
+    None of a number that decides how the loop is built, or without a range.
+    """
+    if axis.structural or not axis.start < axis.stop:
+        return []
+    span = replace(axis, values=())
+    rows, found = in_memory(job_over(make_grid(spec, (), axis.path), span)), []
+    for end in ("low", "high"):
+        columns = (rows[name] for name in (end, f"{end}_omega", f"{end}_hz", "certified"))
+        for value, omega, hz, certified in zip(*columns, strict=True):
+            if np.isfinite(value) and np.isfinite(omega):  # one that stability sets
+                z = poles_over(spec, replace(axis, values=(float(value),)))[1]
+                found.append((float(value), z[np.abs(np.abs(z) - 1) <= ON_CIRCLE], float(hz), bool(certified)))
+    return sorted((each for each in found if each[1].size), key=lambda each: each[0])  # what drifts there is left out
+
+
+def own_modes(spec: Spec) -> tuple[Modes, list[str], float]:
+    """The modes of the spec's own loop, the names of its states, and the period of its frame (s)."""
+    drawing, values = own_loop(spec)
+    refuse_singular(spec, drawing)
+    drawn, drift = assembled(drawing, values), drift_of(drawing, values)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        E, kept = closed_frame(drawn, drift), len(drift.kept)
+    labels = drawn.labels()
+    names = [labels[drift.states[index]] for index in drift.kept]
+    return modes_of(E[:kept, :kept]), names, float(drawn.period * drawn.ticks)
+
+
+def leading(names: list[str], shares: np.ndarray) -> list[str]:
+    """The names of the states that take part most in a mode, those with the largest share first."""
+    order = np.argsort(-shares, kind="stable")[:MOST]
+    return [names[index] for index in order if shares[index] >= LEAST]

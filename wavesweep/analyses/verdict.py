@@ -1,0 +1,320 @@
+"""The verdict on a spec's own design: stability, the room that each number has, and the feel."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache, partial
+from time import monotonic
+
+import numpy as np
+
+from wavesweep.analyses import for_all
+from wavesweep.analyses.assumptions import assumes
+from wavesweep.analyses.feel import felt_over_band
+from wavesweep.analyses.hardware import hardware_of
+from wavesweep.analyses.interval_search import DrawnTask
+from wavesweep.analyses.intervals import cost_of, job_over
+from wavesweep.analyses.lines import lines_in_loops
+from wavesweep.analyses.loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
+from wavesweep.analyses.measured import distances, read_points
+from wavesweep.analyses.poles import leading
+from wavesweep.errors import SpecError, WavesweepError
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.response.steady import respond, static_response
+from wavesweep.spec import KEYS, Axis, Spec
+from wavesweep.spec.keys import VALUE_PATHS
+from wavesweep.spec.resolving import longest_delay
+from wavesweep.stability.certificate import words
+from wavesweep.stability.modes import modes_of
+from wavesweep.stability.spectrum import damping_ratio, radius_of
+from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
+from wavesweep.sweep.running import in_memory
+
+FAR = 10.0  # factor up to which a number is followed
+USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
+HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
+SECONDS = 3.0  # of work on the range of one number, after which it ends where it is
+LONG = 1.0  # s of a range in one piece by `expected_cost`, of which long frames take three times as much
+LATE = "it takes longer than check does"
+DELAYS = 200  # ticks of delay that are tried
+CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
+LARGEST_CHANNEL = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
+SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
+FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
+SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
+LARGEST = np.finfo(float).max
+NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
+ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
+
+
+@np.errstate(all="ignore")  # numbers that overflow are told from what they leave
+def verdict(spec: Spec) -> dict:
+    """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
+
+    The numbers of `own_design`, and those of `beside`.
+    """
+    own = own_design(spec)
+    return own | beside(spec, own)
+
+
+@np.errstate(all="ignore")
+def beside(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
+    """What the verdict says beside the numbers of `own_design`; report: is called with the ranges that are done, and all.
+
+    limits: per number of the loop the stable interval that its value lies in (see `limits`); delay: the number of ticks it may
+    grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with [for_all], whether it is stable for all
+    of it, see `wavesweep.analyses.for_all.verdict`. hardware: see `hardware_of`. measured: of a spec with [measured], how far
+    the design is from the points, see `wavesweep.analyses.measured.distances`.
+    """
+    points, found = read_points(spec), {"for_all": for_all.verdict(spec)} if spec.for_all else {}
+    found |= {"limits": limits(spec, report), "delay": _delays(spec)}
+    found["hardware"] = _hardware(spec, own)
+    return found | ({"measured": distances(spec, points, own["stable"])} if spec.measured else {})
+
+
+def own_design(spec: Spec, loop=None) -> dict:
+    """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
+
+    stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
+    period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
+    feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
+    `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
+    of the states shows of it (see `lines_of`), the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more
+    than a third of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping
+    ratio, if it is another one;
+    channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more than LARGEST_CHANNEL entries.
+    A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
+    loop: the one prepared for responses, if it is known already.
+    """
+    E, hidden, period = _frame_of(spec)
+    radius = float(radius_of(E, hidden))
+    found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
+    channel = None if spec.drawing else _channel_norm(spec.values)
+    loop, modes = loop or _prepared(spec), _modes(spec, E) if found["stable"] else []
+    slowest = modes[0] if modes else None
+    damped = min(modes, key=lambda mode: np.nan_to_num(damping_ratio(mode[0]), nan=1.0), default=None)
+    another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
+    named = {"slowest": slowest, "least_damped": damped if another else None}
+    described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
+    return found | {"felt": _felt(spec, loop), **described, "channel_norm": channel}
+
+
+def _modes(spec, E):
+    """Eigenvalues less 1 of the frame, the slowest first, and the states that take part most; without a state one at z = 0."""
+    drawing, values = own_loop(spec)
+    drift, labels = drift_of(drawing, values), assembled(drawing, values).labels()
+    names = [labels[drift.states[index]] for index in drift.kept]
+    delta, shares = modes_of(E[: len(names), : len(names)])
+    return [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)] or [(-1 + 0j, [])]
+
+
+def _prepared(spec):
+    """The loop prepared for responses at the hand; None if a drawn loop names no hand."""
+    return None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
+
+
+def _frame_of(spec):
+    """The frame of the loop less identity, without drift, whether its radius is hidden, and its period in s."""
+    drawing, values = own_loop(spec)
+    refuse_singular(spec, drawing)
+    drawn = assembled(drawing, values)
+    found = telling_frames(drawing, values)
+    return *found, float(drawn.period * drawn.ticks)
+
+
+def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
+    """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
+
+    low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
+    value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
+    whether they are. stopped: whether the range would go on, but takes more than about SECONDS; it is then the part next to the
+    value, or LATE is the doubt. report: is called with the numbers that are done, and all.
+    """
+    read = keys_of(spec)
+    names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
+    found = []
+    for done, (name, path) in enumerate(names.items(), start=1):
+        found.append(_limit(spec, name, path))
+        if report:
+            report(done, len(names))
+    return found
+
+
+def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
+    """The range about the value of a number in which its stable intervals are looked for."""
+    value, wall = spec.values[path], spec.wall
+    usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
+    start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
+    low, high = sorted((start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))))
+    return low, high
+
+
+def _limit(spec, name, path, span=None):
+    value, span = spec.values[path], span or searched(spec, name, path)
+    found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
+    found |= {"stopped": False}
+    try:
+        job = _job(spec, name, path, span)
+        rows, (start, stop) = _rows(job, value, span)
+    except WavesweepError as error:
+        if value == 0 and span[0] < 0:  # a number that may not be negative
+            return _limit(spec, name, path, (0.0, span[1]))
+        for takes, times in ((partial(_takes, spec, path), HALVINGS), (partial(_has_loops, spec, name, path), FEW)):
+            less = tuple(_reached(takes, value, end, times) for end in span)
+            if less != span and less[0] < less[1]:
+                return _limit(spec, name, path, less)
+        return found | {"stable": None, "doubt": str(error), "certified": False}
+    found |= {"from": start, "to": stop, "stopped": (start, stop) != span}
+    if rows is None:
+        return found | {"stable": None, "doubt": LATE, "certified": False}
+    at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
+    inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
+    pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
+    found["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
+    found |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
+    if not inside.any():
+        return found
+    row = int(np.flatnonzero(inside)[0])
+    for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
+        if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
+            found[end] = float(rows[end][row])
+    return found
+
+
+def _job(spec, name, path, span):
+    """The job of the intervals along a number alone."""
+    return job_over(make_grid(spec, (), path), Axis(name, path, (), *span, False, "linear"))
+
+
+def _rows(job, value, span):
+    """The intervals, and the part of the range that was searched; None and the value itself if they take too long."""
+    task, until = job.task(job.chunks[0]), monotonic() + SECONDS
+    if isinstance(task, DrawnTask) and task.in_pieces:
+        records, span = task.about(value, lambda: monotonic() > until)
+        return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
+    cost, exact = cost_of(job.grid.spec, job.axis)
+    if cost > (SECONDS if exact else LONG):
+        return None, (value, value)
+    return in_memory(job), span
+
+
+def _reached(takes, value, end, times):
+    """The value nearest to an end of a range that is taken, by halving from its own on."""
+    inside, beyond = float(value), float(end)
+    if takes(beyond):
+        return beyond
+    for _ in range(times):
+        middle = (inside + beyond) / 2
+        inside, beyond = (middle, beyond) if takes(middle) else (inside, middle)
+    return inside
+
+
+def _has_loops(spec, name, path, value):
+    """Whether there are loops from the spec's own value to this one of a number."""
+    with suppress(WavesweepError):
+        _job(spec, name, path, tuple(sorted((float(spec.values[path]), value))))
+        return True
+    return False
+
+
+def _takes(spec, path, value):
+    with suppress(SpecError):
+        spec.with_values({path: value})
+        return True
+    return False
+
+
+def _delays(spec):
+    """The largest delay of the slow environment up to which every delay is stable, in ticks; none if the loop has none."""
+    path = "environment.delay"
+    if path not in keys_of(spec):
+        return None
+    now, ratio = spec.values[path], spec.values["rates.ratio"]
+    most = None
+    frame = longest_delay(ratio)
+    for delay in range(now, min(frame, now + DELAYS) + 1):
+        values = {**spec.values, path: delay}
+        drawing = drawing_for(spec, values)
+        if not radii_of(drawing, read_by(drawing, values), 1)[0] < 1:
+            break
+        most = delay
+    return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
+
+
+def _hardware(spec, found):
+    """`hardware_of` the spec, with the depth to which its wall can be pressed."""
+    hardware, stiffness = hardware_of(spec, stable=found["stable"]), (found["felt"] or {}).get("stiffness")
+    if "max_force" in hardware and found["stable"]:
+        hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
+    return hardware
+
+
+def _felt(spec, loop):
+    """Stiffness and damping at the hand, None without one."""
+    if loop is None:
+        return None
+    admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
+    if admittance == 0:
+        return {"stiffness": None, "damping": None, "rigid": True}
+    damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
+    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 else None
+    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False, "over_band": band}
+
+
+def _damping(response, low):
+    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
+
+    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
+    more: a pair is as good as it agrees with one next to it, and its own rounding allows. Pairs above a slow mode may agree
+    better than those below it, so the best is looked for among those that agree with the lowest good one, and nothing is known
+    if one further down differs by more than its rounding. response: of frequencies.
+    """
+    frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
+    found = response(frequency.ravel())
+    impedance, error = (part.reshape(frequency.shape) for part in (found.impedance, found.impedance_error))
+    with np.errstate(all="ignore"):
+        values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
+        damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
+        apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
+        off = np.fmin(apart[:-1], apart[1:]) + rounding
+        off = np.where(np.isnan(off), np.inf, off)
+        good = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
+        if good.size:
+            alike = np.abs(damping - damping[good[-1]]) <= ROUGHLY * np.abs(damping[good[-1]])
+            off = np.where(alike, off, np.inf)
+        best = np.argmin(off)
+        below = np.abs(damping[best + 1 :] - damping[best]) > rounding[best + 1 :] + off[best]
+        if below.any():
+            return np.nan
+        if off[best] <= ROUGHLY * np.abs(damping[best]):
+            return damping[best]
+        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
+        return 0.0 if nothing else np.nan
+
+
+def _mode(spec, mode, states, period):
+    """Of a mode: s per factor e, damping ratio, rad/s of its strongest line, Hz of a second one, and the states."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
+        s = np.log1p(mode)
+        hz, second = lines_in_loops(*own_loop(spec), np.array([[s]]))[0].tolist()
+        s = complex(s.real / period, 2 * np.pi * hz)
+        ratio = float(damping_ratio(mode))  # from frame to frame, as requirements and wishes mean it
+        found = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}
+    return {name: _number(value) for name, value in found.items()} | {"states": states}
+
+
+def _channel_norm(values):
+    return _norm_of(tuple((path, value) for path, value in values.items() if path.startswith(CHANNEL)))
+
+
+@lru_cache(maxsize=64)  # a design that is varied by something else keeps its channel
+def _norm_of(kept):
+    from wavesweep.loops.controllers import loop_drawing
+    from wavesweep.passive.channel import channel_of, norm_of
+
+    values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
+    channel = channel_of(loop_drawing(values), values)
+    return None if channel is None or channel.entries > LARGEST_CHANNEL else _number(norm_of(channel).norm)
+
+
+def _number(value):
+    return float(value) if np.isfinite(value) else None
