@@ -231,7 +231,10 @@ CONSERVES = (
 @pytest.mark.parametrize(
     ("require", "expected"),
     [
-        ({"damping": 0.3}, f"sweep.require.damping: expected one of {NAMES}, found an unknown key"),
+        (
+            {"damping": 0.3},
+            f"sweep.require.damping: expected one of {NAMES}, found an unknown key; did you mean `damping_ratio`?",
+        ),
         ({}, f"sweep.require: expected a table with some of {NAMES}, found an empty table"),
         ({"bounded": 1}, "sweep.require.bounded: expected true or false, found 1"),
         ({"bounded": True, "radius": 0.9}, "sweep.require.bounded: expected true alone, found others beside it"),
