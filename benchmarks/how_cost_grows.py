@@ -106,10 +106,10 @@ def ours(tables):
 
 def rival(tables):
     """The same by D-decomposition, from the same compiled loops."""
-    drawing, values = own_loop(wavesweep.compile(plain(tables)).spec)
+    loop = own_loop(wavesweep.compile(plain(tables)).spec)
 
     def solve():
-        cut = with_batch(exact_cut(drawing, values | {path_of("m"): MASS}, "K"), LOOPS)
+        cut = with_batch(exact_cut(loop.changed({path_of("m"): MASS}), "K"), LOOPS)
         part = Bundle(np.arange(LOOPS), cut, np.arange(LOOPS), np.zeros(LOOPS))
         return _labelled(part, 1000.0, *_crossings(part, ANGLES))
 

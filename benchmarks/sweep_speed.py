@@ -85,7 +85,7 @@ def ratio(job):
     # A zero among other values would need a drawing of its own; for the time it makes no difference.
     values = dict(grid.spec.values) | {path: np.maximum(v, 1e-9) for path, v in grid.loop_values(column).items()}
     wall_values = np.broadcast_to(values["environment.B_VE"], column.shape)
-    K = np.linspace(job.axis.start, job.axis.stop, GRID)
+    K = np.linspace(*job.asked.span, GRID)
     started = time.thread_time()
     for start in range(0, count, 50):  # in the cache, as a careful user would
         part = {path: v[start : start + 50] if np.ndim(v) else v for path, v in values.items()}
@@ -96,7 +96,7 @@ def ratio(job):
     number = len(job.chunks) // 2
     task = job.task(job.chunks[number])
     started = time.thread_time()
-    task.records()
+    task()
     exact = (time.thread_time() - started) / job.chunks[number].slices * job.slices
     print(f"The whole sweep in one process: a grid of {GRID} eigenvalue problems a slice {dense:.0f} s (a random thousandth,")
     print(f"scaled), all intervals exactly {exact:.0f} s (one chunk, scaled): {dense / exact:.1f} times as fast, to 1e-12 in")

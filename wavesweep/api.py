@@ -16,7 +16,7 @@ from wavesweep.analyses.loops import drift_of, refuse_singular
 from wavesweep.columns import Columns, joined
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.loops.from_drawing import OUTPUT, assembled, first_of
+from wavesweep.loops.from_drawing import OUTPUT, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.spec import Axis, Require, Spec, load
@@ -55,7 +55,7 @@ def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
 
 
 def _compiled(spec: Spec) -> Loop:
-    refuse_singular(spec, own_loop(spec)[0])
+    refuse_singular(spec, own_loop(spec).drawing)
     return Loop(spec, keys_of(spec))
 
 
@@ -77,9 +77,9 @@ class Loop:
         """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
         symbols = {name: path for name, path in self.spec.names.symbols.items() if path in self.read}
         numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
-        drawing, values = own_loop(self.spec)
-        drawn, drift = assembled(drawing, values), drift_of(drawing, values)
-        what = f"{len(drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        loop = own_loop(self.spec)
+        drawn, drift = loop.drawn(), drift_of(loop)
+        what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
         return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
@@ -164,7 +164,7 @@ class Loop:
         axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
         the loop is stable. It is infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
         """
-        from wavesweep.analyses.interval_records import radius_over
+        from wavesweep.analyses.loops import radius_over
 
         spec = naming(self.spec, axes)
         asked = axes_asked(spec, axes)
@@ -330,7 +330,7 @@ class Loop:
             if not (drawing and drawing.inputs and drawing.outputs):
                 expected = "inputs and outputs of a drawn loop, or a hand"
                 raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
-            drawn, names = assembled(*own_loop(self.spec)), [name for name, _, _ in drawing.inputs]
+            drawn, names = own_loop(self.spec).drawn(), [name for name, _, _ in drawing.inputs]
             shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
             parts = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
             period = float(np.asarray(drawn.period)) * drawn.ticks

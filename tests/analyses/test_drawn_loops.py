@@ -11,7 +11,7 @@ from support.drawn import ARM, NETWORK, PD, WALL, as_blocks, random_tables
 from support.specs import KINDS, nested
 
 import wavesweep
-from wavesweep.analyses.intervals import job_of, job_over
+from wavesweep.analyses.intervals import Way, job_of, job_over
 from wavesweep.analyses.open_loops import exact_cut
 from wavesweep.analyses.planning import plan
 from wavesweep.columns import joined
@@ -23,7 +23,7 @@ from wavesweep.monodromy.cut import with_batch
 from wavesweep.spec import load, sweep_axes
 from wavesweep.stability import regions, stable_intervals
 from wavesweep.stability.certificate import NONE
-from wavesweep.sweep.grid import make_grid
+from wavesweep.sweep.grid import make_grid, own_loop
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import blocks as rows_of
 from wavesweep.sweep.running import checkpoint_of, compute, in_memory
@@ -159,7 +159,7 @@ def test_a_number_that_is_one_scalar_gain_and_others_agree():
     gain = gain.replace("kd*m.v", "1.5*m.v + g.y")
     twice = PD.replace("[wire]", '[block.h]\ntype = "gain"\n[wire]\n"h.u" = "kd*m.v"')
     jobs = [job_of(load(tomllib.loads(text + axis))) for text in (PD, gain, twice)]
-    assert [job.exact for job in jobs] == [True, True, False]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT, Way.PANELS]
     tables = [in_memory(job) for job in jobs]
     for table in tables[1:]:
         np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
@@ -170,7 +170,7 @@ def test_a_gain_that_runs_once_a_frame_is_cut_out():
     held = NETWORK.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
     held = held.replace('"sensor.u" = "x.y"\n', "").replace("[wire]", '[block.g]\ntype = "gain"\nk = "K"\nevery = 20\n[wire]')
     jobs = [job_of(load(tomllib.loads(text))) for text in (NETWORK, held)]
-    assert [job.exact for job in jobs] == [True, True]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT]
     np.testing.assert_allclose(*(in_memory(job)["high"] for job in jobs), rtol=1e-12)
 
 
@@ -398,7 +398,7 @@ def test_every_axis_of_a_grid_is_read():
     spec = load(tomllib.loads(ARM))
     axis, others = sweep_axes(spec)
     grid = make_grid(spec, others, axis.path)
-    assert (grid.loops, grid.ignored, job_over(grid, axis).exact) == (3, (), False)
+    assert (grid.loops, grid.ignored, job_over(grid, axis).asked.way) == (3, (), Way.PANELS)
 
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3)}
@@ -425,7 +425,7 @@ def test_random_drawings_have_the_intervals_of_a_scan(seed):
 def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
     axes = [NETWORK, NETWORK + "d = [1.5, 2.0]\n"]
     jobs = [job_of(load(tomllib.loads(text))) for text in axes]
-    assert [job.exact for job in jobs] == [True, False]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.PANELS]
     highs = [in_memory(job)["high"] for job in jobs]
     assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)
 
@@ -530,7 +530,7 @@ def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known
     """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
     monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))
     spec = load(tomllib.loads(PD), ["kp=0"])
-    cut = exact_cut(spec.drawing, dict(spec.values), "kd")
+    cut = exact_cut(own_loop(spec), "kd")
     found = stable_intervals(with_batch(cut, 1), "K_VE", (0, 2000), np.zeros((1, 1)))
     assert found.doubt.tolist() == [NONE]
     np.testing.assert_allclose([found.low, found.high], [[0], [400]], rtol=1e-9)
@@ -546,7 +546,7 @@ def test_numbers_that_are_one_are_not_taken_for_numbers_that_are_not_zero(value)
         "wire": {"i.u": "-a*i.y + c*j.y - g*d.y", "j.u": "h*i.y*a - h*c*j.y", "d.u": "i.y + j.y"},
     }
     loop = wavesweep.compile(tables)
-    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), "g") is not None
+    assert exact_cut(own_loop(loop.spec), "g") is not None
 
 
 @pytest.mark.parametrize(

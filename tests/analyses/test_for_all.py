@@ -15,7 +15,7 @@ from wavesweep.analyses.for_all import _text
 from wavesweep.analyses.loops import radii_of
 from wavesweep.analyses.unknown import Part
 from wavesweep.spec import load
-from wavesweep.sweep.grid import distinct, drawing_for, read_by, selected
+from wavesweep.sweep.grid import distinct, loops_of
 from wavesweep.tables import kind_named
 from wavesweep.tables.intervals import intervals
 
@@ -116,10 +116,9 @@ def test_no_numbers_of_the_box_break_what_is_proved(seed):
         for name, span in ranges.items():
             inside, side = rng.uniform(span["start"], span["stop"], points), rng.random(points)
             arrays[name] = np.where(side < 0.3, span["start"], np.where(side > 0.7, span["stop"], inside))
-        drawing = drawing_for(loaded, dict(loaded.values), "environment.K_VE")
-        values = read_by(drawing, loaded.values) | {name: each for name, each in arrays.items() if name in drawing.reads}
-        for part in distinct([each == 0 for each in values.values() if np.ndim(each)], points):
-            assert (radii_of(drawing, selected(values, part), part.size) < 1).all()
+        loops = loops_of(loaded, {**loaded.values, **arrays}, "environment.K_VE").read
+        for part in distinct([each == 0 for each in loops.values.values() if np.ndim(each)], points):
+            assert (radii_of(loops.some(part), part.size) < 1).all()
 
 
 VARIED = [  # lengths, other tables, by what it has to be proved, from what refuted at the latest

@@ -8,7 +8,7 @@ import wavesweep
 from wavesweep.analyses.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
 from wavesweep.analyses.verdict import own_design
 from wavesweep.errors import WavesweepError
-from wavesweep.loops.from_drawing import REACTION, assembled
+from wavesweep.loops.from_drawing import REACTION
 from wavesweep.passive.held_loop import device_of
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.march import run_drawn, simulate
@@ -20,8 +20,8 @@ STEP = 5e-5  # m, of the encoder
 
 def forces_of_errors(spec, ticks):
     """The force in each tick (row) after a reading that is wrong by 1 m in one tick (column), by marching."""
-    drawing, values = own_loop(spec)
-    drawn = readings(assembled(drawing, values), device_of(drawing))
+    loop = own_loop(spec)
+    drawn = readings(loop.drawn(), device_of(loop.drawing))
     found = np.zeros((ticks, ticks))
     for phase in range(drawn.ticks):
         inputs = {name: np.zeros(ticks) for name in drawn.inputs} | {ROUNDING: np.arange(ticks) == phase}
@@ -73,7 +73,7 @@ def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
     spec = wavesweep.load(nested(values_of(kind, velocity="difference", ratio=5, **changes)))
     ticks = 3600
     forces = forces_of_errors(spec, ticks)
-    found = peak_of_encoder(*own_loop(spec))
+    found = peak_of_encoder(own_loop(spec))
     last = forces[-5:]  # a row for each phase of the frame; what is older than the run has settled
     assert found.excess <= 1e-6 * found.gain
     assert np.abs(last).sum(1).max() == pytest.approx(found.gain, rel=1e-6)
@@ -86,7 +86,7 @@ def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
     rng = np.random.default_rng(seed)
     for _ in range(10):
         spec = random_spec(rng)
-        peak = peak_of_encoder(*own_loop(spec))
+        peak = peak_of_encoder(own_loop(spec))
         if peak is None:  # nothing is said
             continue
         for force in (
@@ -123,20 +123,20 @@ def test_the_worst_hand_comes_near_the_bound(kind):
     row = forces_of_errors(spec, ticks)[-1]
     force = worst_forces(spec, np.sign(row))
     with_encoder, without = (simulate(spec.values, force, Effects(resolution=step)).signals["f_m"] for step in (STEP, 0.0))
-    bound = peak_of_encoder(*own_loop(spec)).gain * STEP / 2
+    bound = peak_of_encoder(own_loop(spec)).gain * STEP / 2
     assert bound / 3 < np.abs(with_encoder - without).max() <= bound
 
 
 def test_an_exact_velocity_and_no_kp_do_not_see_the_encoder():
     spec = wavesweep.load(nested(values_of("pmw", velocity="exact")))
-    assert peak_of_encoder(*own_loop(spec)).gain == 0
+    assert peak_of_encoder(own_loop(spec)).gain == 0
 
 
 def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
     """With a spring in the hand, sampled waves leave an offset between hand and avatar that no wave takes away."""
     tables = nested(values_of("pmw", velocity="difference", damping=5.0)) | {"operator": {"stiffness": 300.0}}
     spec = wavesweep.load(tables)
-    assert peak_of_encoder(*own_loop(spec)) is None
+    assert peak_of_encoder(own_loop(spec)) is None
     after = forces_of_errors(spec, 4000)[:, 0]
     assert np.abs(after[-20:]).max() > 1e-4 * np.abs(after).max()
 

@@ -10,6 +10,7 @@ from wavesweep.analyses import open_loops
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.spec import load
+from wavesweep.sweep.grid import own_loop
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 
@@ -61,9 +62,9 @@ def test_a_number_with_which_a_loop_of_direct_terms_has_no_solution_is_named():
 def test_loops_with_other_numbers_of_slices_go_together(opened):
     """A chunk may end within the slices of a loop."""
     spec, b, B = wave_line(), np.array([11.0, 11.0, 13.0, 12.0]), np.array([1.0, 2.0, 1.0, 3.0])
-    own = dict(spec.values)
+    loop = own_loop(spec)
     found = [
-        open_loops.Opened.of(spec.drawing, own | {"numbers.b": b[some], "numbers.B": B[some]}, "K", len(some), felt=False)
+        open_loops.Opened.of(loop.changed({"numbers.b": b[some], "numbers.B": B[some]}), "K", len(some), felt=False)
         for some in ([0, 1, 2, 3], [0], [1], [2], [3])
     ]
     whole, *each = (part.intervals(with_batch(part.loops.cut, part.which.max() + 1), (0.0, 20000.0)) for part in found)

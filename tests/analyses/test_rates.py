@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses import loops as drawn_loops
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops.domain import domain
 from wavesweep.spec import load
-from wavesweep.sweep.grid import own_loop
+from wavesweep.sweep.grid import Loops, own_loop
 
 IN_DOUBT = pytest.mark.xfail(strict=True, reason="bounds on rounding leave this range in doubt")
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
@@ -18,13 +17,14 @@ I, STEPS = 0.025101925, np.linspace(0.002, 0.008, 25)
 
 
 def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(monkeypatch):
-    joint, sizes, frame = wavesweep.compile(RECIPES / "physics-joint.toml"), [], drawn_loops.assembled
-    monkeypatch.setattr(
-        "wavesweep.analyses.open_loops.assembled",
-        lambda drawing, values, *given: (
-            sizes.append(max(np.size(value) for value in values.values())) or frame(drawing, values, *given)
-        ),
-    )
+    joint, sizes, drawn = wavesweep.compile(RECIPES / "physics-joint.toml"), [], Loops.drawn
+
+    def watched(loops, *without):
+        if without:
+            sizes.append(max(np.size(value) for value in loops.values.values()))
+        return drawn(loops, *without)
+
+    monkeypatch.setattr(Loops, "drawn", watched)
     table = joint.stable_intervals("kp", (0, 50000), h=STEPS)
     assert sizes[-1] == STEPS.size
     assert len([size for size in sizes if size > 2]) == 1  # the one of two tells what a slice costs
@@ -51,8 +51,8 @@ def test_rates_that_make_no_loop_are_refused(recipe, along, span, axes, said):
 
 def test_beyond_its_range_a_rate_goes_half_way_to_where_a_loop_ends():
     spec = load({"controller": {"kind": "pmw-lm"}, "filters": {"lp1": {"cutoff_hz": 200.0}}})
-    drawing, values = own_loop(spec, "rates.fast_hz")
-    assert domain(drawing, values, "rates.fast_hz", (500.0, 3000.0))[0] == pytest.approx(450.0, rel=0.01)
+    loop = own_loop(spec, "rates.fast_hz")
+    assert domain(*loop, "rates.fast_hz", (500.0, 3000.0))[0] == pytest.approx(450.0, rel=0.01)
     tables = {"rates": {"tick_hz": "1000-20*q"}, "numbers": {"q": 5.0}, "block": {"m": {"type": "mass", "mass": 0.1}}}
     spec = load(tables | {"wire": {"m.f": "-m.x - m.v"}})
     assert domain(spec.drawing, spec.values, "numbers.q", (0.0, 40.0))[1] == pytest.approx(45.0, rel=0.01)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses.subloops import apart, common
+from wavesweep.analyses.subloops import common, subloops
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.stability import Intervals
@@ -24,13 +24,13 @@ def joints(first=(0.1, 0.5, 4), second=(0.1, 0.5, 4), gain="p*hb.y", **numbers):
 def test_parts_are_of_blocks_that_act_on_one_another():
     both = ["a", "ha"], ["b", "hb"]
     for gain in ("p*hb.y", "p*hb.y + 0.001*a.v"):
-        one, other = apart(load(joints(gain=gain)).drawing)
+        one, other = subloops(load(joints(gain=gain)).drawing)
         assert ([block.name for block in one.blocks], [block.name for block in other.blocks]) == both
         assert [signal for port, terms in other.wires for signal, _ in terms] == ["b.x", "hb.y"]
         assert (one.hand, other.hand) == (None, None)
     tables = joints(gain="p*hb.y + 0.001*a.v")
     tables["wire"]["a.f"] += " - 0.001*hb.y"
-    assert len(apart(load(tables).drawing)) == 1
+    assert len(subloops(load(tables).drawing)) == 1
 
 
 def test_blocks_that_come_to_rest_by_themselves_are_in_no_part():
@@ -38,14 +38,14 @@ def test_blocks_that_come_to_rest_by_themselves_are_in_no_part():
     tables = joints()
     tables["block"] |= {"seen": {"type": "butterworth", "order": 2, "cutoff_hz": 50.0}, "ring": {"type": "delay", "steps": 2}}
     tables["wire"] |= {"seen.u": "a.x", "ring.u": "0.5*ring.y + b.x"}
-    names = [[block.name for block in part.blocks] for part in apart(load(tables).drawing)]
+    names = [[block.name for block in part.blocks] for part in subloops(load(tables).drawing)]
     assert names == [["a", "ha"], ["b", "hb"], ["ring"]]
     del tables["block"]["ring"], tables["wire"]["ring.u"]
     for name in ("a", "ha", "b", "hb"):
         del tables["block"][name]
     tables = {"rates": tables["rates"], "numbers": {"g": 2.0}, "block": tables["block"], "wire": {"seen.u": "g*hand"}}
     tables["ports"] = {"hand": {"force": "hand", "displacement": "seen.y"}}
-    assert len(apart(load(tables).drawing)) == 1
+    assert len(subloops(load(tables).drawing)) == 1
 
 
 def test_a_part_in_doubt_leaves_no_doubt_where_others_are_never_stable():

@@ -27,7 +27,7 @@ def test_structures_together_have_the_intervals_of_each(name, monkeypatch):
     job, calls = job_of(load({**tables, "sweep": SWEEP | axes})), []
     whole = together.stable_intervals
     monkeypatch.setattr(together, "stable_intervals", lambda *given: calls.append(given) or whole(*given))
-    found, apart = in_memory(job), in_memory(replace(job, order=0))
+    found, apart = in_memory(job), in_memory(replace(job, asked=replace(job.asked, order=0)))
     assert [cut.batch for cut, *_ in calls] == [(12,)]
     same(found, apart, rtol=1e-12)
     assert np.array_equal(found["certified"], apart["certified"])

@@ -19,7 +19,7 @@ from wavesweep.search import study
 from wavesweep.search.best import miss
 from wavesweep.search.family import Scenario, scenarios_of
 from wavesweep.search.search import designs_of
-from wavesweep.search.study import DesignTask, box_of, job_of
+from wavesweep.search.study import box_of, evaluated, job_of
 from wavesweep.spec import load
 from wavesweep.store.checkpoint import FileCheckpoint
 from wavesweep.sweep import running
@@ -255,7 +255,7 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
     spec = load(tables)
     genes = np.full((1, len(spec.design.vary)), 0.75)
     designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
-    DesignTask(spec, scenarios_of(spec), designs, 1, 2e4, kind, box_of(spec)).records()
+    evaluated(spec, scenarios_of(spec), designs, 1, 2e4, kind, box_of(spec))
     assert set(seen) == {box}
 
 

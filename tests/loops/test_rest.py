@@ -18,6 +18,7 @@ from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.monodromy.periodic import frame_of, ticks_of
 from wavesweep.spec import load
 from wavesweep.spec.expressions import parse
+from wavesweep.sweep.grid import Loops
 
 
 def value(text, **numbers):
@@ -67,7 +68,7 @@ def test_no_tick_changes_what_a_shift_moves(seed):
 
 
 def _unchanged(spec):
-    drift, drawn = drift_of(spec.drawing, spec.values), twins(spec.drawing, spec.values)[0]
+    drift, drawn = drift_of(Loops(spec.drawing, spec.values)), twins(spec.drawing, spec.values)[0]
     E = frame_of(ticks_of(drawn, alone=True))
     for lead, others in drift.moved:
         shift = np.zeros(len(drift.states))

@@ -6,9 +6,8 @@ from support.specs import INTEGRATIONS, random_values
 
 from wavesweep.loops.blocks import avatar, local_model
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.loops.from_drawing import assembled
 from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.sweep.grid import read_by
+from wavesweep.sweep.grid import Loops
 
 
 def random_row(seed, n):
@@ -20,8 +19,7 @@ def random_row(seed, n):
 def test_the_encoder_conserves_power(seed, kind):
     """`f_m v_hat = u_m^2/2 - v_m^2/2`, whatever the state and the held signals are."""
     values = random_values(seed, kind)
-    drawing = loop_drawing(values)
-    drawn = assembled(drawing, read_by(drawing, values))
+    drawn = Loops(loop_drawing(values), values).read.drawn()
     ticks = ticks_of(drawn, ("encoder.force", "encoder.v", "encoder.out", "encoder.in"))
     fast = ticks.maps[ticks.kind[0]]
     x, w = random_row(seed, len(fast.states)), random_row(seed + 99, len(fast.inputs))

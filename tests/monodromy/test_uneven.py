@@ -27,7 +27,7 @@ def spec_of(kind, **tables):
 
 
 def radius(spec):
-    return radii_of(*own_loop(spec), 1).item()
+    return radii_of(own_loop(spec)).item()
 
 
 def run(values, ratio, state, frames_run):
@@ -134,13 +134,13 @@ def test_a_simulation_shows_the_response_of_the_loop(kind):
 @pytest.mark.parametrize("delay", [0, 7])
 def test_ticks_cut_at_the_wall_and_closed_again_are_those_with_the_wall(kind, delay, path):
     """Of three loops at three walls each, which a batch would connect one by one."""
-    drawing, values = own_loop(spec_of(kind, environment={"delay": delay}, rates={"slow_hz": 60.0}))
+    loop = own_loop(spec_of(kind, environment={"delay": delay}, rates={"slow_hz": 60.0}))
     mass, p = np.array([0.1, 0.3, 0.7]), np.array([[0.5, 80.0, 3000.0]])
-    some = values | {"device.mass": mass, path: 1.0}
-    ticks = OpenTicks.of(assembled(drawing, some, path), assembled(drawing, some), PRODUCT, FACTOR)
-    drift = drift_of(drawing, values | {path: np.array([0.5, 2.0])})
+    some = loop.changed({"device.mass": mass, path: 1.0})
+    ticks = OpenTicks.of(some.drawn(path), some.drawn(), PRODUCT, FACTOR)
+    drift = drift_of(loop.changed({path: np.array([0.5, 2.0])}))
     found = closed(ticks.closed(np.arange(3)[:, None], p), drift)
-    whole = frames(drawing, values | {"device.mass": mass[:, None], path: p}, drift)
+    whole = frames(loop.changed({"device.mass": mass[:, None], path: p}), drift)
     np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
 
 

@@ -18,6 +18,7 @@ from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.api import compile as compiled
 from wavesweep.passive import margins_of
 from wavesweep.stability.certificate import words
+from wavesweep.sweep.grid import own_loop
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
 W = 2 * np.pi
@@ -198,11 +199,9 @@ def test_the_open_loop_of_two_rates_has_the_poles_of_the_closed_ones():
     """det(z - A) of the loop is that of the loop without kp times 1 + L, and L goes with kp."""
     spec, theta = load(ARM_SPEC), np.linspace(0.01, np.pi, 50)
     L, z = broken_at(spec, "net.y").response(theta), np.exp(1j * theta) - 1
-    values = dict(spec.values)
-    drift = drift_of(spec.drawing, values)
-    one, half = (
-        np.linalg.eigvals(frames(spec.drawing, values | {"numbers.kp": kp}, drift)) for kp in (values["numbers.kp"], 120.0)
-    )
+    loop = own_loop(spec)
+    drift = drift_of(loop)
+    one, half = (np.linalg.eigvals(frames(each, drift)) for each in (loop, loop.changed({"numbers.kp": 120.0})))
     quotient = np.prod(z[:, None] - one, -1) / np.prod(z[:, None] - half, -1)
     np.testing.assert_allclose((1 + L) / (1 + L / 2), quotient, rtol=1e-9)
 

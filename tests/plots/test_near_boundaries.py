@@ -6,7 +6,7 @@ import pytest
 import wavesweep
 from wavesweep.analyses.loops import radii_of
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
-from wavesweep.sweep.grid import drawing_for, read_by
+from wavesweep.sweep.grid import loops_of
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.regions import View, curves_of, region_of
 
@@ -77,9 +77,8 @@ def filled_and_unstable(spec, x, y, areas, lines, scale):
     points = points[inside]
     points = points[_distance(edges, points) > 1]
     given = {x: points[:, 0] * scale[0], y: points[:, 1] * scale[1]}
-    values = {**spec.values, **given}
-    drawing = drawing_for(spec, values)
-    return points * scale, ~(radii_of(drawing, read_by(drawing, values), len(points)) < 1) if len(points) else np.zeros(0, bool)
+    loops = loops_of(spec, {**spec.values, **given}).read
+    return points * scale, ~(radii_of(loops, len(points)) < 1) if len(points) else np.zeros(0, bool)
 
 
 def _along(steps, rng):

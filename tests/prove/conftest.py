@@ -6,6 +6,7 @@ import pytest
 import wavesweep
 from wavesweep.analyses.loops import drift_of
 from wavesweep.prove import prove_column
+from wavesweep.sweep.grid import loops_of
 
 
 @pytest.fixture(scope="session")
@@ -15,8 +16,8 @@ def prove():
     def proof(tables, number, span, values=None, **more):
         spec = wavesweep.compile(tables).spec
         path = spec.names.find(number).path
-        flat = dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()}
-        drift = drift_of(spec.drawing, flat | {path: np.array([1.0, 2.0])})
-        return prove_column(spec.drawing, flat, path, span, len(drift.states) - len(drift.kept), **more)
+        loop = loops_of(spec, dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()})
+        drift = drift_of(loop.changed({path: np.array([1.0, 2.0])}))
+        return prove_column(*loop, path, span, len(drift.states) - len(drift.kept), **more)
 
     return proof

@@ -4,7 +4,7 @@ import pytest
 from stability.test_meeting import line
 
 import wavesweep
-from wavesweep.analyses import intervals as interval_job
+from wavesweep.analyses import intervals as analysis
 from wavesweep.cli import main
 from wavesweep.results.verify import verify
 
@@ -47,5 +47,5 @@ def test_a_column_in_doubt_has_a_share_of_the_operations_of_its_table(monkeypatc
     """The least mass before a sampled damper, where two eigenvalues meet: doubles do not prove it."""
     loop = wavesweep.compile(line(2, K=13.0, b=100.2))
     assert loop.stable_intervals("m", (0.003, 10.0)).certified.all()
-    monkeypatch.setattr(interval_job, "ALL", 1e4)
+    monkeypatch.setattr(analysis, "ALL", 1e4)
     assert not loop.stable_intervals("m", (0.003, 10.0)).certified.any()

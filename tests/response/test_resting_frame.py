@@ -5,6 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.analyses import open_loops
+from wavesweep.sweep.grid import own_loop
 
 TABLES = {
     "rates": {"tick_hz": 1000},
@@ -94,7 +95,7 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     blocks = {"device": DEVICE, "h": {"type": "hold", "every": 10}, "wall": {"type": "gain", "k": "K"}}
     wires = {"h.u": "device.v", "wall.u": "h.y", "device.f": "hand - wall.y - B*device.v - b*device.v"}
     loop = wavesweep.compile(TABLES | {"block": blocks, "wire": wires, "ports": _ports("wall.y")})
-    opened = open_loops.open_loops(loop.spec.drawing, dict(loop.spec.values), "K", felt=True)
+    opened = open_loops.open_loops(own_loop(loop.spec), "K", felt=True)
     assert np.isnan(opened.at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
 
@@ -108,8 +109,7 @@ def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
             f"{name}.u": "h.y" for name in more
         }
         loop = wavesweep.compile(TABLES | {"block": blocks | more, "wire": wires, "ports": _ports(force)})
-        values = dict(loop.spec.values)
-        assert open_loops.exact_cut(loop.spec.drawing, values, "K") is not None
+        assert open_loops.exact_cut(own_loop(loop.spec), "K") is not None
         found.append(loop.stable_intervals("K", b=[5.0, 10.0]))
     names = ["low", "high", "felt_low", "felt_high"]
     np.testing.assert_allclose(*(table[names] for table in found), rtol=1e-9)

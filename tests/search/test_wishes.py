@@ -86,7 +86,7 @@ def test_whole_numbers_between_that_make_no_loop_are_left_out():
         "design": {"vary": {"k": [10, 90]}, "wish": {"settling": {}}, "for_all": {"n": [4, 8]}, "population": 8},
     }
     job = study.job_of(load(drawn))
-    assert [each.values for each in job.finer] == [{"numbers.n": n} for n in (4, 6, 8)]
+    assert [each.values for each in job.asked.finer] == [{"numbers.n": n} for n in (4, 6, 8)]
     drawn["design"]["for_all"]["n"] = [4, 5]
     with pytest.raises(SpecError, match=r"block.net.steps: expected a whole number >= 0, found 2.5"):
         study.job_of(load(drawn))
@@ -307,8 +307,8 @@ def test_loops_that_modes_are_too_rough_for_are_computed_again(monkeypatch):
     spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [50]})
     right, own = values_of(spec)["transparency"], measures.responses_of
 
-    def rough(drawing, values, size, frequency, good):
-        found = own(drawing, values, size, frequency, good)
+    def rough(loops, size, frequency, good):
+        found = own(loops, size, frequency, good)
         if good == np.inf:
             found.admittance[0], found.admittance_error[0] = 7.0, 1.0
         return found
@@ -328,8 +328,8 @@ def test_a_design_that_can_render_no_wall_is_none():
 def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
     spec = wishes(z_width={"B_VE": [1]}, transparency={"band_hz": [0.1, 10], "walls": [50]})
     job = study.job_of(spec)
-    between = next(number for number, each in enumerate(job.finer) if each not in job.scenarios)
-    ends = list(job.scenarios)
+    between = next(number for number, each in enumerate(job.asked.finer) if each not in job.asked.scenarios)
+    ends = list(job.asked.scenarios)
 
     def found(_spec, asked, _scenarios, designs, _stop):
         count = len(next(iter(designs.values())))
@@ -339,7 +339,7 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
     run = study._Run(job, type("", (), {"remove": None}), None)
     best = Judged(np.full((3, 2), 0.5), np.array([[0.0, 2.0], [1.0, 1.0], [2.0, 0.0]]), np.zeros(3))
     assert run.look(best)
-    assert job.scenarios == [*ends, job.finer[between]]
+    assert job.asked.scenarios == [*ends, job.asked.finer[between]]
     assert not run.look(best)  # it holds for that by now
     assert not run.look(Judged(best.genes, best.objectives, np.ones(3)))
 
@@ -347,7 +347,7 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
 def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):
     spec = wishes(delay_margin={"at_least": 1, "walls": [100]})
     sure = values_of(spec)["delay_margin"]
-    monkeypatch.setattr("wavesweep.search.wishes.radii_of", lambda _drawing, _values, size: np.full(size, np.nan))
+    monkeypatch.setattr("wavesweep.search.wishes.radii_of", lambda _loops, size: np.full(size, np.nan))
     hidden = values_of(spec)["delay_margin"]
     assert sure.certified.all()
     assert not hidden.certified.any()

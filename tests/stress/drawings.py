@@ -16,7 +16,7 @@ from support.drawn import random_feedback, random_tables
 import wavesweep
 from wavesweep.simulation.parts import DEPTH, FORCE, SPEED, loop_of
 from wavesweep.simulation.ticks import Ticks, keep, run
-from wavesweep.sweep.grid import drawing_for
+from wavesweep.sweep.grid import loops_of
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3), "rates.tick_hz": (700.0, 5000.0)}
 NUMBERS = [name for name in SPANS if "." not in name]
@@ -57,8 +57,7 @@ def monodromy(drawing, values):
 def verdict(spec, changes, radius=1.0):
     """1 if every mode of the loop is within the radius with these numbers, -1 if not, 0 if one is too near to tell."""
     values = dict(spec.values) | {path: float(value) for path, value in changes.items()}
-    drawing = drawing_for(spec, values)
-    z = np.linalg.eigvals(monodromy(drawing, {key: v for key, v in values.items() if v is not None}))
+    z = np.linalg.eigvals(monodromy(loops_of(spec, values).drawing, {key: v for key, v in values.items() if v is not None}))
     size = np.abs(z)
     # A drift is an eigenvalue of exactly 1; what rounding makes of several is no instability, nor what creeps a proof of it.
     distance = np.abs(z - 1)

@@ -7,7 +7,7 @@ from wavesweep.analyses.hands import Guarantee
 from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.passive import HAND, HeldLoop
-from wavesweep.sweep.grid import distinct, selected
+from wavesweep.sweep.grid import Loops, distinct, selected
 
 WALL = "environment.K_VE"
 
@@ -61,9 +61,9 @@ def worst_modes(values, hands, K_VE, B_VE):
     numbers = {path: np.ascontiguousarray(np.broadcast_to(each, (size,)), float) for path, each in numbers.items()}
     radius, damping = np.empty(size), np.empty(size)
     for some in distinct([each == 0 for each in numbers.values()], size):
-        own = loop.values | selected(numbers, some)
+        own = Loops(loop.drawing, loop.values | selected(numbers, some))
         with np.errstate(all="ignore"):
-            E = frames(loop.drawing, own, drift_of(loop.drawing, own))
+            E = frames(own, drift_of(own))
             E = np.broadcast_to(E, (some.size, *E.shape[-2:]))
             finite = np.isfinite(E).all((-1, -2))
             log = np.log(1 + np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex) + 1e-300)

@@ -5,6 +5,7 @@ import numpy as np
 from wavesweep.analyses.loops import ports_of_batch
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.response.lifted import Lifted
+from wavesweep.sweep.grid import Loops
 
 
 def loop_of(values) -> Lifted:
@@ -12,5 +13,5 @@ def loop_of(values) -> Lifted:
     drawing = loop_drawing(values)
     size = max((np.size(value) for value in values.values() if isinstance(value, np.ndarray)), default=1)
     read = {path: value for path, value in values.items() if path in drawing.reads}
-    ((_, port),) = ports_of_batch(drawing, read, size)
+    ((_, port),) = ports_of_batch(Loops(drawing, read), size)
     return Lifted.of(port)

@@ -66,19 +66,19 @@ def test_what_is_not_read_is_computed_once(mixed):
     assert run.facts["notices"] == ["K_LM is not read by pmw: evaluated once, its rows repeated"]
 
 
-@pytest.mark.parametrize(("loops", "walls"), [(1, 1), (10, 3), (3, 10_000), (5000, 1), (7, 4096), (500_000, 1)])
-def test_chunks_cover_every_column_once(loops, walls):
-    chunks = cut_up(loops, walls, cost=1e-6)
+@pytest.mark.parametrize(("loops", "points"), [(1, 1), (10, 3), (3, 10_000), (5000, 1), (7, 4096), (500_000, 1)])
+def test_chunks_cover_every_column_once(loops, points):
+    chunks = cut_up(loops, points, cost=1e-6)
     columns = [column for number in range(len(chunks)) for column in _columns(chunks, number)]
-    assert columns == list(range(loops * walls))
+    assert columns == list(range(loops * points))
     owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])
-    assert np.array_equal(chunks.of(np.arange(loops * walls)), owner)
-    assert chunks[0].slices == (15625 if loops == 500_000 else min(loops * walls, 4096 // walls * walls or 4096))
+    assert np.array_equal(chunks.of(np.arange(loops * points)), owner)
+    assert chunks[0].slices == (15625 if loops == 500_000 else min(loops * points, 4096 // points * points or 4096))
 
 
 def _columns(chunks: Chunks, number):
     chunk = chunks[number]
-    found = [loop * chunks.walls + wall for loop in chunk.loops for wall in chunk.walls]
+    found = [loop * chunks.points + point for loop in chunk.loops for point in chunk.points]
     assert (found[0], len(found)) == (chunk.first, chunk.slices)
     return found
 

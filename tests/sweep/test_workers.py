@@ -61,7 +61,7 @@ def test_the_next_run_has_the_processes_of_the_last_one_and_an_error_ends_them()
     def ids():
         return {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
 
-    first = ids()
+    first = ids() | ids() | ids()  # one of the two may have done all of the first tasks
     assert ids() <= first
     with pytest.raises(ZeroDivisionError):
         list(in_parallel("loky", 2, [(divmod, 1, 0)]))

@@ -7,13 +7,13 @@ import numpy as np
 from wavesweep.analyses.loops import drift_of
 from wavesweep.analyses.open_loops import open_loops
 from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
+from wavesweep.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.passive import BrokenLoop, LiftedLoop
 from wavesweep.spec import Spec
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.drawing import Drawing, DrawnBlock, path_of
-from wavesweep.sweep.grid import own_loop
+from wavesweep.sweep.grid import Loops, own_loop
 
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
 BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
@@ -21,8 +21,8 @@ BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec c
 
 def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     """Break the spec's own loop at a signal, "block.port". Errors: UsageError for a signal at which that is not possible."""
-    drawing, values = own_loop(spec)
-    times = _times_per_frame(drawing, values)
+    loop = own_loop(spec)
+    times = _times_per_frame(loop)
     if signal not in times:
         hint = nearest(signal, times)
         raise UsageError(
@@ -34,27 +34,26 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
             f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
             "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
-    drawing, values = _with_gain(drawing, signal), values | {path_of(GAIN): 1.0}
-    lifted = lifted_at(drawing, values)
+    loop = Loops(_with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
+    lifted = lifted_at(loop)
     if not lifted.returns:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
-    found = open_loops(drawing, values, GAIN) if times[signal] == 1 else None
+    found = open_loops(loop, GAIN) if times[signal] == 1 else None
     return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
 
 
-def lifted_at(drawing: Drawing, values) -> LiftedLoop:
+def lifted_at(loop: Loops) -> LiftedLoop:
     """The loop without the gain of the cut, as often as it is read in a frame."""
     with np.errstate(all="ignore"):
-        whole, cut_open = assembled(drawing, values), assembled(drawing, values, GAIN)
-        ticks = OpenTicks.of(cut_open, whole, PRODUCT, FACTOR)
-    drift = drift_of(drawing, values | {path_of(GAIN): np.array([0.5, 2.0])})
+        whole = loop.drawn()
+        ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
+    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
     return LiftedLoop(ticks, drift, float(whole.period) * whole.ticks)
 
 
-def _times_per_frame(drawing: Drawing, values) -> dict[str, int]:
+def _times_per_frame(loop: Loops) -> dict[str, int]:
     """How often each output that a wire reads is made in a frame."""
-    drawn = assembled(drawing, values)
-    read = {source for _, terms in drawing.wires for source, _ in terms}
+    drawn, read = loop.drawn(), {source for _, terms in loop.drawing.wires for source, _ in terms}
     runs = [(each.block, int(each.runs(drawn.ticks).sum())) for each in drawn.placed]
     return {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
 

@@ -1,6 +1,6 @@
 """The derivatives of the ends of stable intervals, and of the stiffness felt there, by every number of the loop."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,13 +10,12 @@ from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, feels, felt_of, frames
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import assembled
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.stability.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues
-from wavesweep.sweep.grid import Grid, drawn_groups, keys_of, own_loop, selected
+from wavesweep.sweep.grid import Grid, Loops, drawn_groups, keys_of, own_loop
 
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
@@ -54,13 +53,12 @@ def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -
         raise UsageError(f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]")
     ends, parts = _Ends.of(found, axis), []
     changes = {other.path: np.asarray(found[other.name])[ends.row] for other in grid.axes}
-    for members, drawing, values in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
-        loops = _Loops(grid.spec, drawing, axis, values)
+    for members, several in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
+        loops = _Loops(grid.spec, axis, several.read)
         most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
             part = slice(start, start + most)
-            some = replace(loops, values=selected(values, part))
-            parts.append(_rows(some, found, ends, members[part]))
+            parts.append(_rows(replace(loops, loops=loops.loops.some(part)), found, ends, members[part]))
     names = ("at", *names)
     kinds = dict.fromkeys(TEXTS, object) | {"interval": int, "crossing": int, "corner": bool, "certified": bool, "at": int}
     whole = {n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(part[n] for part in parts)]) for n in names}
@@ -72,12 +70,11 @@ def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -
 
 @dataclass(frozen=True, slots=True)
 class _Loops:
-    """Loops of one structure: the spec's flat values with arrays over the loops."""
+    """Loops of one structure of a spec, and the axis of the intervals."""
 
     spec: Spec
-    drawing: object
     axis: Axis
-    values: Mapping[str, object]
+    loops: Loops
 
     @property
     def numbers(self) -> list[str]:
@@ -87,56 +84,47 @@ class _Loops:
     @property
     def moving(self) -> list[str]:
         """Those that are not zero; a zero may take a branch out of the loop."""
-        return [path for path in self.numbers if np.any(self.values[path])]
+        return [path for path in self.numbers if np.any(self.loops.values[path])]
 
-    def with_end(self, p, each: int) -> dict:
-        """The values for `each` copies of every loop; p: values of the axis, `(loops * each,)`."""
-        varied = {path: np.repeat(value, each) if np.ndim(value) else value for path, value in self.values.items()}
-        return varied | {self.axis.path: np.where(p == 0, TINY, p)}
+    def with_end(self, p, each: int) -> Loops:
+        """`each` copies of every loop; p: values of the axis, `(loops * each,)`."""
+        varied = {path: np.repeat(value, each) for path, value in self.loops.values.items() if np.ndim(value)}
+        return self.loops.changed({**varied, self.axis.path: np.where(p == 0, TINY, p)})
 
-    def stepped(self, p, size) -> dict:
-        """The values with a complex step in the axis (of `size`) and in each moving number, `(loops * (1 + numbers),)`."""
+    def stepped(self, p, size) -> Loops:
+        """The loops with a complex step in the axis (of `size`) and in each moving number, `(loops * (1 + numbers),)`."""
         moving = self.moving
         each = 1 + len(moving)
         step = STEP * 1j * np.tile(np.eye(each), (p.size, 1))
         varied = self.with_end(np.repeat(p, each) + step[:, 0] * np.repeat(size, each), each)
-        for number, path in enumerate(moving, 1):
-            varied[path] = varied[path] * (1 + step[:, number])
-        return varied
+        steps = {path: varied.values[path] * (1 + step[:, number]) for number, path in enumerate(moving, 1)}
+        return varied.changed(steps)
 
     def frames(self, varied, count) -> np.ndarray:
         """Frames less identity `(count, n, n)`."""
-        E = frames(self.drawing, varied, self._drift())
+        E = frames(varied, self._drift())
         return np.broadcast_to(E, (count, *E.shape[-2:]))
 
     def _drift(self):
-        varied = {path: np.ravel(self.values[path])[:, None] * [1, 2] for path in self.moving}
-        return drift_of(self.drawing, {**self.values, **varied, self.axis.path: np.array([self.axis.start, self.axis.stop])})
-
-    @property
-    def walls(self) -> tuple[str, ...]:
-        """Paths of the wall's numbers."""
-        return self.spec.wall
+        varied = {path: np.ravel(self.loops.values[path])[:, None] * [1, 2] for path in self.moving}
+        return drift_of(self.loops.changed({**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}))
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
-        if not feels(self.drawing):
+        if not feels(self.loops.drawing):
             return None
         # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
         found = []
         for share in (0, 1, -1, 2, -2):
-            moved = {
-                path: np.real(value) + np.imag(value) * (share * MOVED / STEP) if np.iscomplexobj(value) else value
-                for path, value in varied.items()
-            }
-            found.append(felt_of(self.drawing, moved, count))
+            stepped = {path: value for path, value in varied.values.items() if np.iscomplexobj(value)}
+            moved = {path: np.real(value) + np.imag(value) * (share * MOVED / STEP) for path, value in stepped.items()}
+            found.append(felt_of(varied.changed(moved), count))
         own, up, down, far_up, far_down = found
         return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
 
     def about(self, p) -> tuple[np.ndarray, list[str]]:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
-        first = self.with_end(p, 1)
-        drawn, drift = assembled(self.drawing, first), self._drift()
+        drawn, drift = self.with_end(p, 1).drawn(), self._drift()
         labels = drawn.labels()
         return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
 
@@ -192,7 +180,7 @@ def _rows(loops, found, ends, members) -> dict:
         "states": np.array(states, object).reshape(at.size),
     }
     s = 1j * known["omega"] * period[at]
-    hz = lines_in_loops(loops.drawing, selected(loops.with_end(p, 1), at), s[:, None])
+    hz = lines_in_loops(loops.with_end(p, 1).some(at), s[:, None])
     known |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
     doubt = np.where(certified, np.where(crossings.defective, "defective", ""), found["doubt"][row][at].astype(str))
     quantities = {"end": (p[at], crossings.slope, crossings.error / size[at][:, None])}
@@ -200,12 +188,12 @@ def _rows(loops, found, ends, members) -> dict:
     if stiffness is not None:
         felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
         slope, error = _felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings)
-        if loops.axis.path not in loops.walls:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
+        if loops.axis.path not in loops.spec.wall:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
             error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
         else:  # nothing holds what feels no wall, and real steps lead there
             error[p[at] == 0] = np.inf
         quantities["felt"] = (felt_there, slope, error)
-    value = np.stack([np.broadcast_to(loops.values[path], p.shape)[at] for path in loops.numbers], -1)
+    value = np.stack([np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1)
     parts = [_quantity(loops, known, value, doubt, name, *quantity) for name, quantity in quantities.items()]
     parts = [{name: column[~np.isnan(part["limit_value"])] for name, column in part.items()} for part in parts]
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

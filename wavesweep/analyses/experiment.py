@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analyses.loops import loop_at_hand, ports_of, ports_of_batch, radii_of, refuse_singular
+from wavesweep.analyses.loops import loop_at_hand, port_at_hand, ports_of_batch, radii_of, refuse_singular
 from wavesweep.analyses.responses import doubt_of
 from wavesweep.columns import complex_columns
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond, transfer
 from wavesweep.simulation import Simulation, Tone, estimate, simulated
 from wavesweep.spec import Spec
-from wavesweep.sweep.grid import own_loop, read_by
+from wavesweep.sweep.grid import own_loop
 
 
 def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
 
-    Errors: SpecError for a drawn loop with a hand whose position is none of a plant.
+    Errors: SpecError for a drawn loop with a hand whose position no plant has.
     """
     refuse_what_makes_no_loop(spec)
     return simulated(spec, force, **changes)
@@ -32,7 +32,7 @@ def refuse_what_makes_no_loop(spec: Spec) -> None:
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
         if spec.drawing.hand:
-            ports_of(spec, spec.drawing)
+            port_at_hand(spec)
 
 
 def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
@@ -48,7 +48,7 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
         return {}
     found = {}
     for output, _, _ in drawing.outputs:
-        _, port = next(ports_of_batch(drawing, read_by(drawing, spec.values), 1, (name, output)))
+        _, port = next(ports_of_batch(own_loop(spec), 1, (name, output)))
         value = transfer(Lifted.of(port), 0.0)[0].item().real
         if isfinite(value):
             found[output] = size * value
@@ -57,7 +57,7 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
 
 def radius_of(spec: Spec) -> float:
     """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
-    return float(radii_of(*own_loop(spec), 1)[0])
+    return float(radii_of(own_loop(spec))[0])
 
 
 def linear_loop(spec: Spec) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from textwrap import shorten
 import numpy as np
 
 from wavesweep.analyses.interval_records import FELT, FIELDS, LINES
-from wavesweep.analyses.interval_search import Parts, loop_by_loop
 from wavesweep.analyses.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.analyses.varying import Rules, bracketed, decided, decided_along, text_of
 from wavesweep.errors import UsageError
@@ -20,7 +19,7 @@ from wavesweep.spec.drawing import name_of
 from wavesweep.spec.for_all import values_of_range
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.stability.certificate import NONE, SEARCH
-from wavesweep.sweep.grid import drawing_for, own_loop
+from wavesweep.sweep.grid import Loops, loops_of, own_loop
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
@@ -43,7 +42,7 @@ FOR_ALL_RECORD = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class ForAllGuarantee:
-    """The numbers of [for_all], as `IntervalJob.guarantee`."""
+    """The numbers of [for_all], as `Along.guarantee`."""
 
     rules: Rules
     dtype = FOR_ALL_RECORD
@@ -62,9 +61,9 @@ class ForAllGuarantee:
             "refuted by the exact intervals of the worst numbers found"
         )
 
-    def task(self, along: str, span: tuple[float, float], parts: tuple) -> "ForAllTask":
-        """The task for loops with these numbers."""
-        return ForAllTask(self.rules, along, span, parts)
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop."""
+        return intervals_for_all(self.rules, loop, along, span)
 
 
 def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
@@ -93,7 +92,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
     if rules.vary:
-        rules.family(drawing, dict(spec.values), along)
+        rules.family(Loops(drawing, dict(spec.values)), along)
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
@@ -101,25 +100,10 @@ def _has_parts(spec: Spec, axis: Axis) -> bool:
     return bool(axis.structural and not axis.values and not spec.drawing and spec.names.find(axis.name).type != "integer")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ForAllTask:
-    """Intervals for all numbers of [for_all] along the number `along` within span = (low, high), a loop at a time.
-
-    parts: (members, drawing, values), see `drawn_groups`.
-    """
-
-    rules: Rules
-    along: str
-    span: tuple[float, float]
-    parts: Parts
-
-    def records(self) -> np.ndarray:
-        """The intervals as records, sorted by slice."""
-        return loop_by_loop(self.parts, self.along, self._of_loop)
-
-    def _of_loop(self, drawing, values):
-        loop = _Loop(self, drawing, values)
-        return _recorded(loop.varying() if self.rules.vary else loop.intervals(), loop.certified)
+def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+    """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
+    loop = _Loop(rules, along, span, loop)
+    return _recorded(loop.varying() if rules.vary else loop.intervals(), loop.certified)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,17 +118,18 @@ class _Row:
 class _Loop:
     """One loop of a sweep with all numbers of [for_all]."""
 
-    def __init__(self, task, drawing, values):
-        self.task, self.values = task, values
-        unknown = [axis for axis in task.rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+    def __init__(self, rules: Rules, along: str, span: tuple[float, float], loop: Loops):
+        self.rules, self.along, self.span, self.values = rules, along, span, loop.values
+        drawing, values = loop
+        unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
         ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
         listed = [axis for axis in unknown if axis.values or axis.structural]
         self.cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
         for each in product(*map(values_of_range, listed)):
             fixed = dict(zip((axis.path for axis in listed), each, strict=True))
             own = values | fixed
-            drawn = loop_drawing(own, (task.along, *gains)) if "controller.kind" in own else drawing
-            self.cases.append(Case(drawn, own, task.along, task.span, ranges, fixed))
+            drawn = loop_drawing(own, (along, *gains)) if "controller.kind" in own else drawing
+            self.cases.append(Case(Loops(drawn, own), along, span, ranges, fixed))
 
     @property
     def certified(self) -> bool:
@@ -153,21 +138,21 @@ class _Loop:
 
     def intervals(self) -> list[_Row]:
         """The rows of loops whose numbers are constant."""
-        found = proofs(self.cases, self.task.span, NEAR)
+        found = proofs(self.cases, self.span, NEAR)
         return [_row(part, *proved) for part, proved in found if proved]
 
     def varying(self) -> list[_Row]:
         """The rows of loops whose frames vary."""
         rows = []
-        for part in searched(self.cases, self.task.span):
+        for part in searched(self.cases, self.span):
             own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
             if None not in own:
                 rows.append(_all_of(own))
         return [row for row in rows if row.low < row.high]
 
     def _bracketed(self, case, about) -> _Row | None:
-        family = self.task.rules.family(case.drawing, self.values | case.fixed, self.task.along)
-        found = bracketed(family, self.task.span, about)
+        family = self.rules.family(Loops(case.loop.drawing, self.values | case.fixed), self.along)
+        found = bracketed(family, self.span, about)
         if found is None:
             return None
         texts = [text_of(family, word) for word in found.words]
@@ -215,9 +200,7 @@ def _all_of(rows) -> _Row | None:
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved to be stable from about 0 on."""
-    values = dict(spec.values)
-    drawing = drawing_for(spec, values, path)
-    rows = ForAllTask(rules, path, (0.0, stop), ((np.zeros(1, int), drawing, values),)).records()
+    rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
     found = rows[(rows["intervals"] > 0) & (rows["low"] <= 10 * FROM_ZERO * rows["high"])]
     return float(found["high"].max(initial=0.0))
 
@@ -232,8 +215,8 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown") and
     counterexample, the numbers with which it is unstable. rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
-    rules, values = rules or Rules.of(spec), dict(spec.values)
-    loop, known = _Loop(ForAllTask(rules, "", (0.0, 0.0), ()), own_loop(spec)[0], values), True
+    rules, known = rules or Rules.of(spec), True
+    loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
         if rules.vary:
             said, pattern = _decided(spec, rules, number, case)
@@ -258,7 +241,7 @@ def _decided(spec, rules, number, case):
     patterns that set their ends are found nearer to them.
     """
     values = dict(spec.values)
-    family = rules.family(case.drawing, values | case.fixed, "")
+    family = rules.family(Loops(case.loop.drawing, values | case.fixed), "")
     said, pattern = decided(family, SOON)
     path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
     if said != UNKNOWN or not path:
@@ -266,9 +249,9 @@ def _decided(spec, rules, number, case):
     value, axis = float(values[path]), next((axis for axis in spec.sweep if axis.path == path), None)
     low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
     span = min(value, low), max(value, high)
-    along = _Loop(ForAllTask(rules, path, span, ()), drawing_for(spec, values, path), values).cases[number]
+    along = _Loop(rules, path, span, loops_of(spec, values, path)).cases[number]
     try:
-        family_along = rules.family(along.drawing, values | along.fixed, path)
+        family_along = rules.family(Loops(along.loop.drawing, values | along.fixed), path)
     except UsageError:  # its frames cannot be cut there
         return decided(family)
     for part in searched([along], span):

@@ -7,8 +7,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
-from wavesweep.analyses.interval_search import Parts, loop_by_loop
-from wavesweep.analyses.intervals import IntervalJob
 from wavesweep.analyses.loops import held_loop
 from wavesweep.analyses.unknown import Case, proofs
 from wavesweep.errors import SpecError, UsageError
@@ -25,7 +23,8 @@ from wavesweep.passive import (
 from wavesweep.passive.held_loop import HAND, is_affine
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.certificate import NONE, SEARCH
-from wavesweep.sweep.grid import own_loop
+from wavesweep.sweep.grid import Loops, own_loop
+from wavesweep.sweep.job import Job
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
@@ -60,9 +59,9 @@ class Guarantee:
         ranges = (f"{field.name}={_text(getattr(self.box, field.name))}" for field in fields(HandBox) if self.box)
         return ":".join(filter(None, [self.kind, ",".join(ranges)]))
 
-    def task(self, along: str, span: tuple[float, float], parts: tuple) -> "HandTask":
-        """The task for loops with these guarantees; see `HandTask`."""
-        return HandTask(self, along, span, parts)
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop; it takes from tenths of a second to some seconds."""
+        return self.records(held_loop(loop), along, span)
 
     def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
         """Intervals of the key `along` within `span` for one loop, as records of slice 0.
@@ -99,7 +98,7 @@ def _for_box(loop, along, span, box) -> np.ndarray:
     loop, ends = loop.with_hand(), box.ranges()
     ranges = [Axis(path, path, (), low, high, structural=False) for path, (low, high) in ends.items() if low < high]
     known = {path: low for path, (low, high) in ends.items() if low == high}
-    case = Case(loop.drawing, {**loop.values, **known}, along, span, ranges, known)
+    case = Case(Loops(loop.drawing, {**loop.values, **known}), along, span, ranges, known)
     found = list(proofs([case], span, MARGIN))
     records = _blank(*(np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high")))
     records["settled"] = case.vouched if found else case.certified
@@ -151,9 +150,9 @@ class Hands:
         """The guarantees as a fact of a run: words, which `hands_of` reads."""
         return {"for_hands": [each.word for each in self.guarantees]}
 
-    def refuse(self, job: IntervalJob) -> None:
+    def refuse(self, job: Job) -> None:
         """Raise UsageError if the spec's own job leaves no answer for these hands."""
-        swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in HAND]
+        swept = [axis.name for axis in (*job.grid.axes, job.asked.axis) if axis.path in HAND]
         if self.replaced and swept:
             raise UsageError(
                 f"hand {self.replaced[0]}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well; "
@@ -163,7 +162,7 @@ class Hands:
         spec.refuse_require("hands")
         if missing := spec.without_hand() if spec.drawing else None:
             raise SpecError(missing)
-        loop = held_loop(*own_loop(spec, job.axis.path))
+        loop = held_loop(own_loop(spec, job.asked.axis.path))
         if self.replaced and loop.device is None:
             raise UsageError(
                 f"hand {self.replaced[0]}: expected a hand whose force acts on one block mass and on nothing else, and whose "
@@ -183,12 +182,12 @@ class Hands:
         operated = spec.drawing is None and any(spec.values[path] for path in HAND)
         return spec.with_values(dict.fromkeys(HAND, 0.0)) if operated else None
 
-    def notices(self, job: IntervalJob) -> Iterator[str]:
+    def notices(self, job: Job) -> Iterator[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
         spec = job.grid.spec
         if "passive" not in self.replaced or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
             return
-        swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.axis))
+        swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.asked.axis))
         if not swept and spec.values["controller.Kp"] == 0:
             yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
 
@@ -227,23 +226,3 @@ def _ranges(text: str) -> dict[str, tuple[float, float]]:
             expected = "ranges such as mass=0.1..0.5 (mass, damping, stiffness)"
             raise UsageError(f"hand box: expected {expected}, found {part.strip()!r:.60}") from None
     return found
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class HandTask:
-    """Guaranteed intervals along the number `along` within span = (low, high), a loop at a time.
-
-    Each takes from tenths of a second to some seconds. parts: (members, drawing, values), see `drawn_groups`.
-    """
-
-    guarantee: Guarantee
-    along: str
-    span: tuple[float, float]
-    parts: Parts
-
-    def records(self) -> np.ndarray:
-        """The intervals as records, sorted by slice."""
-        return loop_by_loop(self.parts, self.along, self._of_loop)
-
-    def _of_loop(self, drawing, values):
-        return self.guarantee.records(held_loop(drawing, values), self.along, self.span)

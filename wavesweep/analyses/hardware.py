@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from wavesweep.analyses.loops import drift_of, named_loops, one_loop
-from wavesweep.loops.from_drawing import POSITION, REACTION, assembled
+from wavesweep.analyses.loops import drift_of, named_loops
+from wavesweep.loops.from_drawing import POSITION, REACTION
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.passive.held_loop import device_of
 from wavesweep.response.peak import Peak, peak_of
 from wavesweep.response.port import port_between
 from wavesweep.spec import Spec
-from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.grid import own_loop
+from wavesweep.sweep.grid import Loops, own_loop
 
 GIVEN = ("resolution", "friction", "max_force")  # keys of [simulate]
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
@@ -35,23 +32,23 @@ def readings(drawn: MultirateLoop, device: str) -> MultirateLoop:
     return replace(drawn, sums=sums, inputs=(*drawn.inputs, ROUNDING))
 
 
-def peak_of_encoder(drawing: Drawing, values: Mapping[str, Any]) -> Peak | None:
+def peak_of_encoder(loop: Loops) -> Peak | None:
     """Return the peak gain (N/m) from the error of the encoder to the force of the motors, of one loop.
 
-    values: flat numbers. None without a device that the hand holds and a force against it, and as for `peak_of`.
+    None without a device that the hand holds and a force against it, and as for `peak_of`.
     """
-    device = device_of(drawing)
-    if device is None or drawing.hand[2] is None:
+    device = device_of(loop.drawing)
+    if device is None or loop.drawing.hand[2] is None:
         return None
-    drawn, drift = assembled(drawing, values), drift_of(drawing, values, watched=(POSITION, REACTION))
+    drawn, drift = loop.drawn(), drift_of(loop, watched=(POSITION, REACTION))
     with named_loops(drawn):
         return peak_of(port_between(readings(drawn, device), ROUNDING, REACTION, drift))
 
 
-def peaks_of(drawing: Drawing, values: Mapping[str, Any], size: int) -> np.ndarray:
-    """Return the peak gains of some loops of one structure, `(size,)`; NaN where there is none."""
-    found = (peak_of_encoder(drawing, one_loop(values, at)) for at in range(size))
-    return np.array([np.nan if each is None else each.gain for each in found])
+def peaks_of(loops: Loops, size: int) -> np.ndarray:
+    """Return the peak gains of some loops, `(size,)`; NaN where there is none."""
+    peaks = (peak_of_encoder(loops.one(at)) for at in range(size))
+    return np.array([np.nan if each is None else each.gain for each in peaks])
 
 
 def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
@@ -64,9 +61,9 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     motors end, max_force over the stiffness felt at rest.
     """
     found: dict[str, float | None] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
-    drawing, values = own_loop(spec)
-    if stable and (step := found.get("resolution")) and device_of(drawing) and drawing.hand[2] is not None:
-        peak = peak_of_encoder(drawing, values)
+    loop = own_loop(spec)
+    if stable and (step := found.get("resolution")) and device_of(loop.drawing) and loop.drawing.hand[2] is not None:
+        peak = peak_of_encoder(loop)
         found |= {"step_force": peak and peak.step * step, "chatter": peak and peak.gain * step / 2}
     return found | limits_of_walls(spec) if found else {}
 

@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 
 from wavesweep.stability import Intervals
-from wavesweep.sweep.grid import make_grid
 
 FIELDS = (
     ("slice", "<i4"),
@@ -38,11 +37,6 @@ def records_of(found: Intervals) -> np.ndarray:
     return records
 
 
-def certified_slices(records: np.ndarray) -> int:
-    """How many slices are certified; all records of a slice agree on it."""
-    return int((records["certified"] & (records["interval"] == 0)).sum())
-
-
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
 AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
 
@@ -70,11 +64,3 @@ def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> 
             found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
     for name, part in zip(FELT, np.split(found, 2), strict=True):
         records[name][rows] = part
-
-
-def radius_over(spec, axes) -> np.ndarray:
-    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest."""
-    from wavesweep.analyses.loops import radii
-
-    grid = make_grid(spec, axes)
-    return radii(grid)[grid.slice_of(np.arange(grid.size))]

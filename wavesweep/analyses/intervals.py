@@ -2,28 +2,29 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from enum import Enum
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wavesweep.analyses.bound import Bound
-from wavesweep.analyses.interval_records import RECORD, certified_slices
-from wavesweep.analyses.interval_search import DrawnTask, SeveralTasks
+from wavesweep.analyses.interval_records import RECORD
+from wavesweep.analyses.interval_search import Search, Searches, loop_by_loop
 from wavesweep.analyses.loops import drift_of, frames, frames_of, refuse_singular
 from wavesweep.analyses.open_loops import exact_cut
 from wavesweep.analyses.proving import ALL, OPERATIONS
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.loops.common_tick import with_common_tick
+from wavesweep.loops.dead_time import breaks, timing
 from wavesweep.loops.domain import domain
 from wavesweep.loops.from_drawing import unsuitable
 from wavesweep.spec import Axis, Require, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.stability.certificate import words
-from wavesweep.sweep.grid import FAST, Grid, drawing_for, drawn_groups, groups, items_of, make_grid, own_loop, read_by, selected
-from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
-from wavesweep.sweep.pools import Task
+from wavesweep.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
+from wavesweep.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
 
 if TYPE_CHECKING:
     from wavesweep.analyses.for_all import ForAllGuarantee
@@ -36,111 +37,125 @@ BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that co
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
+MOST_TICKS = 64  # pieces of a range, up to which one is a sample
 FEW = 1000  # loops of several structures, up to which a call for each takes longer than states that fill them up
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IntervalJob(Job):
-    """Stable intervals along `axis` for every slice of the grid, cut into chunks.
+class Way(Enum):
+    """How the intervals along a number are found: from a cut, where it is one scalar gain of a frame, by panels, or by both."""
 
-    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. exact: whether
-    the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. require: of every mode, in place of
-    stability alone. order: see `SeveralTasks`.
+    CUT = "cut"
+    PANELS = "panels"
+    BOTH = "both"
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """What is asked of the loops: their stable intervals along `axis`, found in that way.
+
+    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. require: of
+    every mode, in place of stability alone. order: see `Searches`.
     """
 
     axis: Axis
+    way: Way = Way.PANELS
     guarantee: "Guarantee | ForAllGuarantee | None" = None
-    exact: bool | None = False
     require: Require | None = None
     order: int = 0
-    rows: ClassVar[float] = 1.2  # some slices have several intervals
-    row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
     @property
-    def dtype(self) -> np.dtype:
-        """Guarantees for hands have more fields."""
-        return RECORD if self.guarantee is None else self.guarantee.dtype
+    def span(self) -> tuple[float, float]:
+        """The range of the axis."""
+        return float(self.axis.start), float(self.axis.stop)
 
     @property
     def identity(self) -> dict[str, object]:
-        """The axis and the guarantee."""
+        """What the records depend on besides the spec."""
         along = {"along": self.axis.name} | ({"require": self.require.written()} if self.require else {})
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
-    def certified(self, records: np.ndarray) -> int:
-        """How many slices are certified."""
-        return certified_slices(records)
 
-    def task(self, chunk: Chunk) -> Task:
-        """The task of a worker for that chunk."""
-        changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
-        if self.guarantee is not None:
-            spec, along = self.grid.spec, self.axis.path
-            parts = groups(spec, changes, len(chunk.loops), self.resolved, rates=True)
-            whole = ((members, drawing_for(spec, values, along), values) for members, values in parts)
-            return self.guarantee.task(along, _span(self.axis), tuple(whole))
-        loops = self.grid.loops
-        prove = min(OPERATIONS, ALL / loops)
-        options = {"checked": loops <= CHECKED, "prove": prove, "require": self.require, "order": self.order}
-        return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)
-
-    def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
-        """The axes, `along`, and the fields of the records."""
-        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
-        found["doubt"] = words(found["doubt"])
-        leading = self.grid.axis_columns(combination)
-        return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
+def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: Along) -> Job:
+    """The job of what is asked; guarantees have records of their own."""
+    dtype = RECORD if asked.guarantee is None else asked.guarantee.dtype
+    return Job(INTERVALS, grid, chunks, resolved, dtype, asked.identity, asked)
 
 
-def task_over(
-    spec: Spec,
-    axis: Axis,
-    changes,
-    size: int,
-    resolved=None,
-    *,
-    ties=(),
-    felt=True,
-    checked=False,
-    prove=0.0,
-    require: Require | None = None,
-    order=0,
-) -> Task:
-    """The task for `size` loops of the spec.
+def _task(job, chunk):
+    asked, path = job.asked, job.asked.axis.path
+    if asked.guarantee is None:
+        return searches_of(job, chunk).records
+    changes = job.loop_values(chunk)
+    parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=path))
+    return partial(loop_by_loop, parts, path, partial(asked.guarantee.records_of, along=path, span=asked.span))
+
+
+def searches_of(job: Job, chunk: Chunk) -> Searches:
+    """The searches for the intervals of the loops of a chunk."""
+    known, prove = job.grid.loops <= CHECKED, min(OPERATIONS, ALL / job.grid.loops)
+    changes = job.loop_values(chunk)
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=prove)
+
+
+def _columns(job, combination, records):
+    """The axes, `along`, and the fields of the records."""
+    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+    found["doubt"] = words(found["doubt"])
+    along = np.full(records.size, job.asked.axis.name, dtype=object)
+    return job.grid.axis_columns(combination) | {"along": along} | found
+
+
+def _sample(job):
+    """The job in one of the pieces into which dead times of other whole ticks cut its range, and the times it is of that."""
+    spec, axis = job.grid.spec, job.asked.axis
+    if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
+        return job, 1
+    ends = breaks(spec.drawing, spec.values, axis.path, job.asked.span)
+    middle = (len(ends) - 1) // 2
+    at = min(middle, MOST_TICKS)
+    longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
+    piece = replace(axis, start=ends[at], stop=ends[at + 1])
+    return replace(job, asked=replace(job.asked, axis=piece)), (len(ends) - 1) * longer
+
+
+# Some slices have several intervals. Bytes of a row: 130 in the CSV and 30 in the Parquet file, measured on millions of rows.
+INTERVALS = Kind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
+
+
+def _searches(
+    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=0.0
+) -> Searches:
+    """The searches for the intervals of `size` loops of the spec.
 
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt, checked, prove: see `DrawnTask`. require: see `IntervalJob`. order: see `SeveralTasks`.
+    factors of it. felt, checked, prove: see `Search`.
     """
     parts: dict = {}
-    for members, values in groups(spec, changes, size, resolved, rates=True):
-        drawing = drawing_for(spec, values, axis.path)
-        bound = require and Bound.of(require).over(frames_of(drawing, values))
-        parts.setdefault((drawing, bound), []).append((members, read_by(drawing, values)))
-    tasks = []
-    for (drawing, bound), groups_of in parts.items():
-        drawn = drawing.tied(axis.path, ties) if ties else drawing
-        known = checked or not spec.drawing
-        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), felt, known, prove, bound))
-    return tasks[0] if len(tasks) == 1 and not order else SeveralTasks(tuple(tasks), order)
+    path, require = asked.axis.path, asked.require
+    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=path):
+        bound = require and Bound.of(require).over(frames_of(loops))
+        parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
+    searches = []
+    for (drawing, bound), alike in parts.items():
+        drawn = drawing.tied(path, ties) if ties else drawing
+        groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
+        searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prove, bound))
+    return Searches(tuple(searches), asked.order)
 
 
-def _span(axis):
-    return float(axis.start), float(axis.stop)
-
-
-def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
+def job_of(spec: Spec, along: str | None = None) -> Job:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
     return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
 
 
-def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> IntervalJob:
-    """The job of a grid; require: see `IntervalJob`. Errors: UsageError or SpecError if it cannot be done."""
-    spec = grid.spec
+def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
+    """The job of a grid; require: see `Along`. Errors: UsageError or SpecError if it cannot be done."""
+    spec, asked = grid.spec, Along(axis, require=require)
     if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
-    for end in _span(axis):
+    for end in asked.span:
         wrong = spec.drawing and unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any()
         if wrong or spec.uneven or axis.path == FAST:
             spec.with_values({axis.path: end})
@@ -151,56 +166,59 @@ def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Inter
         grid = replace(grid, spec=spec)
     index = some_loops(grid)
     changes = grid.loop_values(index)
-    parts = list(drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path))
-    for _, drawing, values in parts:
-        if require and require.settling and name_of(axis.path) in drawing.rating:
+    parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path)]
+    for loops in parts:
+        if require and require.settling and name_of(axis.path) in loops.drawing.rating:
             raise UsageError(f"{axis.name} changes the time of a frame: require radius along it, and not settling")
-        domain(drawing, values, axis.path, _span(axis))
-    ours = ((drawing, selected(values, [0])) for _, drawing, values in parts[:STRUCTURES])
-    orders, ways = zip(*(_order_of(spec, drawing, axis, values) for drawing, values in ours), strict=True)
-    exact = ways[0] if len({*ways}) == 1 else None
+        domain(*loops, axis.path, asked.span)
+    orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
+    way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = BY_DISCS if _takes_discs(require) else expected_cost(orders[0], ways[0])
-    order = max(orders) if len(orders) > 1 and exact and not require and grid.loops <= FEW else 0
-    return IntervalJob(grid, cut_up(grid.loops, 1, cost), resolved, axis, exact=exact, require=require, order=order)
+    order = max(orders) if len(orders) > 1 and way is Way.CUT and not require and grid.loops <= FEW else 0
+    return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way, order=order))
+
+
+def guaranteed(job: Job, guarantee: "Guarantee | ForAllGuarantee") -> Job:
+    """The job of the intervals that are guaranteed for hands or numbers."""
+    return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
 
 
 @lru_cache(maxsize=64)
 def _order_of_drawing(drawing, path, items):
-    """States of a loop, and whether the number is one scalar gain of its frame."""
-    values = {path: np.array(v) if isinstance(v, tuple) else v for path, v in items}
-    cut = exact_cut(drawing, values, name_of(path))
+    """States of a loop, and the way along the number."""
+    loops = Loops(drawing, {path: np.array(v) if isinstance(v, tuple) else v for path, v in items})
+    cut = exact_cut(loops, name_of(path))
     if cut is not None:
-        return cut.order, True
-    return frames(drawing, values, drift_of(drawing, values)).shape[-1], False
+        return cut.order, Way.CUT
+    return frames(loops, drift_of(loops)).shape[-1], Way.PANELS
 
 
-def expected_cost(order: int, wall: bool) -> float:
-    """Seconds that a slice of a loop with `order` states takes, roughly; wall: along K_VE or B_VE.
+def expected_cost(order: int, way: Way) -> float:
+    """Seconds that a slice of a loop with `order` states takes, roughly.
 
     A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
     """
-    share = BY_POLYNOMIAL if wall and order <= CROWDED else BY_PANELS
+    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED else BY_PANELS
     return share * max(order, 2) ** 2
 
 
-def cost_of(spec: Spec, axis: Axis) -> tuple[float, bool]:
-    """Expected s per slice of the spec along the axis, and whether it goes the exact way."""
-    drawing, values = own_loop(spec, axis.path)
-    order, exact = _order_of(spec, drawing, axis, values)
-    return expected_cost(order, exact), exact
+def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
+    """Expected s per slice of the spec along the axis, and its way."""
+    order, way = _order_of(spec, own_loop(spec, axis.path), axis)
+    return expected_cost(order, way), way
 
 
-def _order_of(spec, drawing, axis, values):
-    return _order_of_drawing(drawing, axis.path, items_of(_like_own(values, spec, drawing)))
+def _order_of(spec, loops, axis):
+    return _order_of_drawing(loops.drawing, axis.path, items_of(_like_own(spec, loops)))
 
 
-def _like_own(values, spec, drawing):
-    """Values of a loop, those of the spec in place of others of the same sign, which have the same structure as a rule.
+def _like_own(spec, loops):
+    """The values of loops, those of the spec in place of others of the same sign, which have the same structure as a rule.
 
     A compiled loop is asked about other values again and again.
     """
-    kept, found = {path_of(name) for name in drawing.shaping}, dict(values)
-    for path, value in values.items():
+    kept, found = {path_of(name) for name in loops.drawing.shaping}, dict(loops.values)
+    for path, value in loops.values.items():
         own, one = spec.values.get(path), value[0] if np.ndim(value) else value
         if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
             found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
@@ -219,29 +237,32 @@ def at_points(
 
     points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
     values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
-    `IntervalJob`.
+    `Along`.
     """
     count = len(next(iter(points.values())))
-    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True, require=require).records()
+    records = _searches(spec, Along(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
 
 
-EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 PANELS = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
 
 
-def method(job: IntervalJob) -> str:
-    """How the intervals of a job are found, in a line."""
-    found = EXACT if job.exact else PANELS
-    if job.exact is None:
-        found = f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
-    if job.require and Bound.of(job.require).of_size:
+def method(asked: Along) -> str:
+    """How the intervals are found, in a line."""
+    found = {
+        Way.CUT: CUT,
+        Way.PANELS: PANELS,
+        Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others",
+    }[asked.way]
+    of_size = asked.require and Bound.of(asked.require).of_size
+    if of_size:
         found += "; of frames over the required radius, whose unit circle is its circle"
-    if not _takes_discs(job.require):
+    if not _takes_discs(asked.require):
         return found
-    discs = DISCS.format("each other and the unit circle" if job.require.bounded else "the spiral of the damping ratio")
-    return f"{discs}; and {found}" if Bound.of(job.require).of_size else discs
+    discs = DISCS.format("each other and the unit circle" if asked.require.bounded else "the spiral of the damping ratio")
+    return f"{discs}; and {found}" if of_size else discs
 
 
 def _takes_discs(require):

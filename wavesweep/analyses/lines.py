@@ -1,13 +1,11 @@
 """What a spectrum of the states of drawn loops shows of their modes, a batch at a time."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from wavesweep.analyses.bound import Bound
 from wavesweep.analyses.loops import drift_of, named_loops
 from wavesweep.analyses.open_loops import Opened
-from wavesweep.loops.from_drawing import PRODUCT, assembled
+from wavesweep.loops.from_drawing import PRODUCT
 from wavesweep.monodromy.circle import inverse
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.monodromy.drift import TickDrift, counted_ticks
@@ -18,6 +16,7 @@ from wavesweep.spec.drawing import Drawing
 from wavesweep.stability.boundary import times
 from wavesweep.stability.lines import lines_of, share_of_first
 from wavesweep.stability.spectrum import eigenvalues
+from wavesweep.sweep.grid import Loops
 
 MOST = 2**18  # numbers of states that are followed at once
 BESIDE, ROUNDED = 1e-10, 4  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
@@ -25,9 +24,9 @@ FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 
 
-def lines_in_loops(drawing: Drawing, values: Mapping[str, object], s) -> np.ndarray:
+def lines_in_loops(loops: Loops, s) -> np.ndarray:
     """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of exp(s), `(loops, choices)`."""
-    drawn, drift, size = assembled(drawing, values), drift_of(drawing, values), len(s)
+    drawn, drift, size = loops.drawn(), drift_of(loops), len(s)
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     if drawn.ticks == 1:
         return lines_of(np.ones((size, 1, 1)), s[:, 0], period)
@@ -45,7 +44,7 @@ def lines_in_loops(drawing: Drawing, values: Mapping[str, object], s) -> np.ndar
         state[:, inner, 0], part[:, inner] = right * units, np.abs(left * right)
         for lead in leads:
             state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
-        rows, shown = _shown_by(drawing, ticks.states, drift, part > APART * part.max(-1, keepdims=True))
+        rows, shown = _shown_by(loops.drawing, ticks.states, drift, part > APART * part.max(-1, keepdims=True))
         changes = [(np.eye(n) + each.E, None) for each in ticks.maps]
         moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
         moved[~shown] = 0.0
@@ -87,7 +86,7 @@ def _in_ticks(kinds, changes, state, rows):
 def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) -> np.ndarray:
     """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices `at` of loops that are cut at a number.
 
-    A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `DrawnTask`.
+    A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `Search`.
     """
     loops, which, found = opened.loops, opened.which[at], np.abs(omega) / (2 * np.pi)
     cut, frame, ticks = with_batch(loops.cut, int(opened.which.max()) + 1), loops.frame, loops.frame.ticks

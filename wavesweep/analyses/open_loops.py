@@ -13,24 +13,24 @@ from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.loops.algebraic import WORST_CONDITION
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.loops.from_drawing import BESIDE, FACTOR, PRODUCT, assembled, scalar_place, seen_by_hand, shares_wire
+from wavesweep.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
 from wavesweep.monodromy.drift import TickDrift
 from wavesweep.response.port import Ports
 from wavesweep.response.resting import Resting
 from wavesweep.response.resting_frame import resting_frame, shows_at_rest
-from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.stability import Intervals, stable_intervals
 from wavesweep.stability.together import each_in_one_call, may_join
-from wavesweep.sweep.grid import distinct_rows, items_of, read_by, selected
+from wavesweep.sweep.grid import Loops, distinct_rows
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 
 
-def exact_cut(drawing: Drawing, values: Mapping[str, object], number: str) -> Cut | None:
+def exact_cut(loops: Loops, number: str) -> Cut | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    found = open_loops(drawing, values, number)
+    found = open_loops(loops, number)
     return found and found.cut
 
 
@@ -39,8 +39,7 @@ def wall_cut(values: Mapping[str, object]) -> Cut | None:
 
     values: flat keys, with numbers or arrays over the loops.
     """
-    drawing = loop_drawing(values)
-    found = open_loops(drawing, read_by(drawing, values), *WALL, each=True)
+    found = open_loops(Loops(loop_drawing(values), values).read, *WALL, each=True)
     return found and found.cut
 
 
@@ -61,7 +60,7 @@ class OpenLoops:
 
     @cached_property
     def cut(self) -> Cut | None:
-        """The loops cut at the number, or at the two numbers; None if their drift is none that a cut keeps."""
+        """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
         return cut_of(self.frame, self.drift, 1 + bool(self.beside), conserved=self.conserved)
 
     @cached_property
@@ -71,40 +70,33 @@ class OpenLoops:
 
     @cached_property
     def at_rest(self) -> Resting | None:
-        """The loops as their hand feels them at rest; None without a hand, or if the frame does not tell."""
+        """The loops as their hand feels them at rest; None without a hand, or if the frame does not show it."""
         return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
 
 
-def open_loops(
-    drawing: Drawing,
-    values: Mapping[str, object],
-    number: str,
-    beside: str = "",
-    *,
-    felt: bool = False,
-    each: bool = False,
-) -> OpenLoops | None:
+def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = False, each: bool = False) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
     beside: another number of the same wire, without which they are as well; None if they drift in another way without it.
     felt: whether to see their hand. each: see `product_with_errors`.
     """
+    drawing = loops.drawing
     if not scalar_place(drawing, number):
         return None
     path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
     both = dict.fromkeys((path, *([path_of(beside)] if beside else [])), ANY)
-    closed, values = drift_of(drawing, {**values, **both}), {**values, **dict.fromkeys(both, 0.0)}
-    drift = drift_of(drawing, values, number, read, beside)
+    closed, loops = drift_of(loops.changed(both)), loops.changed(dict.fromkeys(both, 0.0))
+    drift = drift_of(loops, number, read, beside)
     if drift.folded:
         return None
     if beside:
-        whole = drift_of(drawing, {**values, path_of(beside): ANY}, number, read, beside)
+        whole = drift_of(loops.changed({path_of(beside): ANY}), number, read, beside)
         if (whole.moved, whole.folded) != (drift.moved, drift.folded):
             return None
     conserved = bool(closed.folded)
     if conserved and len(closed.moved) + len(closed.folded) != len(drift.moved):
         return None
-    drawn = assembled(drawing, values, number, beside)
+    drawn = loops.drawn(number, beside)
     hand = hand_of(drawing) if felt and feels(drawing) else None
     if any(seen_by_hand(drawing, each) for each in (number, beside)):
         hand = None
@@ -119,7 +111,7 @@ def open_loops(
 @lru_cache(maxsize=16)  # a compiled loop is asked again and again
 def open_loop(drawing, items, number, beside, felt):
     """`open_loops` of a single loop."""
-    return open_loops(drawing, dict(items), number, beside, felt=felt)
+    return open_loops(Loops(drawing, dict(items)), number, beside, felt=felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,25 +131,25 @@ class Opened:
     known: Intervals | None = None
 
     @staticmethod
-    def of(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
+    def of(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
         """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
 
-        values: of the slices. Those that differ in another number of the same wire alone have one loop, which is without that
-        number as well; of several such numbers it is one that is varied. felt: see `open_loops`.
+        loops: those of the slices. Slices that differ in another number of the same wire alone have one loop, which is without
+        that number as well; of several such numbers one that is varied. felt: see `open_loops`.
         Errors: IllPosedLoopError if the loops have no solution without the number.
         """
-        path = varied_beside(drawing, values, number)
+        path = varied_beside(loops, number)
         for swapped in (False, True) if path else ():
             with suppress(IllPosedLoopError):
-                found = _without(drawing, values, number, size, path, swapped, felt=felt)
+                found = _without(loops, number, size, path, swapped, felt=felt)
                 if found and found.loops.cut and found.solvable:
                     return found
-        return _without(drawing, values, number, size, felt=felt)
+        return _without(loops, number, size, felt=felt)
 
     @staticmethod
-    def of_each(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
+    def of_each(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
         """`of` slices that have a loop each, with bounds on rounding of its own."""
-        return _without(drawing, values, number, size, alone=True, felt=felt)
+        return _without(loops, number, size, alone=True, felt=felt)
 
     @property
     def solvable(self) -> bool:
@@ -179,7 +171,7 @@ class Opened:
             radius = bound and bound.radius_of(loops.period)
             found = stable_intervals(loops, self.along, span, self.beside[slices], radius)
             parts.append(replace(found, column=slices.reshape(-1)[found.column]))
-        return _by_slice(Intervals.join(parts))
+        return by_slice(parts)
 
     @property
     def along(self) -> str:
@@ -195,8 +187,18 @@ class Opened:
         return [(some, order[starts[some][:, None] + own]) for some, own in few]
 
 
-def _by_slice(found):
-    return found.take(np.argsort(found.column, kind="stable"))
+def by_slice(parts: Sequence[Intervals]) -> Intervals:
+    """Intervals of several parts in one, sorted by slice."""
+    whole = Intervals.join(parts)
+    return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def in_place(found: Intervals, columns: np.ndarray, new: Intervals, some: np.ndarray | None = None) -> Intervals:
+    """Intervals with others in place of those of some columns, which `new` numbers from 0; some: of these, those that are."""
+    if some is not None:
+        columns, new = columns[some], new.take(np.isin(new.column, some))
+        new = replace(new, column=np.searchsorted(some, new.column))
+    return by_slice([found.take(~np.isin(found.column, columns)), replace(new, column=columns[new.column])])
 
 
 def with_intervals(opened: Sequence[Opened | None], order: int, span) -> list[Opened | None]:
@@ -211,26 +213,26 @@ def with_intervals(opened: Sequence[Opened | None], order: int, span) -> list[Op
     for (_, along, _), some in kinds.items():
         members, slices, cuts, beside = zip(*some, strict=True)
         for at, own, part in zip(members, slices, each_in_one_call(cuts, along, span, beside, order), strict=True):
-            found[at] = replace(opened[at], known=_by_slice(replace(part, column=own.reshape(-1)[part.column])))
+            found[at] = replace(opened[at], known=by_slice([replace(part, column=own.reshape(-1)[part.column])]))
     return found
 
 
-def varied_beside(drawing, values, number: str) -> str:
+def varied_beside(loops: Loops, number: str) -> str:
     """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
-    others = [path for path, v in values.items() if np.ndim(v) and shares_wire(drawing, number, name_of(path))]
+    others = [path for path, v in loops.values.items() if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))]
     return others[-1] if others else ""
 
 
-def _without(drawing, values, number, size, path="", swapped=False, *, alone=False, felt):
+def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
     """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
     of, beside, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
     numbers = numbers[::-1] if swapped else numbers
     if path:
-        others = {each: v for each, v in values.items() if np.ndim(v) and each != path}
+        others = {each: v for each, v in loops.values.items() if np.ndim(v) and each != path}
         first, of = distinct_rows(others, size)
-        values, beside = selected(values, first) | {path: 0.0}, values[path]
-    if any(np.ndim(v) for v in values.values()):
-        loops = open_loops(drawing, values, *numbers, felt=felt, each=alone)
+        loops, beside = loops.some(first).changed({path: 0.0}), loops.values[path]
+    if any(np.ndim(v) for v in loops.values.values()):
+        without = open_loops(loops, *numbers, felt=felt, each=alone)
     else:
-        loops = open_loop(drawing, items_of(values), *numbers, felt)
-    return loops and Opened(loops, of, beside, swapped, alone)
+        without = open_loop(loops.drawing, loops.items, *numbers, felt)
+    return without and Opened(without, of, beside, swapped, alone)

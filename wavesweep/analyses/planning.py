@@ -12,13 +12,12 @@ from wavesweep.analyses.passivity import jobs_of, not_computed
 from wavesweep.analyses.responses import response_job
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page
-from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import scalars
 from wavesweep.spec.expressions import sum_of, value_of
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
-from wavesweep.sweep.grid import make_grid, own_loop
+from wavesweep.sweep.grid import Loops, make_grid, own_loop
 from wavesweep.sweep.workers import choose
 
 PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
@@ -37,8 +36,8 @@ def plan(spec: Spec) -> list[str]:
 
 
 def _loop_lines(spec):
-    drawing, values = own_loop(spec)
-    drawn, drift = assembled(drawing, values), drift_of(drawing, values)
+    loop = own_loop(spec)
+    drawn, drift = loop.drawn(), drift_of(loop)
     ticks, ms = _count(drawn.ticks, "tick"), f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
     if spec.uneven:
         steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
@@ -48,7 +47,7 @@ def _loop_lines(spec):
         yield f"  loop: frame of {ticks}, {ms}"
     labels = drawn.labels()
     yield from _state_lines(drift, [labels[name] for name in drift.states])
-    free = drift_of(drawing, values | {"environment.K_VE": 0.0})
+    free = drift_of(loop.changed({"environment.K_VE": 0.0}))
     if len(free.moved) + len(free.folded) > len(drift.moved) + len(drift.folded):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
@@ -58,7 +57,7 @@ def _interval_lines(spec, command, along):
         job = job_of(spec, along)
     except (SpecError, UsageError) as error:
         return [f"  {command}: not possible with this spec: {error}"]
-    grid, axis, expected = job.grid, job.axis, cache(partial(expected_seconds, job))
+    grid, axis, expected = job.grid, job.asked.axis, cache(partial(expected_seconds, job))
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
     workers = choose(None, None, None, len(job.chunks), expected)
     repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
@@ -66,7 +65,7 @@ def _interval_lines(spec, command, along):
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
         f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: {slices}",
-        f"    method: {method(job)}",
+        f"    method: {method(job.asked)}",
         f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
         *_advice([job]),
@@ -75,7 +74,7 @@ def _interval_lines(spec, command, along):
 
 def _advice(jobs):
     """The advice for tables that few programs can read as a single CSV."""
-    for rows in (round(job.rows * job.size) for job in jobs):
+    for rows in (round(job.kind.rows * job.size) for job in jobs):
         if rows > MANY:
             advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
             yield f"    about {rows:.2g} rows: {advice}"
@@ -138,8 +137,9 @@ def _long_lines(jobs):
 def _drawn_plan(spec):
     """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
-    drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
-    period, drift = 1e3 * float(drawn.period), drift_of(drawing, spec.values)
+    loop = Loops(spec.drawing, spec.values)
+    drawing, drawn, drift = loop.drawing, loop.drawn(), drift_of(loop)
+    period = 1e3 * float(drawn.period)
     lines = [
         f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
@@ -206,7 +206,7 @@ def within_ticks(spec: Spec) -> Iterator[str]:
 
     1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose way meets all of the loop.
     """
-    drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
+    drawing, drawn = spec.drawing, Loops(spec.drawing, spec.values).drawn()
     inside, ahead = drawing.inside, {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
     wires = {inside.get(port, port): terms for port, terms in drawing.wires}
     for ring in drawn.rings():
@@ -271,7 +271,7 @@ def _number_lines(spec):
         if spec.names.keys[path].structural:
             ways["values"].append(name)
         else:
-            ways["" if exact_cut(spec.drawing, spec.values, name) else "panels"].append(name)
+            ways["" if exact_cut(Loops(spec.drawing, spec.values), name) else "panels"].append(name)
     texts = {
         "": "exact, one scalar gain of a frame",
         "panels": "by panels: they are in keys or in several places, act more than once a frame, or decide a drift",

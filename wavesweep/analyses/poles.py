@@ -8,12 +8,11 @@ from wavesweep.analyses.intervals import job_over
 from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, frames, named_loops, refuse_singular
 from wavesweep.columns import Columns
-from wavesweep.loops.from_drawing import assembled
 from wavesweep.monodromy.drift import closed_frame
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.modes import Modes, modes_of
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues
-from wavesweep.sweep.grid import drawing_for, groups, make_grid, own_loop, read_by
+from wavesweep.sweep.grid import drawn_groups, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
 
 ON_CIRCLE = 1e-6  # distance of a pole from the unit circle at an end, which is known to rounding
@@ -42,7 +41,7 @@ def poles(spec: Spec) -> Columns:
             "damping_ratio": damping_ratio(delta),
             "time_constant_s": -1 / s.real,
         }
-        hz = lines_in_loops(*own_loop(spec), np.log1p(delta)[:, None])
+        hz = lines_in_loops(own_loop(spec), np.log1p(delta)[:, None])
     columns |= {"states": np.array([", ".join(leading(names, each)) for each in shares], object)}
     return columns | {"shown_hz": hz[:, 0], "second_hz": hz[:, 1]}
 
@@ -57,12 +56,9 @@ def poles_over(spec: Spec, axis: Axis) -> tuple[np.ndarray, np.ndarray]:
     What drifts is left out, and so are loops whose frame is not known.
     """
     grid = make_grid(spec, (axis,))
-    loops, found = np.arange(grid.loops), []
-    for members, values in groups(spec, grid.loop_values(loops), grid.loops, rates=True):
-        drawing = drawing_for(spec, values)
-        some = read_by(drawing, values)
-        drift = drift_of(drawing, some)
-        delta, known = eigenvalues(frames(drawing, some, drift))
+    found = []
+    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+        delta, known = eigenvalues(frames(loops.read, drift_of(loops.read)))
         delta = np.broadcast_to(delta, (members.size, delta.shape[-1]))
         known = np.broadcast_to(known, members.shape)
         at = grid.axis_columns(members)[axis.name]
@@ -93,9 +89,9 @@ def ends_on_circle(spec: Spec, axis: Axis) -> list[tuple[float, np.ndarray, floa
 
 def own_modes(spec: Spec) -> tuple[Modes, list[str], float]:
     """The modes of the spec's own loop, the names of its states, and the period of its frame (s)."""
-    drawing, values = own_loop(spec)
-    refuse_singular(spec, drawing)
-    drawn, drift = assembled(drawing, values), drift_of(drawing, values)
+    loop = own_loop(spec)
+    refuse_singular(spec, loop.drawing)
+    drawn, drift = loop.drawn(), drift_of(loop)
     with named_loops(drawn), np.errstate(all="ignore"):
         E, kept = closed_frame(drawn, drift), len(drift.kept)
     labels = drawn.labels()

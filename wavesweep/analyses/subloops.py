@@ -16,7 +16,7 @@ SETTLING = (  # types of blocks that come to rest by themselves
 
 
 @lru_cache(maxsize=64)
-def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False) -> tuple[Drawing, ...]:
+def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False) -> tuple[Drawing, ...]:
     """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
 
     silent: ports and signals of the terms whose gain is 0, through which nothing acts. every: whether blocks that come to rest

@@ -8,13 +8,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.analyses.interval_search import TINY, DrawnTask, frames_where_solvable
+from wavesweep.analyses.interval_search import TINY, Search, frames_where_solvable
 from wavesweep.analyses.loops import drift_of, radii_of
 from wavesweep.loops.domain import domain
 from wavesweep.robust.boxes import Cover, cover
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.grid import distinct, read_by
+from wavesweep.sweep.grid import Loops, distinct
 
 SCATTERED = 24  # points of a box that are looked at beside its corners, its middle and the spec's own numbers
 SHRINK = 12  # halvings of the steps of the search for the worst numbers
@@ -111,23 +110,22 @@ def _largest_free(low, high, spans):
 class Case:
     """Loops whose numbers have ranges, along another number.
 
-    values: the others' values. along: empty for none. fixed: those among the values that are named with the numbers of an end.
-    certified: whether all intervals that were looked at are. vouched: whether some are; then a proof has a loop that is stable
-    to begin with. left: frames that proofs may take.
+    loop: with the others' values. along: empty for none. fixed: those among the values that are named with the numbers of an
+    end. certified: whether all intervals that were looked at are. vouched: whether some are; then a proof has a loop that is
+    stable to begin with. left: frames that proofs may take.
     """
 
     def __init__(
         self,
-        drawing: Drawing,
-        values: Mapping[str, object],
+        loop: Loops,
         along: str,
         span: tuple[float, float],
         ranges: Sequence[Axis],
         fixed: Mapping[str, object] = MappingProxyType({}),
     ):
         self.along, self.span, self.fixed = along, span, dict(fixed)
-        self.drawing, self.values = drawing, read_by(drawing, values)
-        self.ranges = [axis for axis in ranges if axis.path in drawing.reads]
+        self.loop = loop.read
+        self.ranges = [axis for axis in ranges if axis.path in loop.drawing.reads]
         self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
         self.certified, self.vouched, self.left = True, False, FRAMES
 
@@ -175,8 +173,8 @@ class Case:
         found = [[] for _ in points]
         for some in distinct(list((points == 0).T), len(points)):
             arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
-            task = DrawnTask(self.drawing, self.along, self.span, ((np.arange(some.size), self.values | arrays),), False, True)
-            records = task.records()
+            groups = ((np.arange(some.size), self.loop.changed(arrays)),)
+            records = Search(self.along, self.span, groups, felt=False, checked=True).records()
             self.certified &= bool(records["certified"].all())
             self.vouched |= bool(records["certified"].any())
             for record in records[records["intervals"] > 0]:
@@ -188,13 +186,8 @@ class Case:
         """The proof that all loops of the box are stable, from low to high of the number if there is one."""
         box = np.column_stack([[low, high], self.box]) if self.along else self.box
         paths = [*filter(None, [self.along]), *(axis.path for axis in self.ranges)]
-        bounds = np.array(
-            [domain(self.drawing, self.values, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]
-        ).T
-        varied = self.values | {
-            path: np.array(ends) if ends[0] < ends[1] else ends[0] for path, ends in zip(paths, box.T, strict=True)
-        }
-        frames = partial(_frames, self.drawing, self.values, paths, _with_lead(self.drawing, varied, paths, box, self.values))
+        bounds = np.array([domain(*self.loop, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]).T
+        frames = partial(_frames, self.loop, paths, _drift(self.loop, paths, box))
         found = cover(frames, box, bounds, self.left)
         self.left -= found.used
         return found
@@ -204,7 +197,7 @@ class Case:
         points = self._points()
         for some in distinct(list((points == 0).T), len(points)):
             arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
-            radius = radii_of(self.drawing, self.values | arrays, some.size)
+            radius = radii_of(self.loop.changed(arrays), some.size)
             if (wrong := np.flatnonzero(~(radius < 1))).size:
                 return self.named(points[some[wrong[0]]])
         return None
@@ -214,21 +207,20 @@ class Case:
         return self.fixed | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
 
 
-def _frames(drawing, values, paths, drift, x):
+def _frames(loop, paths, drift, x):
     x = np.where(x == 0, TINY, x)
-    return frames_where_solvable(drawing, values | {path: x[:, i].copy() for i, path in enumerate(paths)}, drift, (len(x),))
+    return frames_where_solvable(loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),))
 
 
-def _with_lead(drawing, varied, paths, box, values):
+def _drift(loop, paths, box):
     """The drift of all loops of a box, counted from the state from which their entries are smallest."""
-    drift = drift_of(drawing, varied)
+    ends = zip(paths, box.T, strict=True)
+    drift = drift_of(loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}))
     if len(drift.folded) != 1:
         return drift
     corners = np.array(list(product(*box.T)))
     leads = [replace(drift, folded=(state,)) for state in sorted({*drift.kept, *drift.folded})]
     with np.errstate(all="ignore"):
-        sizes = [
-            np.nan_to_num(np.abs(_frames(drawing, values, paths, each, corners).E), nan=np.inf).max(initial=0.0)
-            for each in leads
-        ]
+        entries = (np.abs(_frames(loop, paths, each, corners).E) for each in leads)
+        sizes = [np.nan_to_num(each, nan=np.inf).max(initial=0.0) for each in entries]
     return leads[int(np.argmin(sizes))]

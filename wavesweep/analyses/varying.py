@@ -1,6 +1,5 @@
 """Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +11,10 @@ from wavesweep.robust.loop_frames import LoopFrames
 from wavesweep.robust.norms import WORK
 from wavesweep.robust.words import is_refuted
 from wavesweep.spec import Spec
-from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.spec.drawing import name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.for_all import ForAll, values_of_range
+from wavesweep.sweep.grid import Loops
 
 DELAY = "environment.delay"
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
@@ -43,12 +43,12 @@ class Rules:
         """Whether anything varies."""
         return bool(self.for_all.changing or self.for_all.lost)
 
-    def family(self, drawing: Drawing, values: Mapping[str, object], along: str) -> LoopFrames:
+    def family(self, loop: Loops, along: str) -> LoopFrames:
         """The frames of a loop along a number, empty for the loop at its own values.
 
         Errors: UsageError for numbers that cannot vary, or another one along.
         """
-        axes = {axis.path: axis for axis in self.for_all.changing}
+        (drawing, values), axes = loop, {axis.path: axis for axis in self.for_all.changing}
         if KIND in values:
             if wrong := axes.keys() - {RATIO, DELAY}:
                 raise UsageError(

@@ -11,14 +11,12 @@ from wavesweep.analyses import for_all
 from wavesweep.analyses.assumptions import assumes
 from wavesweep.analyses.feel import felt_over_band
 from wavesweep.analyses.hardware import hardware_of
-from wavesweep.analyses.interval_search import DrawnTask
-from wavesweep.analyses.intervals import cost_of, job_over
+from wavesweep.analyses.intervals import Way, cost_of, job_over, searches_of
 from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.analyses.measured import distances, read_points
 from wavesweep.analyses.poles import leading
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.loops.from_drawing import assembled
 from wavesweep.response.steady import respond, static_response
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
@@ -26,7 +24,7 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.certificate import words
 from wavesweep.stability.modes import modes_of
 from wavesweep.stability.spectrum import damping_ratio, radius_of
-from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
+from wavesweep.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
@@ -100,8 +98,8 @@ def own_design(spec: Spec, loop=None) -> dict:
 
 def _modes(spec, E):
     """Eigenvalues less 1 of the frame, the slowest first, and the states that take part most; without a state one at z = 0."""
-    drawing, values = own_loop(spec)
-    drift, labels = drift_of(drawing, values), assembled(drawing, values).labels()
+    loop = own_loop(spec)
+    drift, labels = drift_of(loop), loop.drawn().labels()
     names = [labels[drift.states[index]] for index in drift.kept]
     delta, shares = modes_of(E[: len(names), : len(names)])
     return [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)] or [(-1 + 0j, [])]
@@ -114,11 +112,10 @@ def _prepared(spec):
 
 def _frame_of(spec):
     """The frame of the loop less identity, without drift, whether its radius is hidden, and its period in s."""
-    drawing, values = own_loop(spec)
-    refuse_singular(spec, drawing)
-    drawn = assembled(drawing, values)
-    found = telling_frames(drawing, values)
-    return *found, float(drawn.period * drawn.ticks)
+    loop = own_loop(spec)
+    refuse_singular(spec, loop.drawing)
+    drawn = loop.drawn()
+    return *telling_frames(loop), float(drawn.period * drawn.ticks)
 
 
 def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
@@ -187,12 +184,12 @@ def _job(spec, name, path, span):
 
 def _rows(job, value, span):
     """The intervals, and the part of the range that was searched; None and the value itself if they take too long."""
-    task, until = job.task(job.chunks[0]), monotonic() + SECONDS
-    if isinstance(task, DrawnTask) and task.in_pieces:
-        records, span = task.about(value, lambda: monotonic() > until)
+    (search,), until = searches_of(job, job.chunks[0]).searches, monotonic() + SECONDS
+    if search.in_pieces:
+        records, span = search.about(value, lambda: monotonic() > until)
         return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
-    cost, exact = cost_of(job.grid.spec, job.axis)
-    if cost > (SECONDS if exact else LONG):
+    cost, way = cost_of(job.grid.spec, job.asked.axis)
+    if cost > (SECONDS if way is Way.CUT else LONG):
         return None, (value, value)
     return in_memory(job), span
 
@@ -232,9 +229,7 @@ def _delays(spec):
     most = None
     frame = longest_delay(ratio)
     for delay in range(now, min(frame, now + DELAYS) + 1):
-        values = {**spec.values, path: delay}
-        drawing = drawing_for(spec, values)
-        if not radii_of(drawing, read_by(drawing, values), 1)[0] < 1:
+        if not radii_of(loops_of(spec, {**spec.values, path: delay}).read)[0] < 1:
             break
         most = delay
     return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
@@ -295,7 +290,7 @@ def _mode(spec, mode, states, period):
     """Of a mode: s per factor e, damping ratio, rad/s of its strongest line, Hz of a second one, and the states."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
         s = np.log1p(mode)
-        hz, second = lines_in_loops(*own_loop(spec), np.array([[s]]))[0].tolist()
+        hz, second = lines_in_loops(own_loop(spec), np.array([[s]]))[0].tolist()
         s = complex(s.real / period, 2 * np.pi * hz)
         ratio = float(damping_ratio(mode))  # from frame to frame, as requirements and wishes mean it
         found = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}

@@ -55,7 +55,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
             yield f"  least damped mode: {_mode(found['least_damped'])}"
     if found["channel_norm"] is not None:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
-    elif not spec.drawing and has_waves(own_loop(spec)[0]):
+    elif not spec.drawing and has_waves(own_loop(spec).drawing):
         yield f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
     yield from (f"  {line}" for line in measured_lines(spec, found.get("measured", {})))
     if found["assumes"] and not _favourable(found):

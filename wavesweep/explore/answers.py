@@ -9,9 +9,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.analyses.interval_records import FELT, LINES, radius_over
-from wavesweep.analyses.intervals import cost_of, job_over
-from wavesweep.analyses.loops import loop_at_hand
+from wavesweep.analyses.interval_records import FELT, LINES
+from wavesweep.analyses.intervals import Way, cost_of, job_over
+from wavesweep.analyses.loops import loop_at_hand, radius_over
 from wavesweep.analyses.measured import read_points
 from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.analyses.responses import doubt_of
@@ -135,8 +135,8 @@ def _axis(spec, path, values, span=None) -> Axis:
 def certified_plane(spec: Spec, plane: Plane) -> dict:
     """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure."""
     along = _axis(spec, plane.y, (), plane.y_span)
-    seconds, exact = cost_of(spec, along)
-    count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS)) if exact else FEWEST
+    seconds, way = cost_of(spec, along)
+    count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS)) if way is Way.CUT else FEWEST
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, count))
     sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
     return plane_of(*_columns(spec, plane, across.values, {"spec": {**spec.tables(), "sweep": sweep}}))

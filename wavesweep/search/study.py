@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,12 +22,12 @@ from wavesweep.search.family import Scenario, count_of, described, scenarios_of
 from wavesweep.search.search import Judged, designs_of, differing, generations, genes_of, spread, undominated
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Spec
-from wavesweep.spec.design import HAND
+from wavesweep.spec.design import HAND, Wish
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
-from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
-from wavesweep.sweep.job import Chunk, Chunks, Job
+from wavesweep.sweep.grid import keys_of, loops_of, make_grid
+from wavesweep.sweep.job import Chunks, Job, Kind
 from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
 from wavesweep.sweep.workers import choose
 from wavesweep.tables.design import BOX, SETTLED, fields_of_design, wish_units
@@ -44,14 +44,13 @@ BETWEEN, OFTEN, FINEST = (63, 15, 7, 3), 20, 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DesignJob(Job):
-    """Generations of designs, as chunks; the last one is the front, checked over a finer choice of scenarios.
+class Study:
+    """What a search looks at.
 
     genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios: combinations that
     designs have to hold for in the search; more are added during it. finer, finest: those that the front is checked over during
-    the search, and at its end. stop: the
-    largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the front is checked; None for no such
-    check.
+    the search, and at its end. stop: the largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the
+    front is checked; None for no such check.
     """
 
     genes: dict[int, np.ndarray]
@@ -60,119 +59,85 @@ class DesignJob(Job):
     finest: Sequence[Scenario]
     stop: float
     box: HandBox | None = None
-    noun: ClassVar[str] = "designs"
-    proves: ClassVar[bool] = False  # the certificates of a search are those of its result
-
-    @property
-    def dtype(self) -> np.dtype:
-        """A value, a scenario and a certificate for each wish.
-
-        With a box of hands, there are also its stiffest wall and whether that is settled.
-        """
-        wishes = self.grid.spec.design.wishes
-        parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
-        hands = [(BOX, "<f8"), (SETTLED, "?")] if self.box else []
-        return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
-
-    @property
-    def slices(self) -> int:
-        """Number of designs of the search; those of the front come on top."""
-        return (self.chunks.loops - 1) * self.grid.spec.design.settings["population"]
-
-    @property
-    def size(self) -> int:
-        """Zero: the table has rows of the front alone."""
-        return 0
-
-    @property
-    def identity(self) -> dict[str, object]:
-        """The kind of the records."""
-        return {"records": "designs", "stop": self.stop} | ({"box": repr(self.box)} if self.box else {})
-
-    def chunks_of(self, generation: int) -> range:
-        """Return the numbers of the chunks of a generation."""
-        across = len(self.chunks) // self.chunks.loops
-        return range(generation * across, (generation + 1) * across)
-
-    def task(self, chunk: Chunk) -> "DesignTask":
-        """The task of a worker for that chunk."""
-        spec, genes, last = self.grid.spec, self._genes_of(chunk), chunk.loops.start == self.chunks.loops - 1
-        designs, scenarios = designs_of(spec.design.vary, genes), self.finest if last else tuple(self.scenarios)
-        return self.task_of(spec, scenarios, designs, len(genes), last)
-
-    def task_of(self, spec, scenarios, designs, count: int, last: bool) -> "DesignTask":
-        """The task for designs; last: whether they are of the front, for which more is checked."""
-        box, rules = (self.box, _rules_of(spec)) if last else (None, None)
-        return DesignTask(spec, scenarios, designs, count, self.stop, self.dtype, box, rules)
-
-    def slices_of(self, chunk: Chunk) -> int:
-        """Number of designs of a chunk."""
-        return len(self._genes_of(chunk))
-
-    def _genes_of(self, chunk):
-        """The designs of a generation are divided evenly."""
-        numbers = self.chunks_of(chunk.loops.start)
-        return np.array_split(self.genes[chunk.loops.start], len(numbers))[chunk.number - numbers.start]
-
-    def certified(self, records: np.ndarray) -> int:
-        """Return the number of designs of which all wishes are certified."""
-        flags = [records[name] for name in records.dtype.names if name.endswith("_certified")]
-        return int(np.logical_and.reduce(flags).sum())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DesignTask:
-    """The wishes of some designs, at their worst over the scenarios.
+def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
+    """A value, a scenario and a certificate for each wish; with a box of hands its stiffest wall, and whether it is settled."""
+    parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
+    hands = [(BOX, "<f8"), (SETTLED, "?")] if box else []
+    return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
+
+
+def generation(job: Job, number: int) -> range:
+    """The numbers of the chunks of a generation, among which its designs are divided evenly."""
+    across = len(job.chunks) // job.chunks.loops
+    return range(number * across, (number + 1) * across)
+
+
+def _task(job, chunk):
+    number, asked, vary = chunk.loops.start, job.asked, job.grid.spec.design.vary
+    chunks, last = generation(job, number), number == job.chunks.loops - 1
+    genes = np.array_split(asked.genes[number], len(chunks))[chunk.number - chunks.start]
+    return _evaluation(job, asked.finest if last else tuple(asked.scenarios), designs_of(vary, genes), len(genes), last)
+
+
+def _evaluation(job, scenarios, designs, count: int, last: bool):
+    """What computes the records of designs; last: whether they are of the front, for which more is checked."""
+    spec = job.grid.spec
+    box, rules = (job.asked.box, _rules_of(spec)) if last else (None, None)
+    return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, rules)
+
+
+def evaluated(
+    spec: Spec,
+    scenarios: Sequence[Scenario],
+    designs: Mapping[str, np.ndarray],
+    count: int,
+    stop: float,
+    dtype: np.dtype,
+    box: HandBox | None = None,
+    rules: Rules | None = None,
+) -> np.ndarray:
+    """A record for each design: its wishes, at their worst over the scenarios.
 
     count: number of designs, which may be 0. box: of hands to check them for. rules: what they have to be proved for.
     """
+    records = np.zeros(count, dtype)
+    records["slice"] = np.arange(count)
+    found = evaluate(spec, spec.design.wishes, scenarios, designs, stop, rules) if count else {}
+    for name, worst in found.items():
+        records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
+        records[f"{name}_certified"] = worst.certified
+    if box:
+        _hold(spec, scenarios, designs, box, records)
+    return records
 
-    spec: Spec
-    scenarios: Sequence[Scenario]
-    designs: Mapping[str, np.ndarray]
-    count: int
-    stop: float
-    dtype: np.dtype
-    box: HandBox | None = None
-    rules: Rules | None = None
 
-    def records(self) -> np.ndarray:
-        """Return a record per design."""
-        records = np.zeros(self.count, self.dtype)
-        records["slice"] = np.arange(self.count)
-        if self.count:
-            found = evaluate(self.spec, self.spec.design.wishes, self.scenarios, self.designs, self.stop, self.rules)
-            for name, worst in found.items():
-                records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
-                records[f"{name}_certified"] = worst.certified
-        if self.box:
-            self._hold(records)
-        return records
+def _hold(spec, scenarios, designs, box, records):
+    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
 
-    def _hold(self, records):
-        """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
+    Walls are checked up to `z_width`, the stiffest one of the scenarios.
+    """
+    wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
+    devices = list({tuple(item for item in each.values.items() if item[0] not in OPERATOR): None for each in scenarios})
+    for number, record in enumerate(records):
+        own = {path: column[number].item() for path, column in designs.items()}
+        record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
+        if not record[SETTLED]:  # no wall to touch
+            continue
+        for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
+            values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
+            varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
+            wall = "environment.K_VE"
+            loop = held_loop(loops_of(spec, values, wall))
+            rows = Guarantee("box", replace(box, **varied)).records(loop, wall, (0.0, float(record["z_width"])))
+            first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
+            record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
+            record[SETTLED] &= bool(first.size and first["settled"][0])
 
-        Walls are checked up to `z_width`, the stiffest one of the scenarios.
-        """
-        spec = self.spec
-        wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
-        devices = list(
-            {tuple(item for item in each.values.items() if item[0] not in OPERATOR): None for each in self.scenarios}
-        )
-        for number, record in enumerate(records):
-            own = {path: column[number].item() for path, column in self.designs.items()}
-            record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
-            if not record[SETTLED]:  # no wall to touch
-                continue
-            for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
-                values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
-                varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
-                wall = "environment.K_VE"
-                loop = held_loop(drawing_for(spec, values, wall), values)
-                rows = Guarantee("box", replace(self.box, **varied)).records(loop, wall, (0.0, float(record["z_width"])))
-                first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
-                record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
-                record[SETTLED] &= bool(first.size and first["settled"][0])
+
+# Certificates of a search are those of its result.
+DESIGNS = Kind(_task, noun="designs", certifies=False, has_rows=False)
 
 
 def design(
@@ -200,17 +165,17 @@ def design(
         for found in generations(run.judge, len(asked.vary), *search, first, choices, run.look):
             best = found
     if not (best.violation == 0).any():
-        said = miss(spec, run.everything(), job.scenarios, wish_units(spec))
+        said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
         run.forget()  # nothing of it is left to be done
         raise WavesweepError(said)
     genes = spread(best, FRONT).genes
     if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
         others = np.concatenate([first[: spec.for_all is not None], run.feasible()])  # the search sees little of [for_all]
         genes = np.concatenate([genes, run.next_to(others, genes)])
-    job.genes[settings["generations"]] = genes
+    job.asked.genes[settings["generations"]] = genes
     genes, records = run.kept(genes, run.records(settings["generations"]))
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
-        said = miss(spec, records, job.finest, wish_units(spec))
+        said = miss(spec, records, job.asked.finest, wish_units(spec))
         run.forget()
         raise WavesweepError(said)
     # With more to hold for, a design may be worth less than another one.
@@ -223,10 +188,10 @@ def design(
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {
         "own": own_design(spec, job),
-        "stop": job.stop,
+        "stop": job.asked.stop,
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
     }
-    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}
+    facts |= {"scenarios": len(job.asked.scenarios), "checked_scenarios": len(job.asked.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
 
 
@@ -246,10 +211,10 @@ def plan(spec: Spec) -> list[str]:
     except WavesweepError as error:
         return [f"  design: not possible with this spec: {error}"]
     workers = choose(None, None, None, len(job.chunks), lambda: seconds)
-    over = f"{len(job.scenarios)} combination{'s' * (len(job.scenarios) != 1)}"
+    over = f"{len(job.asked.scenarios)} combination{'s' * (len(job.asked.scenarios) != 1)}"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
-        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.finest)}",
+        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.asked.finest)}",
         f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",
     ]
 
@@ -261,7 +226,7 @@ METHODS = {
 }
 
 
-def job_of(spec: Spec, for_hands: str = "vertices") -> DesignJob:
+def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
     if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
         raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
@@ -296,9 +261,11 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> DesignJob:
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
     between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
     finest = scenarios_of(grid.spec, between) if between else finer
-    return DesignJob(
-        grid, chunks, {}, {}, scenarios_of(grid.spec), finer, finest, stop, box_of(spec) if for_hands == "box" else None
-    )
+    box = box_of(spec) if for_hands == "box" else None
+    identity = {"records": "designs", "stop": stop} | ({"box": repr(box)} if box else {})
+    study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
+    total = settings["generations"] * settings["population"]
+    return Job(DESIGNS, grid, chunks, {}, record_of(asked.wishes, box=box is not None), identity, study, total)
 
 
 def _refuse_unreachable(spec, wishes):
@@ -342,15 +309,15 @@ class _Run:
         self.workers, self.tally, self.forget = None, Tally(), store.remove
         self.latest = self.since = 0  # generations: the last one, and the first that was judged over all that is held for now
 
-    def judge(self, generation: int, genes: np.ndarray) -> Judged:
+    def judge(self, number: int, genes: np.ndarray) -> Judged:
         """Return the designs of a generation, judged; those of one structure are computed together."""
-        asked, self.latest = self.job.grid.spec.design, generation
+        asked, self.latest = self.job.grid.spec.design, number
         values = designs_of(asked.vary, genes)
         choices = [values[axis.path] for axis in asked.vary if axis.values]
         order = np.lexsort(choices) if choices else np.arange(len(genes))
-        self.job.genes[generation] = genes[order]
+        self.job.asked.genes[number] = genes[order]
         records = np.empty(len(genes), self.job.dtype)
-        records[order] = self.records(generation)
+        records[order] = self.records(number)
         return Judged(genes, *judged(asked, records))
 
     def look(self, best: Judged) -> bool:
@@ -362,17 +329,17 @@ class _Run:
         if (best.violation > 0).any():  # nothing is feasible yet
             return False
         some = spread(best, FRONT)
-        found = evaluate(job.grid.spec, asked.wishes, job.finer, designs_of(asked.vary, some.genes), job.stop)
-        worst = np.bincount(np.concatenate([each.scenario for each in found.values()]), minlength=len(job.finer))
-        order = [job.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
-        new = [each for each in order if each not in job.scenarios][:ADDED]
-        job.scenarios.extend(new)
+        found = evaluate(job.grid.spec, asked.wishes, job.asked.finer, designs_of(asked.vary, some.genes), job.asked.stop)
+        worst = np.bincount(np.concatenate([each.scenario for each in found.values()]), minlength=len(job.asked.finer))
+        order = [job.asked.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
+        new = [each for each in order if each not in job.asked.scenarios][:ADDED]
+        job.asked.scenarios.extend(new)
         self.since = self.latest + 1 if new else self.since
         return bool(new)
 
-    def records(self, generation: int) -> np.ndarray:
+    def records(self, number: int) -> np.ndarray:
         """The records of a generation, from the checkpoint as far as it has them."""
-        numbers = self.job.chunks_of(generation)
+        numbers = generation(self.job, number)
         compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
@@ -395,7 +362,7 @@ class _Run:
     def feasible(self) -> np.ndarray:
         """The designs of all generations that keep their bounds in the search, the best first."""
         last = self.job.chunks.loops - 1
-        others = np.concatenate([self.job.genes[each] for each in range(self.since, last)])
+        others = np.concatenate([self.job.asked.genes[each] for each in range(self.since, last)])
         objectives, violation = judged(self.job.grid.spec.design, self.everything())
         order = np.lexsort(objectives.T[::-1])
         return others[order[violation[order] == 0]]
@@ -403,7 +370,7 @@ class _Run:
     def checked(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those of some designs that keep their bounds over all that a front is checked for, and their records."""
         job, spec = self.job, self.job.grid.spec
-        found = job.task_of(spec, job.finest, designs_of(spec.design.vary, genes), len(genes), last=True).records()
+        found = _evaluation(job, job.asked.finest, designs_of(spec.design.vary, genes), len(genes), last=True)()
         good = judged(spec.design, found)[1] == 0
         return genes[good], found[good]
 
@@ -427,7 +394,7 @@ class _Run:
 
     def everything(self) -> np.ndarray:
         """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
-        first, last = (self.job.chunks_of(each).start for each in (self.since, self.job.chunks.loops - 1))
+        first, last = (generation(self.job, each).start for each in (self.since, self.job.chunks.loops - 1))
         numbers = [number for number in self.store.finished() if first <= number < last]
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
@@ -436,17 +403,17 @@ def _seconds(job):
     """Estimate the seconds of the whole study in one process, from two designs."""
     spec = job.grid.spec
     genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])
-    task = DesignTask(spec, job.scenarios, designs_of(spec.design.vary, genes), 2, job.stop, job.dtype)
-    task.records()
+    task = _evaluation(job, job.asked.scenarios, designs_of(spec.design.vary, genes), 2, last=False)
+    task()
     started = time.perf_counter()
-    task.records()
+    task()
     return (time.perf_counter() - started) / 2 * (job.chunks.loops - 1) * spec.design.settings["population"]
 
 
-def own_design(spec: Spec, job: DesignJob) -> dict[str, float | None]:
+def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
     own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    found = evaluate(spec, spec.design.wishes, job.finest, own, job.stop, rules := _rules_of(spec))
+    found = evaluate(spec, spec.design.wishes, job.asked.finest, own, job.asked.stop, rules := _rules_of(spec))
     known = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not rules) for name, worst in found.items()}
     return {name: float(worst.value[0]) if known[name] else None for name, worst in found.items()}
 
@@ -462,10 +429,10 @@ def _columns(spec, job, genes, records):
         columns[wish.name] = records[wish.name]
         at_rate = "" if constant or wish.name in ("z_width", "channel") else " at a constant rate"
         numbers = records[f"{wish.name}_scenario"].tolist()
-        texts = [(described(job.finest, at) or "the spec's own") + at_rate for at in numbers]
+        texts = [(described(job.asked.finest, at) or "the spec's own") + at_rate for at in numbers]
         columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
     columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
-    if job.box:
+    if job.asked.box:
         columns |= {name: records[name] for name in (BOX, SETTLED)}
     order = np.lexsort(objectives.T[::-1])
     return {name: column[order] for name, column in columns.items()}, columns
@@ -473,14 +440,14 @@ def _columns(spec, job, genes, records):
 
 def _checked(job):
     """Whether the front is checked between the ends of the ranges, if there is anything between."""
-    return len(job.finer) >= count_of(job.grid.spec, 1)
+    return len(job.asked.finer) >= count_of(job.grid.spec, 1)
 
 
 def _notices(job):
     ends = count_of(job.grid.spec)
-    more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
+    more = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
-    yield f"each design holds for {several}; those of the front were checked over {len(job.finest)}"
+    yield f"each design holds for {several}; those of the front were checked over {len(job.asked.finest)}"
     if job.grid.spec.for_all:
         names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}
         names |= {"z_width": "z_width", "felt": "the wall of felt"}

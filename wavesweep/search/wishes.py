@@ -14,14 +14,14 @@ from wavesweep.analyses.varying import Rules
 from wavesweep.columns import Rows
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
-from wavesweep.loops.from_drawing import assembled, refuse_unsuitable
+from wavesweep.loops.from_drawing import refuse_unsuitable
 from wavesweep.response.steady import GOOD
 from wavesweep.search.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
-from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
+from wavesweep.sweep.grid import distinct_rows, drawn_groups
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn
@@ -108,13 +108,11 @@ def _where_solvable(spec, points: Points, measure: Callable[[Points], tuple], *b
 
 
 def _batches(spec, points: Points, most: int = BATCH):
-    """Yield the indices of at most `most` points of one structure at a time, their drawing, and their values."""
-    resolved = {}
-    for members, values in groups(spec, points.changes, points.size, resolved):
+    """Yield the indices of at most `most` points of one structure at a time, and their loops."""
+    for members, loops in drawn_groups(spec, points.changes, points.size, {}):
         for start in range(0, members.size, most):
             part = slice(start, start + most)
-            some = selected(values, part)
-            yield members[part], drawing_for(spec, some), some
+            yield members[part], loops.some(part)
 
 
 def _of_each(points, of, paths):
@@ -142,7 +140,7 @@ def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
 
     def stiffest_of(points):  # no two of which are the same
         value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
-        for part, *_ in _batches(spec, points):
+        for part, _ in _batches(spec, points):
             changes = {path: column[part] for path, column in points.changes.items()}
             rows = at_points(spec, axis, changes, points.ties, felt=wished)
             at = part[rows["slice"]]
@@ -160,8 +158,8 @@ def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
     proved = _of_each(points, lambda own: for_all.proved_from_zero(spec.with_values(own), axis.path, stop, rules), paths)
     wall = np.minimum(value, proved)
     there = replace(points, changes={**points.changes, axis.path: wall})
-    for members, drawing, values in _batches(spec, there) if wished else ():
-        felt[members] = np.where(wall[members] > 0, felt_of(drawing, values, members.size), 0.0)
+    for members, loops in _batches(spec, there) if wished else ():
+        felt[members] = np.where(wall[members] > 0, felt_of(loops, members.size), 0.0)
     return _Stiffest(wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value)
 
 
@@ -268,16 +266,16 @@ def _degrees(values):
 
 def _radii(spec, points):
     radius = np.empty(points.size)
-    for members, drawing, values in _batches(spec, points):
-        radius[members] = radii_of(drawing, read_by(drawing, values), members.size)
+    for members, loops in _batches(spec, points):
+        radius[members] = radii_of(loops.read, members.size)
     return radius
 
 
 def _impedances(spec, frequency, points):
     """Return the impedances at the hand and bounds on their errors, `(points, frequencies)`."""
     found, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
-    for members, drawing, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        response = responses_of(drawing, values, members.size, frequency, ERROR / 2)
+    for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+        response = responses_of(loops, members.size, frequency, ERROR / 2)
         found[members], error[members] = response.impedance, np.abs(response.impedance) * response.impedance_error
     return found, error
 
@@ -286,13 +284,13 @@ def _distances(spec, points, frequency):
     """Return |ln(H/H_dc)|^2, `(points, frequencies)`, and whether both responses are known well enough."""
     square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
     ideal, ideal_error = _ideal(spec, points, frequency)
-    for members, drawing, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+    for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
         # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
-        response = responses_of(drawing, values, members.size, frequency, np.inf)
+        response = responses_of(loops, members.size, frequency, np.inf)
         found, error = response.admittance, response.admittance_error
         again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
         if again.size:
-            response = responses_of(drawing, selected(values, again), again.size, frequency, ERROR / 2)
+            response = responses_of(loops.some(again), again.size, frequency, ERROR / 2)
             found[again], error[again] = response.admittance, response.admittance_error
         with np.errstate(all="ignore"):
             square[members] = np.abs(np.log(found / ideal[members])) ** 2
@@ -310,8 +308,8 @@ def _ideal(spec, points, frequency):
     changes = {path: column for path, column in points.changes.items() if path in read}
     first, back = distinct_rows(changes, points.size)
     value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
-    for members, drawing, values in _batches(ideal, Points(changes, (), points.shape).some(first)):
-        response = responses_of(drawing, values, members.size, frequency, GOOD)
+    for members, loops in _batches(ideal, Points(changes, (), points.shape).some(first)):
+        response = responses_of(loops, members.size, frequency, GOOD)
         value[members], error[members] = response.admittance, response.admittance_error
     return value[back], error[back]
 
@@ -327,8 +325,8 @@ def _channel(spec, wish, points):
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
     first, back = distinct_rows(read, points.size)
     norms, sure = np.zeros(first.size), np.ones(first.size, bool)
-    for members, _, values in _batches(spec, Points(read, (), points.shape).some(first)):
-        norm = channel_norm(loop_drawing(values), values)
+    for members, loops in _batches(spec, Points(read, (), points.shape).some(first)):
+        norm = channel_norm(loop_drawing(loops.values), loops.values)
         if norm is not None:
             norms[members], sure[members] = norm.norm, norm.certified
     return norms[back], sure[back]
@@ -352,7 +350,7 @@ def _delay_margin(spec, wish, points):
     return value, known
 
 
-def _port(spec, wish, drawing, values, size):
+def _port(spec, wish, loops, size):
     """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
 
     The map of an unstable loop may have a positive real part on the whole circle.
@@ -360,62 +358,61 @@ def _port(spec, wish, drawing, values, size):
     from wavesweep.passive import port_margin
 
     del wish, size
-    loop = held_loop(drawing, values)
     if spec.drawing:
-        refuse_unsuitable(spec.drawing, values)
-    found = port_margin(loop)
+        refuse_unsuitable(*loops)
+    found = port_margin(held_loop(loops))
     return np.where(found.stable, found.margin, np.nan), found.certified
 
 
-def _damping_ratio(spec, wish, drawing, values, size):
+def _damping_ratio(spec, wish, loops, size):
     """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
     del spec, wish
-    E, known = _frames(drawing, values, size)
+    E, known = _frames(loops, size)
     least, sure = least_damping(E)
     return np.where(known, least, np.nan), known & sure
 
 
-def _settling(spec, wish, drawing, values, size):
+def _settling(spec, wish, loops, size):
     """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
     del spec, wish
-    E, known = _frames(drawing, values, size)
-    drawn, delta = assembled(drawing, read_by(drawing, values)), eigenvalues(E)[0]
+    E, known = _frames(loops, size)
+    drawn, delta = loops.drawn(), eigenvalues(E)[0]
     delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
     with np.errstate(all="ignore"):
         time = -np.real(drawn.period * drawn.ticks) / np.log1p(delta).real
     return np.where((time >= 0) & np.isfinite(time), time, np.nan), known
 
 
-def _frames(drawing, values, size):
+def _frames(loops, size):
     """Return the frames less identity, and whether their radius is known."""
-    E, hidden = telling_frames(drawing, read_by(drawing, values))
+    E, hidden = telling_frames(loops.read)
     E = np.broadcast_to(E, (size, *E.shape[-2:]))
     return E, np.isfinite(radius_of(E, hidden))
 
 
-def _chatter(spec, wish, drawing, values, size):
+def _chatter(spec, wish, loops, size):
     """Bound on the force of the encoder's rounding, N; missing if there is none."""
     del spec
-    value = peaks_of(drawing, values, size) * wish.options["resolution"][0] / 2
+    value = peaks_of(loops, size) * wish.options["resolution"][0] / 2
     return value, ~np.isnan(value)
 
 
-def _depth(spec, wish, drawing, values, size):
+def _depth(spec, wish, loops, size):
     """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
     del spec
-    felt, radius = felt_of(drawing, values, size), radii_of(drawing, read_by(drawing, values), size)
+    felt, radius = felt_of(loops, size), radii_of(loops.read, size)
     with np.errstate(all="ignore"):
         value = np.where((felt > 0) & (radius < 1), wish.options["max_force"][0] / felt, np.nan)
     return value, ~np.isnan(value)
 
 
 def _batched(measure):
-    """The measure of points that `measure` gives of those of one structure, from their drawing, values and number."""
+    """The measure of points that `measure` gives of those of one structure, from their loops and their number."""
 
     def of_points(spec, wish, points):
         value, certified = _unknown(points.size)
-        for members, drawing, values in _batches(spec, points):
-            value[members], certified[members] = measure(spec, wish, drawing, values, members.size)
+        for members, loops in _batches(spec, points):
+            value[members], certified[members] = measure(spec, wish, loops, members.size)
         return value, certified
 
     return of_points

@@ -9,8 +9,6 @@ import numpy as np
 
 from wavesweep.atomic_files import free_bytes
 from wavesweep.errors import UsageError
-from wavesweep.loops.dead_time import breaks, timing
-from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.job import Job, cut_otherwise, naming_values
 from wavesweep.sweep.pools import timed
 
@@ -19,8 +17,8 @@ AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
 
 def expected_bytes(job: Job) -> int:
     """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
-    row = job.row_bytes + AXIS_BYTES * len(job.grid.axes)
-    return int(job.rows * (job.slices * job.dtype.itemsize + job.size * row))
+    row = job.kind.row_bytes + AXIS_BYTES * len(job.grid.axes)
+    return int(job.kind.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
 def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
@@ -46,21 +44,18 @@ def _size(count):
 
 PROBES = 6  # samples of the sweep
 SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
-MOST_TICKS = 64  # pieces of a range, up to which one is a sample
 FEW_DRAWN = 8  # loops of a sample that share no drawing
 LONGEST = 0.1  # s; no further sample after that
 
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
-    whole = job.slices
-    job, times = _in_a_piece(job)
-    whole *= times
-    job, chunks = _samples(job)
+    sample, times = job.kind.sample(job)
+    whole, (job, chunks) = job.slices * times, _samples(sample)
     tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
-        loops, walls = chunks[0].loops[:1], chunks[0].walls[:1]
-        job.task(replace(chunks[0], loops=loops, walls=walls)).records()  # the first call costs more than it will later
+        loops, points = chunks[0].loops[:1], chunks[0].points[:1]
+        job.task(replace(chunks[0], loops=loops, points=points))()  # the first call costs more than it will later
         started = time.perf_counter()
         for chunk, task in zip(chunks, tasks, strict=True):
             timed(chunk.number, task)
@@ -70,23 +65,11 @@ def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     return seconds / slices * whole
 
 
-def _in_a_piece(job):
-    """The job in one of the pieces into which dead times of other whole ticks cut its range, and the times it is of that."""
-    spec, axis = job.grid.spec, getattr(job, "axis", None)
-    if axis is None or not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
-        return job, 1
-    ends = breaks(spec.drawing, spec.values, axis.path, (float(axis.start), float(axis.stop)))
-    middle = (len(ends) - 1) // 2
-    at = min(middle, MOST_TICKS)
-    longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
-    return replace(job, axis=replace(axis, start=ends[at], stop=ends[at + 1])), (len(ends) - 1) * longer
-
-
 def _samples(job):
     """The job in small chunks, and some of them, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
-    wide = min(chunks.walls, enough)
+    wide = min(chunks.points, enough)
     deep = max(1, enough // wide)
     if 2 * len(job.resolved) > chunks.loops:  # nearly every loop is drawn for itself, and few of them show the time
         deep = min(deep, FEW_DRAWN)

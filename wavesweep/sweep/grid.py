@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,11 +13,52 @@ from wavesweep.loops.dead_time import structure
 from wavesweep.spec import Axis, Spec
 
 if TYPE_CHECKING:
+    from wavesweep.loops.multirate import MultirateLoop
     from wavesweep.spec.drawing import Drawing
 
 FAST = "rates.fast_hz"
 MOST = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
 MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, each of which is checked before the work begins
+
+
+class Loops(NamedTuple):
+    """Loops of one structure with their numbers put in.
+
+    values: path -> number, or array over the loops of a batch; a number that is zero in one of them is zero in all.
+    """
+
+    drawing: "Drawing"
+    values: Mapping[str, Any]
+
+    @property
+    def read(self) -> "Loops":
+        """The loops with the numbers that their drawing reads alone."""
+        kept = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
+        return Loops(self.drawing, kept)
+
+    def drawn(self, out: str = "", beside: str = "") -> "MultirateLoop":
+        """The blocks of the loops, perhaps without one number or two; see `assembled`."""
+        from wavesweep.loops.from_drawing import assembled
+
+        return assembled(self.drawing, self.values, out, beside)
+
+    def changed(self, changes: Mapping[str, Any]) -> "Loops":
+        """The loops with other numbers."""
+        return Loops(self.drawing, {**self.values, **changes})
+
+    def some(self, part) -> "Loops":
+        """Some of the loops; part: an index, a slice or an array of indices."""
+        return Loops(self.drawing, selected(self.values, part))
+
+    def one(self, at: int) -> "Loops":
+        """One of the loops, with plain numbers."""
+        values = selected(self.values, at)
+        return Loops(self.drawing, {p: value.item() if isinstance(value, np.generic) else value for p, value in values.items()})
+
+    @property
+    def items(self) -> tuple:
+        """The pairs of the numbers, by which a loop is remembered; arrays of one as tuples."""
+        return items_of(self.values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,30 +200,23 @@ def _by_dead_times(drawing, members, values):
 
 def drawn_groups(
     spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False, along: str = ""
-) -> Iterator[tuple[np.ndarray, "Drawing", dict]]:
-    """Yield (members, drawing, values): `groups`, each with the drawing of its loops and the numbers that this reads.
+) -> Iterator[tuple[np.ndarray, Loops]]:
+    """Yield (members, loops): `groups`, each as loops with all numbers of the spec.
 
-    along: path of a number that is varied in every loop beside the changes, as that of an axis of intervals.
+    along: path of a number that is varied in every loop in addition to the changes, as that of an axis of intervals.
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
-        drawing = drawing_for(spec, values, along)
-        yield members, drawing, read_by(drawing, values)
+        yield members, loops_of(spec, values, along)
 
 
-def read_by(drawing: "Drawing", values: Mapping[str, object]) -> dict:
-    """The flat values that a drawing reads."""
-    return {path: value for path, value in values.items() if path in drawing.reads or path in drawing.building}
+def own_loop(spec: Spec, along: str = "") -> Loops:
+    """The spec's own loop, with the numbers that it reads; along: see `drawn_groups`."""
+    return loops_of(spec, spec.values, along).read
 
 
-def own_loop(spec: Spec, along: str = "") -> tuple["Drawing", dict]:
-    """The drawing of the spec's own loop, and the numbers that it reads; along: see `drawn_groups`."""
-    drawing = drawing_for(spec, spec.values, along)
-    return drawing, read_by(drawing, spec.values)
-
-
-def drawing_for(spec: Spec, values: Mapping[str, object], along: str = "") -> "Drawing":
-    """The drawing of loops of the spec with these flat values: its own, or that of its controller."""
-    return spec.drawing or loop_drawing(values, (along,))
+def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops:
+    """Loops of the spec with these flat values, in its own drawing or that of its controller."""
+    return Loops(spec.drawing or loop_drawing(values, (along,)), values)
 
 
 def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:

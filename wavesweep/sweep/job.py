@@ -1,11 +1,10 @@
-"""The job of a table, settled before any computing: slices in chunks, tasks for workers, columns for their records."""
+"""A job: what a table needs of every loop of a grid, settled before any computing and cut into chunks for workers."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import ClassVar, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -22,29 +21,29 @@ ENOUGH = 32  # chunks, from which on they may have more than MANY slices: the la
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """The loops `loops` closed with the walls `walls` (index ranges); its slices are consecutive, from `first` on."""
+    """The loops `loops` at the points `points` (index ranges); its slices are consecutive, from `first` on."""
 
     number: int
     loops: range
-    walls: range
+    points: range
     first: int
 
     @property
     def slices(self) -> int:
         """Number of its slices."""
-        return len(self.loops) * len(self.walls)
+        return len(self.loops) * len(self.points)
 
 
 @dataclass(frozen=True, slots=True)
 class Chunks:
-    """All chunks of `loops x walls` slices, slice = loop * walls + wall; each of `deep` loops and `wide` walls at most.
+    """All chunks of `loops x points` slices, slice = loop * points + point; each of `deep` loops and `wide` points at most.
 
-    A chunk is several loops with all their walls, or a part of the walls of one loop, so its slices are consecutive. The
+    A chunk is several loops with all their points, or a part of the points of one loop, so its slices are consecutive. The
     results do not depend on the borders of the chunks.
     """
 
     loops: int
-    walls: int
+    points: int
     deep: int
     wide: int
 
@@ -53,89 +52,109 @@ class Chunks:
 
     @property
     def _across(self):
-        return -(-self.walls // self.wide)
+        return -(-self.points // self.wide)
 
     def __getitem__(self, number: int) -> Chunk:
         down, across = divmod(number, self._across)
         loops = range(down * self.deep, min((down + 1) * self.deep, self.loops))
-        walls = range(across * self.wide, min((across + 1) * self.wide, self.walls))
-        return Chunk(number, loops, walls, loops.start * self.walls + walls.start)
+        points = range(across * self.wide, min((across + 1) * self.wide, self.points))
+        return Chunk(number, loops, points, loops.start * self.points + points.start)
 
     def of(self, slices) -> np.ndarray:
         """Number of the chunk that each slice is in."""
-        loop, wall = np.divmod(slices, self.walls)
-        return loop // self.deep * self._across + wall // self.wide
+        loop, point = np.divmod(slices, self.points)
+        return loop // self.deep * self._across + point // self.wide
+
+
+def fields_of(job: "Job", combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
+    """The fields of the records as columns."""
+    del combination
+    return {name: records[name] for name in job.dtype.names if name != "slice"}
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of analysis, as functions of its jobs.
+
+    task: gives what computes the records of a chunk. columns: those of the table, for records of these combinations. noun: of
+    the slices, in messages. certifies: whether slices can be certified. has_rows: whether the slices are rows of a table.
+    rows: of the table for each combination, about. row_bytes: of such a row in its files, without its axes. ready: s that
+    workers take longer than usual until they are ready. sample: gives the job whose samples are timed in place of a job, and
+    how many times as long that one takes for each slice.
+    """
+
+    task: Callable[["Job", Chunk], Task]
+    columns: Callable[["Job", np.ndarray, np.ndarray], Mapping[str, np.ndarray]] = fields_of
+    noun: str = "slices"
+    certifies: bool = True
+    has_rows: bool = True
+    rows: float = 1.0
+    row_bytes: int = 0
+    ready: float = 0.0
+    sample: Callable[["Job"], tuple["Job", float]] = lambda job: (job, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job(ABC):
-    """Records for every slice of a grid, cut into chunks, and the columns that they make; a subclass says which.
+class Job:
+    """Records for every slice of a grid, cut into chunks, and the columns that they make.
 
     resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
-    noun: of the slices, in messages. dtype: of the records, whose field `slice` counts from 0 in the chunk. rows: of the table
-    for each combination, about. row_bytes: of such a row in its files, without its axes. ready: s that workers take longer
-    than usual until they are ready. proves: whether slices can be certified.
+    dtype: of the records, whose field `slice` counts from 0 in the chunk. identity: what the records depend on besides the
+    spec, the versions and the chunks, JSON-able. asked: what the kind needs besides. total: number of slices if it is not that
+    of the chunks.
     """
 
+    kind: Kind
     grid: Grid
     chunks: Chunks
     resolved: dict
-    noun: ClassVar[str] = "slices"
-    dtype: ClassVar[np.dtype]
-    rows: ClassVar[float] = 1.0
-    row_bytes: ClassVar[int] = 0
-    ready: ClassVar[float] = 0.0
-    proves: ClassVar[bool] = True
+    dtype: np.dtype
+    identity: Mapping[str, object]
+    asked: Any = None
+    total: int | None = None
 
     @property
     def slices(self) -> int:
         """Number of slices that are computed."""
-        return self.chunks.loops * self.chunks.walls
+        return self.chunks.loops * self.chunks.points if self.total is None else self.total
 
     @property
     def size(self) -> int:
         """Number of combinations that have rows."""
-        return self.grid.size
-
-    @property
-    @abstractmethod
-    def identity(self) -> dict[str, object]:
-        """Names and values that the records depend on besides the spec, the versions and the chunks, JSON-able."""
+        return self.grid.size * self.chunks.points if self.kind.has_rows else 0
 
     def slice_of(self, combination) -> np.ndarray:
-        """Number of the slice of each combination."""
-        return self.grid.slice_of(combination)
+        """Number of the slice of each combination, points innermost."""
+        at, point = np.divmod(combination, self.chunks.points)
+        return self.grid.slice_of(at) * self.chunks.points + point
 
-    @abstractmethod
     def task(self, chunk: Chunk) -> Task:
-        """The task of a worker for that chunk."""
+        """What computes the records of a chunk."""
+        return self.kind.task(self, chunk)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
-        """The table's columns for records of these combinations, one for each record: by default the fields as they are."""
-        del combination
-        return {name: records[name] for name in self.dtype.names if name != "slice"}
+        """The table's columns for records of these combinations, one for each record."""
+        return self.kind.columns(self, combination, records)
 
-    def slices_of(self, chunk: Chunk) -> int:
-        """Number of slices of a chunk."""
-        return chunk.slices
-
-    @abstractmethod
-    def certified(self, records: np.ndarray) -> int:
-        """How many slices of these records are certified."""
+    def loop_values(self, chunk: Chunk) -> dict[str, np.ndarray]:
+        """Path -> values of the loops of a chunk."""
+        return self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
 
 
-AnyJob = TypeVar("AnyJob", bound=Job)
+def slices_in(records: np.ndarray) -> np.ndarray:
+    """Whether a record is the first one of its slice; records: sorted by slice."""
+    return np.diff(records["slice"], prepend=-1) != 0
 
 
-def cut_up(loops: int, walls: int, cost: float) -> Chunks:
+def cut_up(loops: int, points: int, cost: float) -> Chunks:
     """The slices in chunks of about `SECONDS`; cost: expected s per slice."""
-    slices = int(np.clip(SECONDS / cost, FEWEST, np.clip(loops * walls // ENOUGH, MANY, MOST)))
-    if walls > slices:
-        return Chunks(loops, walls, 1, slices)
-    return Chunks(loops, walls, slices // walls, walls)
+    slices = int(np.clip(SECONDS / cost, FEWEST, np.clip(loops * points // ENOUGH, MANY, MOST)))
+    if points > slices:
+        return Chunks(loops, points, 1, slices)
+    return Chunks(loops, points, slices // points, points)
 
 
-def cut_otherwise(job: AnyJob, **sizes: int) -> AnyJob:
+def cut_otherwise(job: Job, **sizes: int) -> Job:
     """The same job in chunks of other sizes (deep, wide)."""
     return replace(job, chunks=replace(job.chunks, **sizes))
 
@@ -154,30 +173,30 @@ def naming_values(job: Job) -> Iterator[None]:
 
 def _unsolvable(job, chunk):
     """The axes' values of the first loop of a chunk that has no solution, as a text."""
-    at = {"loops": chunk.loops, "walls": chunk.walls}
-    for each in ("loops", "walls"):
+    at = {"loops": chunk.loops, "points": chunk.points}
+
+    def fails(ranges):
+        try:
+            job.task(Chunk(0, first=0, **ranges))()
+        except IllPosedLoopError:
+            return True
+        return False
+
+    for each in ("loops", "points"):
         while len(at[each]) > 1:
             half = len(at[each]) // 2
             first = at | {each: at[each][:half]}
-            at = first if _fails(job, first) else at | {each: at[each][half:]}
-    if not _fails(job, at):
+            at = first if fails(first) else at | {each: at[each][half:]}
+    if not fails(at):
         return ""
     values = job.grid.loop_values(np.array(at["loops"][:1]))
     return ", ".join(f"{axis.name} = {show(values[axis.path][0].item())}" for axis in job.grid.axes if axis.path in values)
 
 
-def _fails(job, ranges):
-    try:
-        job.task(Chunk(0, first=0, **ranges)).records()
-    except IllPosedLoopError:
-        return True
-    return False
-
-
 def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dict:
     """The spec's values for each combination of the axes that go through the spec; rates: see `groups`.
 
-    Errors: UsageError if a combination makes no loop.
+    Errors: UsageError if a combination makes no loop, or if numbers of `some_loops` make none.
     """
     paths = [axis.path for axis in grid.loop_axes] if rates else None
     axes = [axis for axis in grid.loop_axes if not is_plain(grid.spec, axis.path, paths)]
@@ -190,21 +209,16 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
             raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
     if grid.spec.drawing:
-        _refuse_unsuitable(grid, resolved)
+        from wavesweep.loops.from_drawing import refuse_unsuitable
+
+        index = some_loops(grid)
+        place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which
+        for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
+            try:
+                refuse_unsuitable(grid.spec.drawing, values)
+            except UsageError as error:
+                raise UsageError(f"{place}: {error}" if place else str(error)) from error
     return resolved
-
-
-def _refuse_unsuitable(grid: Grid, resolved: dict) -> None:
-    """Raise UsageError if `some_loops` of the grid have numbers that make no loop."""
-    from wavesweep.loops.from_drawing import refuse_unsuitable
-
-    index = some_loops(grid)
-    place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which
-    for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
-        try:
-            refuse_unsuitable(grid.spec.drawing, values)
-        except UsageError as error:
-            raise UsageError(f"{place}: {error}" if place else str(error)) from error
 
 
 def some_loops(grid: Grid) -> np.ndarray:

@@ -19,7 +19,7 @@ from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
-from wavesweep.sweep.job import Job, naming_values
+from wavesweep.sweep.job import Job, naming_values, slices_in
 from wavesweep.sweep.workers import WORTH, Workers, choose, results
 
 LEAST = 1e-6  # s of a slice: none takes less
@@ -90,12 +90,12 @@ class Tally:
     records: int = 0
     seconds: float = 0.0
 
-    def add(self, job: Job, number: int, records: np.ndarray, seconds: float = 0.0, *, kept: bool = False) -> None:
+    def add(self, job: Job, records: np.ndarray, seconds: float = 0.0, *, kept: bool = False) -> None:
         """Count a chunk; kept: whether it was in the checkpoint."""
-        slices = job.slices_of(job.chunks[number])
-        self.done += slices
-        self.kept += slices * kept
-        self.certified += job.certified(records)
+        first = slices_in(records)
+        self.done += int(first.sum())
+        self.kept += int(first.sum()) * kept
+        self.certified += int((records["certified"] & first).sum()) if job.kind.certifies else 0
         self.records += len(records)
         self.seconds += seconds
 
@@ -176,18 +176,18 @@ def checkpoint_of(
     mixed.
     """
     chunks = job.chunks
-    small = place is None and job.rows * job.slices * job.dtype.itemsize <= IN_MEMORY
+    small = place is None and job.kind.rows * job.slices * job.dtype.itemsize <= IN_MEMORY
     if small or len(chunks) < 2:
         return MemoryCheckpoint()
     identity = {"layout": LAYOUT, "spec_sha256": job.grid.spec.sha256, **versions()}
-    identity |= {"chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide], **job.identity}
+    identity |= {"chunks": [chunks.loops, chunks.points, chunks.deep, chunks.wide], **job.identity}
     return FileCheckpoint(place, name, identity, job.dtype, force, warnings)
 
 
 def _expected(job):
     """Seconds of work; not more than there are, and not measured, if already these are worth workers."""
-    least = LEAST * job.slices - job.ready
-    return least if least > WORTH else expected_seconds(job) - job.ready
+    least = LEAST * job.slices - job.kind.ready
+    return least if least > WORTH else expected_seconds(job) - job.kind.ready
 
 
 def _continued(progress, total, before):
@@ -211,7 +211,7 @@ def compute(
     numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or Tally()
     for number in (each for each in store.finished() if each in numbers):
         try:
-            tally.add(job, number, store.load(number), kept=True)
+            tally.add(job, store.load(number), kept=True)
         except DamagedError as error:
             store.set_aside(number, error)
     finished = set(store.finished())
@@ -220,9 +220,9 @@ def compute(
     with resumable(job, store, tally), closing(computed), naming_values(job):
         for number, records, seconds in computed:
             store.save(number, records)
-            tally.add(job, number, records, seconds)
+            tally.add(job, records, seconds)
             if progress:
-                progress(min(tally.done, job.slices), job.slices, tally.certified if job.proves else None)
+                progress(min(tally.done, job.slices), job.slices, tally.certified if job.kind.certifies else None)
     return tally
 
 
@@ -239,7 +239,7 @@ def resumable(job: Job, store, tally: Tally) -> Iterator[None]:
             with suppress(OSError):
                 store.remove()
         elif store.place and store.place.is_file() and not getattr(error, "__notes__", ()):
-            kept = f"{min(tally.done, job.slices)} of {job.slices} {job.noun} are kept in {store.place}"
+            kept = f"{min(tally.done, job.slices)} of {job.slices} {job.kind.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
         with suppress(OSError):
             store.close()
@@ -252,7 +252,7 @@ def records_of(job: Job, store, number: int) -> np.ndarray:
         return store.load(number)
     except DamagedError as error:
         store.set_aside(number, error)
-        store.save(number, job.task(job.chunks[number]).records())
+        store.save(number, job.task(job.chunks[number])())
         return store.load(number)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -20,8 +20,8 @@ from wavesweep.tables.table import Table, facts_of, spans_held
 if TYPE_CHECKING:
     from wavesweep.analyses.for_all import ForAllGuarantee
     from wavesweep.analyses.hands import Guarantee, Hands
-    from wavesweep.analyses.intervals import IntervalJob
     from wavesweep.spec import Spec
+    from wavesweep.sweep.job import Job
     from wavesweep.sweep.running import Options
 
 ALONG = Field("along", "string", "", "name of the axis that the intervals lie on")
@@ -124,7 +124,7 @@ class Stage:
     """
 
     hand: str
-    job: IntervalJob
+    job: Job
     method: str
 
 
@@ -133,7 +133,7 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     from wavesweep.analyses.intervals import job_of, method
 
     own = job_of(spec, along)
-    how = method(own)
+    how = method(own.asked)
     if spec.for_all:
         return [Stage("", own, how), _for_all(spec, own, hands)]
     if hands is None:
@@ -146,7 +146,7 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees]
 
 
-def _for_all(spec: Spec, own: IntervalJob, hands: Hands | None) -> Stage:
+def _for_all(spec: Spec, own: Job, hands: Hands | None) -> Stage:
     """The stage of rows for all numbers of [for_all]."""
     from wavesweep.analyses.for_all import ForAllGuarantee, refuse_unsuitable_ranges
     from wavesweep.analyses.varying import Rules
@@ -154,14 +154,14 @@ def _for_all(spec: Spec, own: IntervalJob, hands: Hands | None) -> Stage:
     if hands:
         raise UsageError("for hands: expected a spec without [for_all], which may have the operator's numbers, found both")
     spec.refuse_require("[for_all]")
-    if own.require:
+    if own.asked.require:
         raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
-    refuse_unsuitable_ranges(spec, own.axis.path)
+    refuse_unsuitable_ranges(spec, own.asked.axis.path)
     guarantee = ForAllGuarantee(Rules.of(spec))
     return Stage(guarantee.kind, _guaranteed(own, guarantee), guarantee.method)
 
 
-def of_calls(own: IntervalJob) -> Columns:
+def of_calls(own: Job) -> Columns:
     """The rows of a job of the library, computed in this process: those of a command, for all of [for_all] too if there is one.
 
     Errors: UsageError for numbers, or a requirement, that [for_all] cannot be held for beside.
@@ -176,10 +176,11 @@ def of_calls(own: IntervalJob) -> Columns:
     return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1) for each in stages)
 
 
-def _guaranteed(own: IntervalJob, guarantee: Guarantee | ForAllGuarantee) -> IntervalJob:
+def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee) -> Job:
+    from wavesweep.analyses.intervals import guaranteed
     from wavesweep.sweep.job import cut_otherwise
 
-    return replace(cut_otherwise(own, deep=FEW), guarantee=guarantee)
+    return guaranteed(cut_otherwise(own, deep=FEW), guarantee)
 
 
 def _rows(stages, found, hands) -> Iterator[Columns]:
@@ -202,7 +203,7 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         stage = stages[int(np.searchsorted(ends, number, side="right"))]
         combination = np.array([number - (ends[stages.index(stage)] - stage.job.grid.size)])
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
-        records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])]).records()
+        records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
         block = stage.job.columns(np.repeat(combination, records.size), records)
         yield _finished(block, stage.hand, hands, len(stages) > 1)
 
@@ -233,8 +234,8 @@ def _required(job) -> Iterator[str]:
     """Yield the notice of what is required in place of stability."""
     from wavesweep.spec.require import words_of
 
-    if job.require:
-        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(job.require.written())}"
+    if job.asked.require:
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(job.asked.require.written())}"
 
 
 def _linear(axis) -> Iterator[str]:
@@ -252,15 +253,15 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     own = stages[0].job
     notices = [
         *_required(own),
-        *_linear(own.axis),
+        *_linear(own.asked.axis),
         *notices_of(own.grid),
-        *spans_held(spec, own.axis.path),
+        *spans_held(spec, own.asked.axis.path),
         *(hands.notices(own) if hands else ()),
     ]
-    swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
+    swept = [own.asked.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
-    facts |= {"require": own.require.written()} if own.require else {}
-    facts |= _limits_of_walls(spec, own.axis.path, swept)
+    facts |= {"require": own.asked.require.written()} if own.asked.require else {}
+    facts |= _limits_of_walls(spec, own.asked.axis.path, swept)
     return facts | (hands.facts() if hands else {})
 
 

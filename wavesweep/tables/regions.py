@@ -266,7 +266,7 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     hand = str(rows[whose][0]) if (whose := whose_column(rows)) else ""
     if spec is None or hand not in ("", "free", "operator", "spec"):
         return None
-    from wavesweep.analyses.intervals import cost_of
+    from wavesweep.analyses.intervals import Way, cost_of
     from wavesweep.spec import sweep_axes
     from wavesweep.sweep.grid import is_plain, make_grid
 
@@ -279,8 +279,8 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     used = make_grid(spec, axes, axis.path).loop_axes
     keys = [tuple((each.path, rows[each.name][0].item()) for each in used if each.path != path) for rows in members]
     designs = list(dict.fromkeys(keys))
-    cost, exact = cost_of(spec.with_values(dict(designs[0])), axis)
-    cost, batch = (cost, 0.0) if exact else (max(cost, DEAR), ROUND)
+    cost, way = cost_of(spec.with_values(dict(designs[0])), axis)
+    cost, batch = (cost, 0.0) if way is Way.CUT else (max(cost, DEAR), ROUND)
     return _Source(spec, axis, path if any(each.path == path for each in used) else None, keys, designs, cost, batch)
 
 

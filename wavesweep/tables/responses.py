@@ -20,8 +20,8 @@ from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count
 from wavesweep.tables.table import Table, digest_of, facts_of, with_unlike_units
 
 if TYPE_CHECKING:
-    from wavesweep.analyses.responses import ResponseJob
     from wavesweep.spec import Spec
+    from wavesweep.sweep.job import Job
     from wavesweep.sweep.running import Options, Run
 
 DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
@@ -111,11 +111,11 @@ def routes_of(spec: Spec) -> tuple:
     return spec.routes or (None,)
 
 
-def _blocks(kind: str, asked: Mapping[str, ResponseJob], found: Run) -> Iterator[Columns]:
+def _blocks(kind: str, asked: Mapping[str, Job], found: Run) -> Iterator[Columns]:
     """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
     from wavesweep.analyses.responses import has_values
 
-    several = [(job.grid.spec, job.grid.axes, name, job.read) for job in asked.values() for name in job.names]
+    several = [(job.grid.spec, job.grid.axes, name, job.asked.read) for job in asked.values() for name in job.asked.names]
     rough = {each[2] for each in several if not has_values(*each)}
     for name in asked:
         for columns in found.blocks(name):

@@ -18,7 +18,7 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond as respond_at
 from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.grid import read_by, selected
+from wavesweep.sweep.grid import Loops
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)
@@ -65,15 +65,15 @@ def respond_to(drawing: Drawing, values: Mapping, size: int, frequency: np.ndarr
 
     values: flat keys -> one value for all loops, or an array over them; the wall and the rates are read from it.
     """
-    read, stable = read_by(drawing, values), np.ones(size, bool)
+    loops, stable = Loops(drawing, values).read, np.ones(size, bool)
     admittance, impedance = np.empty((2, size, frequency.size), complex)
-    for at, port in ports_of_batch(drawing, read, size):
+    for at, port in ports_of_batch(loops, size):
         loop = Lifted.of(port)
         found = respond_at(loop, frequency)
         admittance[at], impedance[at] = found.admittance, found.impedance
         unsure = at[~np.broadcast_to(loop.stable_for_sure(), at.shape)]
         if unsure.size:
-            stable[unsure] = radii_of(drawing, selected(read, unsure), unsure.size) < 1
+            stable[unsure] = radii_of(loops.some(unsure), unsure.size) < 1
     omega = 2 * np.pi * frequency * values["rates.ratio"] / values["rates.fast_hz"]
     return [FeltResponse(omega, *each) for each in zip(admittance, impedance, stable.tolist(), strict=True)]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.analyses.interval_records import radius_over
+from wavesweep.analyses.loops import radius_over
 from wavesweep.results import Field
 from wavesweep.spec import KEYS
 from wavesweep.tables.intervals import intervals
