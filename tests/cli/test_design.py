@@ -223,7 +223,7 @@ def test_of_whole_numbers_all_between_the_ends_are_checked():
     wanted = {"vary": {"b": {"start": 14.0, "stop": 16.0}}, "wish": {"z_width": {"B_VE": [1]}}, "population": 8}
     tables |= {"design": wanted | {"for_all": {"environment.delay": [0, 20]}, "generations": 1}}
     job = job_of(load(tables))
-    assert [each.values["environment.delay"] for each in job.finer] == list(range(21))
+    assert [each.values["environment.delay"] for each in job.asked.finer] == list(range(21))
     tables["design"]["wish"] = {"z_width": {"at_least": 1000.0, "B_VE": [1]}}
     with pytest.raises(WavesweepError, match=r"the nearest has z_width 0 N/m .at least 1000. with environment.delay=1\d"):
         wavesweep.design(tables)
