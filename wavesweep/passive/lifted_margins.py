@@ -91,7 +91,7 @@ class LiftedLoop:
 
     def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
         """Return the same frames, and bounds on the errors of their entries."""
-        return errors_of_closed(self.ticks.closed(np.zeros(k.size, int), k, terms=True), self.drift, counted=False)
+        return errors_of_closed(self.ticks.closed(np.zeros(k.size, int), k, terms=True), self.drift)
 
     def along_gain(self, span):
         """Return the stable intervals along real k."""
