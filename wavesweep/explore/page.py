@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from html import escape
 from importlib.resources import files
 from itertools import islice, product
+from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -168,13 +169,8 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     data = page._data()  # noqa: SLF001 - the same page
     others = [slider for slider in page.sliders if slider.values and (not page.plane or slider.path not in _axes(page.plane))]
     stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in others}
-    count = 1
-    for values in stops.values():
-        count *= len(values)
-    if count > MOST_DESIGNS:
-        stops, left = {}, count
-    else:
-        left = 0
+    count = prod(map(len, stops.values()))
+    stops, left = ({}, count) if count > MOST_DESIGNS else (stops, 0)
     asked, designs = list(product(*stops.values())), []
     total = len(asked) + len(TABLES)
     for done, values in enumerate(asked):

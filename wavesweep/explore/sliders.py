@@ -1,8 +1,9 @@
 """The numbers of a spec that a page can vary, with the range of each slider, and the spec with other numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from typing import Any
 
 from wavesweep.analyses.verdict import FAR, USUAL
 from wavesweep.errors import SpecError
@@ -193,8 +194,10 @@ def text_of(spec: Spec) -> str:
     tables = (spec.as_designed() if spec.design else spec).tables()
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
-        kept = {*keys_of_page(spec.values), *_paths(spec), *spec.given}
-        tables = _only(tables, kept, {path for path in spec.given if path.rpartition(".")[2] in BAND_EDGES})
+        by_edges = {path.rpartition(".")[0] for path in spec.given if path.rpartition(".")[2] in BAND_EDGES}
+        follow = {f"{stem}.{last}" for stem in by_edges for last in ("order", "cutoff_hz")}
+        studies = {name: tables.pop(name) for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
+        tables = _only(tables, {*keys_of_page(spec.values), *_paths(spec), *spec.given} - follow) | studies
     given = {name: spec.simulate[name] for path in spec.given for table, name in [path.split(".", 1)] if table == "simulate"}
     simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
     tables = {**tables, **({"simulate": simulated} if simulated else {})}
@@ -218,23 +221,13 @@ def _below(frequencies, most):
     return frequencies if stop <= most else {**frequencies, "start": start if start < most else most / 1e3, "stop": most}
 
 
-def _only(tables, kept, edges):
-    """The tables of the loop with the keys `kept`; the order and cutoff that follow from band edges are left out."""
-    by_edges = {path.rpartition(".")[0] for path in edges}
-    found = {name: tables[name] for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
-    loop = {}
-    for name, table in tables.items():
-        if name in found:
-            continue
-        for last, value in table.items():
-            path = f"{name}.{last}"
-            if isinstance(value, Mapping):
-                parts = {
-                    part: each
-                    for part, each in value.items()
-                    if f"{path}.{part}" in kept and (path not in by_edges or part in BAND_EDGES)
-                }
-                loop.setdefault(name, {}).update({last: parts} if parts else {})
-            elif path in kept:
-                loop.setdefault(name, {})[last] = value
-    return loop | found
+def _only(table: Mapping[str, Any], kept: Container[str], above: str = "") -> dict[str, Any]:
+    """The keys of a table and of the tables in it whose paths are `kept`."""
+    parts = {}
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            inner = _only(value, kept, f"{above}{name}.")
+            parts |= {name: inner} if inner else {}
+        elif f"{above}{name}" in kept:
+            parts[name] = value
+    return parts

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having
+from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having, where
 
 KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer table is read a second time
 MOST_DRAWN = 200  # curves of all specs together: more of them are an area
@@ -32,7 +32,7 @@ class Kept:
         for block in self._kept if self.rows <= KEPT_ROWS else self._blocks():
             chosen = shown(block, before)
             before += chosen.size
-            parts.append({name: column[chosen] for name, column in block.items()})
+            parts.append(where(block, chosen))
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -46,11 +46,9 @@ class Curves(Kept):
     def add(self, columns: Columns) -> None:
         """Take a block."""
         super().add(columns)
-        names = [*list(columns)[: list(columns).index("spec")], "frequency_hz"]
         for spec in dict.fromkeys(columns["spec"].tolist()):
-            rows = columns["spec"] == spec
-            known = self._values.setdefault(spec, {})
-            known |= {name: _with(known.get(name), columns[name][rows]) for name in names}
+            rows = where(columns, columns["spec"] == spec)
+            _note_values(self._values.setdefault(spec, {}), rows, "spec", "frequency_hz")
 
     def chosen(self) -> tuple[dict[str, np.ndarray], str]:
         """The rows that are shown, and a sentence about the values that are not, empty if all are."""
@@ -79,21 +77,22 @@ class Curves(Kept):
         return max(values, key=lambda name: np.sum(~np.isnan(values[name])))
 
 
-def _with(known: np.ndarray | None, column: np.ndarray) -> np.ndarray:
-    """The values known so far and those of a column, each once."""
-    return np.unique(column if known is None else np.concatenate([known, np.unique(column)]))
+def _note_values(values: dict[str, np.ndarray], columns: Columns, end: str, *more: str) -> None:
+    """Add the values of the axes, which are the columns before `end`, to those of the blocks before, each once."""
+    for name in (*list(columns)[: list(columns).index(end)], *more):
+        values[name] = np.unique(np.concatenate([values.get(name, columns[name][:0]), np.unique(columns[name])]))
 
 
 def _few(values: Mapping[str, np.ndarray], along: str, most: int) -> dict[str, tuple[float, ...]]:
-    """Of each axis that has too many values, those that are shown: `most` combinations, in equal shares of the axes."""
-    found, left = {}, most
+    """The values that are shown of each axis with too many: `most` combinations, in equal shares of the axes."""
+    few, left = {}, most
     others = sorted((name for name in values if name != along), key=lambda name: len(values[name]))
     for number, name in enumerate(others):
         share = max(1, int(left ** (1 / (len(others) - number)) + 1e-9))
         if len(values[name]) > share:
-            found[name] = evenly(values, name, share)
+            few[name] = evenly(values, name, share)
         left = max(1, left // min(len(values[name]), share))
-    return found | ({along: evenly(values, along, MOST_PLACES)} if len(values[along]) > MOST_PLACES else {})
+    return few | ({along: evenly(values, along, MOST_PLACES)} if len(values[along]) > MOST_PLACES else {})
 
 
 class Loops(Kept):
@@ -106,8 +105,7 @@ class Loops(Kept):
     def add(self, columns: Columns) -> None:
         """Take a block."""
         super().add(columns)
-        for name in list(columns)[: list(columns).index("channel_norm")]:
-            self._axes[name] = _with(self._axes.get(name), columns[name])
+        _note_values(self._axes, columns, "channel_norm")
 
     @property
     def several(self) -> dict[str, tuple[float, ...]]:
