@@ -12,7 +12,6 @@ from support.plants import bodies
 from support.specs import random_values
 
 import wavesweep
-from wavesweep.prove import proved_intervals
 
 NAN = float("nan")
 
@@ -177,13 +176,3 @@ def test_a_mode_that_stays_on_the_circle_is_never_stable_or_in_doubt(prove):
 def test_a_proof_that_takes_too_many_operations_is_none(prove):
     assert prove(read(ARM), "c", (-1.0, 20.0), operations=1e3) is None
     assert prove(read(ARM), "c", (-1.0, 20.0)).intervals
-
-
-def test_proofs_as_intervals(prove):
-    proofs = [prove(read(PD), "kd", (0.0, 1e4)), prove(WEAK, "p", (0.1, 1.0))]
-    found = proved_intervals(proofs)
-    assert found.column.tolist() == [0, 1]
-    assert found.count.tolist() == [1, 0]
-    assert found.index.tolist() == [0, -1]
-    assert found.certified.all()
-    assert np.isnan(found.high).tolist() == [False, True]

@@ -14,7 +14,7 @@ from wavesweep.analyses.interval_records import FELT, LINES, felt_at_ends, recor
 from wavesweep.analyses.lines import lines_in_loops, strongest_in_cut
 from wavesweep.analyses.loops import drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.analyses.open_loops import Opened, by_slice, in_place, varied_beside, with_intervals
-from wavesweep.analyses.proving import with_proofs
+from wavesweep.analyses.proving import settling
 from wavesweep.analyses.subloops import common, subloops
 from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
@@ -71,8 +71,6 @@ class Search:
             found = self._intervals(loops, members.size, opened)
             parts.append(replace(found, column=members[found.column]))
         found = by_slice(parts)
-        if self.prove and not self.bound:
-            found = with_proofs(found, self.groups, self.along, self.span, self.prove)
         records = records_of(found)
         for name in (*FELT, *LINES):
             records[name] = np.nan
@@ -304,7 +302,7 @@ class Search:
                 few = loops.some(columns)
                 found = in_place(found, columns, self.connected(few, columns.size, self._alone(few, columns.size)))
             return found
-        again = np.unique(found.column[np.isin(found.doubt, (COUNTS, CROWDED))])
+        again = np.unique(found.column[found.doubt != NONE if self.prove else np.isin(found.doubt, (COUNTS, CROWDED))])
         if not again.size:
             return found
         other = self._by_panels(loops.some(again), again.size)
@@ -330,7 +328,8 @@ class Search:
         bounds = domains(*loops, self.along, self.span, size)
         variable = FROM_ZERO if self.span[0] == 0 and bends_at_zero(loops.drawing, self.along) else ""
         variable = BENT if self.along in WALL and self.span[0] >= 0 else variable
-        found = stable_along_any(batch.frames, self.span, size, period, bounds, variable, batch.errors)
+        settle = settling(loops, self.along, period, self.prove) if self.prove and not self.bound else None
+        found = stable_along_any(batch.frames, self.span, size, period, bounds, variable, batch.errors, settle)
         if self.span[0] <= 0 <= self.span[1]:
             found = self._meeting_one_at_zero(found, loops)
         return self._in_own_time(found, loops)

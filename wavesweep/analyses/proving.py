@@ -1,42 +1,47 @@
-"""Columns of drawn loops that doubles leave in doubt, computed again in ball arithmetic and put in place of their rows."""
+"""Stretches of a number that doubles leave in doubt, proved in ball arithmetic."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 
 from wavesweep.analyses.loops import drift_of
-from wavesweep.analyses.open_loops import in_place
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.stability import Intervals
-from wavesweep.stability.certificate import NONE
+from wavesweep.loops.from_drawing import rate_of
+from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.grid import Loops
 
 OPERATIONS = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
 ALL = 3e8  # for all columns of a table, if all were in doubt; counted, so that the result does not depend on the machine
+MARGIN = 1e-14  # of an end: how far a proof reaches into what is known beside it
+
+Settle = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
 
 
-def with_proofs(
-    found: Intervals, groups: Sequence[tuple[np.ndarray, Loops]], along: str, span: tuple[float, float], operations: float
-) -> Intervals:
-    """Intervals with those that are proved in place of those in doubt.
+def settling(loops: Loops, along: str, period: np.ndarray, operations: float) -> Settle:
+    """Return what `covering.settled` asks about a stretch, for loops of a batch along one of their numbers.
 
-    found: by slices. groups: the loops, see `Search`. operations: for each column.
+    period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop.
     """
-    doubtful = np.unique(found.column[found.doubt != NONE]).tolist()
-    if not doubtful:
-        return found
-    from wavesweep.prove import prove_column, proved_intervals
+    budgets = {}
 
-    proofs = {}
-    for column in doubtful:
-        members, loops = next(each for each in groups if column in each[0])
-        loop = loops.one(int(np.searchsorted(members, column)))
+    def settle(column, low, high):
+        from wavesweep.prove import Budget, prove_column
+
+        loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
+        budget = budgets.setdefault(column, Budget(operations))
         with suppress(IllPosedLoopError):
             drift = drift_of(loop.changed({along: np.array(span)}))
-            integrators = len(drift.states) - len(drift.kept)
-            if proof := prove_column(*loop, along, span, integrators, operations=operations):
-                proofs[column] = proof
-    if not proofs:
-        return found
-    return in_place(found, np.array(list(proofs)), proved_intervals(list(proofs.values())))
+            proof = prove_column(*loop, along, span, len(drift.states) - len(drift.kept), operations=budget)
+            if proof:
+                known = dict(zip(span, (low, high), strict=True))
+                rows = [(known.get(row[0], row[0]), known.get(row[1], row[1]), *row[2:]) for row in proof.intervals]
+                return [(*row[:2], *(angle(column, loop, *end) for end in zip(row[2:], row[:2], strict=True))) for row in rows]
+        return None
+
+    def angle(column, loop, omega, value):
+        """The angle per frame of an oscillation at a value of the number, which the rate may follow from."""
+        slower = rate_of(*loop) / rate_of(*loop.changed({along: value})) if name_of(along) in loop.drawing.rating else 1.0
+        return omega * period[column] * slower
+
+    return settle

@@ -9,15 +9,12 @@ from itertools import pairwise
 from math import nan
 from typing import Any
 
-import numpy as np
 from flint import arb, ctx
 
 from wavesweep.prove.crossings import Crossing, count_outside, crossings, is_unstable
 from wavesweep.prove.polynomials import Budget, Family
 from wavesweep.prove.ticks import Loop, UndecidedError
 from wavesweep.spec.drawing import Drawing, name_of
-from wavesweep.stability import Intervals
-from wavesweep.stability.certificate import NONE
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
 OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine
@@ -49,15 +46,15 @@ def prove_column(
     span: tuple[float, float],
     integrators: int,
     precisions: Sequence[int] = PRECISIONS,
-    operations: float = OPERATIONS,
+    operations: float | Budget = OPERATIONS,
 ) -> Proof | None:
     """The stable intervals of a drawn loop along the number with the path `along` within `span`; None if they stay in doubt.
 
     drawing, values: of one loop, the values flat. integrators: the count of eigenvalues that are 1 for every value of the
     number by the structure of the loop, which do not decide stability; if there are more, no value is stable. precisions:
-    bits, tried one after the other. operations: at most, of all precisions together.
+    bits, tried one after the other. operations: at most, of all precisions together, or what is left of them.
     """
-    budget, loop = Budget(operations), None
+    budget, loop = operations if isinstance(operations, Budget) else Budget(operations), None
     for bits in precisions:
         with precision(bits):
             try:
@@ -147,15 +144,3 @@ def _sure(value):
     if value.rel_accuracy_bits() < DIGITS:
         raise UndecidedError
     return float(value.mid())
-
-
-def proved_intervals(proofs: Sequence[Proof]) -> Intervals:
-    """The intervals of columns, each given by its proof, numbered from 0."""
-    rows = []
-    for column, proof in enumerate(proofs):
-        own = [(column, index, len(proof.intervals), *each) for index, each in enumerate(proof.intervals)]
-        rows += own or [(column, -1, 0, nan, nan, nan, nan)]
-    parts = [np.array(part) for part in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 7
-    column, index, count = (part.astype(int) for part in parts[:3])
-    doubt = np.full(column.size, NONE)
-    return Intervals(column, index, count, *(part.astype(float) for part in parts[3:]), doubt, np.zeros(column.size))

@@ -21,6 +21,7 @@ RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is t
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
 MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
 SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
+FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 SHORT = 1e-12  # relative: a stretch so short is given up
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
@@ -249,6 +250,64 @@ class _Test:
             ends[todo[ok]], outside[todo[ok]] = reached[ok], count[ok]
             todo = todo[~ok]
         return np.split(ends, 2), np.split(outside, 2)
+
+
+def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[Tiles, tuple[np.ndarray, ...]]:
+    """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is proved of these.
+
+    settle(column, low, high): the stable intervals from low to high as (low, high, low_theta, high_theta), None if they stay in
+    doubt; see `Tiles` for theta. lost, attached: see `regions_of`.
+    """
+    ends = [Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span]
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    whole = Tiles.join([ends[0], tiles, ends[1]])
+    whole = whole.take(np.argsort(whole.column, kind="stable"))
+    outer, sure = np.isin(whole.low, span) & (whole.low == whole.high), np.flatnonzero(whole.outside >= 0)
+    first, last = sure[:-1], sure[1:]
+    one, other = np.minimum(whole.outside[first], 1), np.minimum(whole.outside[last], 1)
+    width = np.append(0.0, np.cumsum(np.where(whole.outside <= WINDOW, whole.high - whole.low, 0.0)))
+    rough = np.append(0, np.cumsum((whole.outside <= WINDOW) & (whole.doubt != NONE)))
+    plain, crossed = np.append(0, np.cumsum(whole.outside == WINDOW)), last - first > 1
+    low, high = whole.high[first], whole.low[last]
+    slack = 4 * EPS * np.abs(high)
+    at_end = outer[first] | outer[last]
+    doubtful = high - low - (width[last] - width[first + 1]) > slack + np.where(outer[first], attached[0], attached[1]) * at_end
+    alike = (one == other) & crossed & ((one == 0) | (plain[last] > plain[first + 1]))
+    doubtful |= ~at_end & (alike | (~crossed & (one != other)) | ((one * other == 0) & (rough[last] > rough[first + 1])))
+    doubtful &= whole.column[first] == whole.column[last]
+    kept, new = np.ones(whole.column.size, bool), []
+    pairs = np.stack([first, last], 1)[doubtful]
+    for column in np.unique(whole.column[pairs[:, 0]]).tolist():
+        own = pairs[whole.column[pairs[:, 0]] == column]
+        for before, after in own.tolist() if len(own) <= FEW else [(own[0, 0], own[-1, 1])]:
+            a, b = float(whole.high[before]), float(whole.low[after])
+            found = settle(column, a, b)
+            if found is None:
+                continue
+            begins, stops = bool(found) and found[0][0] == a, bool(found) and found[-1][1] == b
+            if any(not outer[at] and (whole.outside[at] == 0) != stable for at, stable in ((before, begins), (after, stops))):
+                continue  # a proof that contradicts what is next to it is none
+            kept[before + 1 : after] = False
+            new.append(_tiles_of_intervals(column, a, b, found))
+            elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)
+            lost = tuple(part[elsewhere] for part in lost)
+    return Tiles.join([whole.take(kept & ~outer), *new]), lost
+
+
+def _tiles_of_intervals(column, a, b, intervals):
+    """Tiles from a to b: stable intervals, with unstable ones between, and windows without width where one begins or ends."""
+    rows, place = [], a
+    for low, high, *theta in intervals:
+        if low > place:
+            rows.append((place, low, 1, np.nan, np.nan))
+        rows += [(end, end, WINDOW, end, angle) for end, angle in [(low, theta[0])] if low > a]
+        rows.append((low, high, 0, np.nan, np.nan))
+        rows += [(end, end, WINDOW, end, angle) for end, angle in [(high, theta[1])] if high < b]
+        place = high
+    if place < b:
+        rows.append((place, b, 1, np.nan, np.nan))
+    low, high, outside, value, theta = map(np.array, zip(*rows, strict=True))
+    return Tiles(np.full(low.size, column), low, high, outside, value, theta, 0 * low, np.full(low.size, NONE))
 
 
 def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
