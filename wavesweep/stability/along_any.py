@@ -17,7 +17,13 @@ TURN = 10.0  # of a span, where a bent variable turns from one that is even to i
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
-TYPICAL = (0.53, 0.37, 0.71)  # of the span, where the units of the states are found; not the middle, which may be 0
+TYPICAL = (
+    0.53,
+    0.37,
+    0.71,
+    0.013,
+    0.987,
+)  # of the span, where the units of the states are found; not the middle, which may be 0
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
@@ -131,7 +137,9 @@ def _regions(frames, errors, span, names, bounds, slack, settle) -> Regions:
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
     E = of_frames(np.arange(names.size)[:, None], np.tile(points, (names.size, 1))).E
     E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
-    units = uneven_units(np.abs(E).reshape(names.size, points.size, *E.shape[1:]).max(1))
+    sizes = np.abs(E).reshape(names.size, points.size, *E.shape[1:])
+    calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)  # frames that grow are large in any units
+    units = uneven_units(sizes[range(names.size), calmest])
     if (units != 1).any():
         ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
 

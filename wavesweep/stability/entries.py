@@ -11,6 +11,7 @@ from wavesweep.stability.frames import Frames, level, pole_inside
 DEGREES = (14, 28)  # of the polynomials; the points of the lower one are points of the higher one, too
 ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
 MODEL = 1e-11  # of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
+NOISY = 1e-8  # the same where the values have larger errors than MODEL
 ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 LEBESGUE = 4  # more than the constant of the points: how much the errors of values may add up to between them
@@ -147,7 +148,7 @@ def _followed(frames, errors, parts):
         size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
         last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
         least = np.abs(A).max((2, 3)).min(1)
-        ready = np.flatnonzero((last < MODEL) & (size < STEEP * np.maximum(1, least)))
+        ready = np.flatnonzero((last < (MODEL if degree < DEGREES[-1] else NOISY)) & (size < STEEP * np.maximum(1, least)))
         if ready.size:
             rim, pivots = sample(open_[ready], RIM)
             at = np.array(PLACES) * (degree // 2)
@@ -157,7 +158,8 @@ def _followed(frames, errors, parts):
                 basis, vanishing = _rim(degree)
                 missed = 2 * np.abs(rim - np.einsum("rk,pkmn->prmn", basis, c[ready], optimize=True)).max(1) / vanishing
                 off = (off + np.abs(exact - A[ready][:, at].reshape(exact.shape))).reshape(ready.size, -1, n, n).max(1)
-                fine = ~pole_inside(pivots, inner[open_[ready]]) & (missed.max((1, 2)) < MODEL * size[ready])
+                fine = missed.max((1, 2)) < np.maximum(MODEL * size[ready], off.max((1, 2)))
+                fine &= ~pole_inside(pivots, inner[open_[ready]])
                 fine &= np.isfinite(off).all((1, 2))
                 error = missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
                 ready, error = ready[fine], error[fine]
