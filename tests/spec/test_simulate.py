@@ -6,8 +6,8 @@ import pytest
 
 from wavesweep.errors import SpecError
 from wavesweep.spec import load
+from wavesweep.spec.experiment import step_seconds
 from wavesweep.spec.keys import SIMULATE_KEYS
-from wavesweep.spec.studies import step_seconds
 
 LOOP = {"controller": {"kind": "pmw"}}
 

@@ -12,8 +12,8 @@ import numpy as np
 from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import apart
+from wavesweep.spec.experiment import MOST_TICKS
 from wavesweep.spec.reading import read_bytes
-from wavesweep.spec.studies import MOST_TICKS
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
 MOST_SHOWN = 60  # characters of a file that an error repeats

@@ -11,8 +11,8 @@ from wavesweep.spec.classes import PARTS as OF_CLASS
 from wavesweep.spec.design import DESIGN_KEYS, WISHES
 from wavesweep.spec.drawing_tables import NUMBER_PARTS, OPTIONAL, PORT_PARTS
 from wavesweep.spec.drawing_tables import PORTS as OF_PORTS
+from wavesweep.spec.experiment import FRAME_KEYS as OF_FRAME
 from wavesweep.spec.for_all import LOST
-from wavesweep.spec.frames import PARTS as OF_FRAME
 from wavesweep.spec.keys import AXIS_KEYS, KEYS, MEASURED_KEYS, REQUIRE_KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, Key
 
 Schema = dict[str, Any]

@@ -12,12 +12,13 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
+from wavesweep.spec.experiment import Experiment
 from wavesweep.spec.for_all import ForAll
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.require import Require
 from wavesweep.spec.resolving import Given, is_frame, resolve
-from wavesweep.spec.studies import Experiment, Studies, axis_fault, fitting
+from wavesweep.spec.studies import Studies, axis_fault, fitting
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 

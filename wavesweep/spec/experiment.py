@@ -1,0 +1,212 @@
+"""The table [simulate]: what goes into the loop, how long, and how the rig differs from the ideal one.
+
+Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.axes import Axis, axis_place, build_axis, linear
+from wavesweep.spec.checking import Mistakes, show
+from wavesweep.spec.devices import HapticDevice
+from wavesweep.spec.keys import HIGHEST_RATIO, INPUTS, LONGEST_FRAME, SIMULATE_KEYS, Key, whole
+from wavesweep.spec.reading import Leaf, Place
+from wavesweep.spec.sorting import FREQUENCIES, Sorted
+
+MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
+SECONDS = 10.0  # of an input that has no length of its own
+
+
+FRAMES = "simulate.frames"
+FRAME_KEYS = {
+    "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
+    "delay": whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
+    "lost": Key("lost", "boolean", False, "", "whether its slow result never comes; the last one is held"),
+}
+
+
+def _default(values: tuple[float, ...], scale: str | None = None) -> Axis:
+    return Axis("frequency_hz", FREQUENCIES, values, values[0], values[-1], False, scale)
+
+
+# The steps pass by 25 and 50 Hz, where with the default rates a sine is its own image.
+INPUT_FREQUENCIES = {
+    "sine": _default((5.0,)),
+    "stepped-sine": _default(linear(0.5, 49.5, 50), "linear"),
+    "chirp": _default((0.1, 50.0)),
+}
+
+FORCES = tuple(name for name in INPUTS if name != "record")
+# Keys that only some inputs read.
+READ_BY = {
+    "amplitude": FORCES,
+    "frequency_hz": tuple(INPUT_FREQUENCIES),
+    "settle_s": ("sine", "stepped-sine"),
+    "periods": ("stepped-sine",),
+    "at_s": ("step", "pulse"),
+    "width_s": ("pulse",),
+    "record": ("record",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame: its ticks, the delay of its slow result (None: that of the loop), and whether this never comes."""
+
+    ticks: int
+    delay: int | None = None
+    lost: bool = False
+
+    def written(self) -> int | dict[str, int | bool]:
+        """Return the frame as a spec could give it."""
+        more = {"delay": self.delay} if self.delay is not None else {}
+        more |= {"lost": True} if self.lost else {}
+        return {"ticks": self.ticks, **more} if more else self.ticks
+
+
+def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
+    """Return the frames of a list, or None and add its mistakes."""
+    if not isinstance(leaf.value, list) or not leaf.value:
+        expected = "a list of frames, each a whole number of ticks"
+        return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
+    frames, before = [], len(mistakes)
+    for index, item in enumerate(leaf.value):
+        path, count = f"{FRAMES}[{index}]", len(mistakes)
+        if isinstance(item, dict):
+            parts = mistakes.read(FRAME_KEYS, {name: Leaf(value, leaf.place) for name, value in item.items()}, path)
+            if "ticks" not in item:
+                mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
+        else:
+            parts = {"ticks": mistakes.check(FRAME_KEYS["ticks"], Leaf(item, leaf.place), path)}
+        if len(mistakes) > count:
+            continue
+        frames.append(Frame(**parts))
+        if parts.get("delay", 0) > parts["ticks"]:
+            expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
+            mistakes.refuse(leaf, f"{path}.delay", expected, show(parts["delay"]), of_key=False)
+    ticks = sum(frame.ticks for frame in frames)
+    if len(mistakes) == before and ticks > LONGEST_FRAME:
+        mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
+    return tuple(frames) if len(mistakes) == before else None
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
+
+    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`.
+    """
+
+    values: dict[str, float | int | str | tuple | None]
+    frequencies: Axis | None
+    given: Mapping[str, Leaf] = field(repr=False)
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        present = {name: value for name, value in self.values.items() if value is not None}
+        frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
+        frames = {"frames": [each.written() for each in present["frames"]]} if "frames" in present else {}
+        return present | frequencies | frames
+
+    def on(self, device: HapticDevice) -> Experiment:
+        """Return the experiment with the limits of a device, except for keys that are given themselves."""
+        known = {name: value for name, value in device.simulation().items() if f"simulate.{name}" not in self.given}
+        return replace(self, values=self.values | known)
+
+    def unread(self) -> list[str]:
+        """Return the keys that are given, and not as their defaults, and that the input does not read."""
+        given = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
+        paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
+        return [name for name, path in paths.items() if path in given and given[path] != SIMULATE_KEYS[path].default]
+
+    def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
+        """Yield the mistakes that only a simulation has to be without. fast_hz, rate: the fast rate and the path of its key."""
+        half, most = fast_hz / 2, MOST_TICKS / fast_hz
+        if self.frequencies and self.values["frequency_hz"] and not self.frequencies.stop < half:
+            expected, found = f"numbers < {half!r} (half of {rate})", show(self.frequencies.stop)
+            yield self._leaf("frequency_hz").mistake(FREQUENCIES, expected, found)
+        seconds = self._seconds()
+        if seconds > most:
+            name = "frequency_hz" if self.values["duration_s"] is None else "duration_s"
+            expected = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
+            yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
+        if self.values["duration_s"] is not None and 0 < seconds * fast_hz <= 0.5:
+            yield self._leaf("duration_s").mistake("simulate.duration_s", f"at least a tick ({1 / fast_hz:g} s)", show(seconds))
+        sets_in, width = self.values["at_s"], self.values["width_s"]
+        if self.values["input"] in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz:
+            yield self._leaf("at_s").mistake("simulate.at_s", f"a number < {seconds!r} (simulate.duration_s)", show(sets_in))
+        if self.values["input"] == "pulse" and width * fast_hz <= 0.5:
+            yield self._leaf("width_s").mistake("simulate.width_s", f"at least a tick ({1 / fast_hz:g} s)", show(width))
+
+    def _leaf(self, name: str) -> Leaf:
+        """Return the given leaf of a key, or an empty one at the place of its table."""
+        table = next((leaf.place.parent() for leaf in self.given.values()), Place())
+        return self.given.get(f"simulate.{name}") or Leaf(None, table)
+
+    def _seconds(self) -> float:
+        values = self.values
+        if values["duration_s"] is not None or values["input"] != "stepped-sine":
+            return values["duration_s"] or 0.0
+        return sum(step_seconds(f, values["settle_s"], values["periods"]) for f in values["frequency_hz"] or ())
+
+
+def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
+    """Return the duration (s) of a step of the stepped sine: settling, then whole periods and at least a second."""
+    return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
+
+
+def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
+    """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
+
+    usual: the input if none is given.
+    """
+    given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
+    checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path != FRAMES})
+    if FRAMES in given:
+        checked[FRAMES] = build_frames(given[FRAMES], mistakes)
+    defaults = {path: key.default for path, key in SIMULATE_KEYS.items()} | {"simulate.input": usual}
+    values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
+    parts, before = belongs.axes["simulate"].get("frequency_hz", {}), len(mistakes)
+    alone = parts.get("")
+    if alone and alone.value == [] and values["input"] not in INPUT_FREQUENCIES:  # as `Experiment.written` has it
+        axis = None
+    elif alone and isinstance(alone.value, (int, float)):
+        axis = build_axis("simulate", "frequency_hz", {"": replace(alone, value=[alone.value])}, mistakes)
+    else:
+        axis = build_axis("simulate", "frequency_hz", parts, mistakes) if parts else None
+    if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in given):
+        axis = axis or INPUT_FREQUENCIES.get(values["input"])
+        values["frequency_hz"] = _frequencies(values["input"], axis, parts, mistakes)
+    if values["duration_s"] is None and values["input"] not in ("stepped-sine", "record"):
+        values["duration_s"] = SECONDS
+    if values["input"] == "record" and values["record"] is None:
+        expected = "the name of a CSV file for this input"
+        mistakes.refuse(given["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
+    if parts:
+        given[FREQUENCIES] = Leaf(None, axis_place(parts))
+    return Experiment(values, axis, given)
+
+
+def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...]:
+    """Return the frequencies of this input; too many of them, or only a span, are a mistake."""
+    if kind not in INPUT_FREQUENCIES:
+        return ()
+    ends = axis.values or (axis.start, axis.stop)
+    if kind == "chirp":
+        if len(ends) <= 2 and ends[0] <= ends[-1]:
+            return ends[0], ends[-1]
+        expected = "one or two frequencies for a chirp, the lower one first"
+        found = f"{len(ends)} frequencies" if len(ends) > 2 else " and ".join(map(repr, ends))
+    elif kind == "sine" and len(axis.values) != 1:
+        found = f"{len(axis.values)} frequencies" if axis.values else "a span"
+        expected = 'one frequency for a sine (several are for input = "stepped-sine")'
+    elif axis.values:
+        return axis.values
+    else:
+        expected, found = "num beside start and stop, or a list", "only a span"
+    mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
+    return ()
