@@ -5,7 +5,7 @@ import tomllib
 import pytest
 from support.drawn import ARM
 
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import UsageError
 from wavesweep.spec import load
 
 LOOP = {"controller": {"kind": "pmw-lm"}}
@@ -55,25 +55,16 @@ def test_the_design_is_part_of_the_request_only_if_it_is_asked_for():
 
 
 @pytest.mark.parametrize(
-    ("varied", "ratios", "fault"),
+    ("varied", "ratios"),
     [
-        ("Kp", {"filters.lp1.cutoff_hz/b": [0.04], "filters.hp.cutoff_hz/filters.lp1.cutoff_hz": [60]}, ""),
-        ("Kp", {"filters.hp.cutoff_hz/filters.lp1.cutoff_hz": [8], "filters.lp1.cutoff_hz/b": [4]}, "half of rates.fast_hz"),
-        ("Kp", {"filters.lp1.cutoff_hz/B_VE": [10]}, "half of rates.fast_hz"),
-        ("Kp", {"filters.lp1.cutoff_hz/K_VE": [0.05]}, "half of rates.fast_hz"),
-        ("Kp", {"B_LM/K_VE": [0.05]}, ""),
-        ("b", {"device.damping/Kp": [1]}, ""),
-        ("b", {"device.mass/Kp": [1]}, "device.mass/controller.Kp: expected a number > 0, found 0.0 of device.mass"),
+        ("Kp", {"filters.lp1.cutoff_hz/b": [0.04], "filters.hp.cutoff_hz/filters.lp1.cutoff_hz": [60]}),
+        ("Kp", {"B_LM/K_VE": [0.05]}),
+        ("b", {"device.damping/Kp": [1]}),
     ],
 )
-def test_numbers_that_ratios_set_stay_in_their_ranges(varied, ratios, fault):
+def test_numbers_that_ratios_set_may_go_to_the_ends_of_their_ranges(varied, ratios):
     design = {"vary": {varied: [1, 2]}, "wish": {"z_width": {"B_VE": [1, 100]}}, "for_all": ratios}
-    tables = {"controller": {"kind": "pmw-lm", "b": 20.0}, "design": design}
-    if fault:
-        with pytest.raises(SpecError, match=fault):
-            load(tables)
-    else:
-        assert load(tables).design.ratios
+    assert load({"controller": {"kind": "pmw-lm", "b": 20.0}, "design": design}).design.ratios
 
 
 def test_a_drawn_design_is_the_same_from_its_tables():

@@ -11,8 +11,8 @@ from typing import Any
 
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key, number, whole, word
 
-BODIES = MappingProxyType({"mass": "mass", "inertia": "inertia"})  # types with a position x and a velocity v: key of the mass
-LONGEST_DELAY = 1000  # of a delay, each of which is a state
+BODIES = MappingProxyType({"mass": "mass", "inertia": "inertia"})  # types with a position x and a velocity v -> key of the mass
+LONGEST_DELAY = 1000  # steps of a delay, each of them a state
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +289,7 @@ COLUMNS = frozenset(
         *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
     )
 )
-# Names of columns of a simulation, which an input or an output must not have, since it is one itself.
+# Names of columns of a simulation, which an input or an output must not have, since it becomes a column itself.
 RUN_COLUMNS = frozenset(
     (
         *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),

@@ -116,7 +116,7 @@ def show(value: object) -> str:
 
 
 def apart(one: float, other: float) -> tuple[str, str]:
-    """Return two different numbers with as many digits as tell them apart, six at least."""
+    """Return two different numbers with enough digits to differ, at least six."""
     texts = ((f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(6, 18))
     return next((pair for pair in texts if pair[0] != pair[1]), (repr(one), repr(other)))
 

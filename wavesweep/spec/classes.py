@@ -14,7 +14,7 @@ from wavesweep.spec.reading import Leaf
 
 PARTS = ("numbers", "block", "signals", "wire", "ports")
 PORTS = ("inputs", "outputs")
-WORDS = ("type", "inputs", "outputs")  # keys of blocks whose words are no expressions
+WORDS = ("type", "inputs", "outputs")  # keys of blocks that hold names and no expressions
 
 Path = tuple[str, ...]
 

@@ -17,8 +17,8 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
 
     A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x - motor.x)` does, and so does
     the other half of one that is multiplied out, `ks*link.x - (ks + kp)*motor.x`. What else reads the plant alone is what a
-    controller computes from samples, `-kp*motor.x`. Signals of blocks that are no plants, and the hand's force, are held.
-    Errors: Fault as for `linear`, and if positions, or velocities, of both bodies are left that are no spring or damper.
+    controller computes from samples, `-kp*motor.x`. Signals of other blocks and the hand's force are held.
+    Errors: Fault as for `linear`, and if terms in both positions, or both velocities, are left that form no spring or damper.
     """
     whole, held, continuous, halves, alone = linear(tree, signals), [], [], [], []
     for summand in _summands(tree):
@@ -55,9 +55,9 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
 
 
 def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
-    """Return wires and couplings, of which what acts on a plant that nothing reads is a wire: nothing shows how it acts.
+    """Return wires and couplings in which terms that act on a plant that nothing reads are wires: nothing shows how they act.
 
-    Nor does a block read it in earnest that nothing reads itself. What such a plant does to itself stays a coupling. seen:
+    A block that nothing reads itself does not count as a reader. What such a plant does to itself stays a coupling. seen:
     signals at the hand's port.
     """
     read, before = {port.rpartition(".")[0] for port, _ in wires}, None
@@ -90,7 +90,7 @@ def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
 
 
 def _opposite(one: Tree, other: Tree) -> bool:
-    """Whether two gains are the same but for their signs."""
+    """Whether two gains differ in their signs alone."""
     return text_of(("negative", one, 0)) == text_of(other) or text_of(one) == text_of(("negative", other, 0))
 
 
@@ -104,7 +104,7 @@ def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
 
 
 def _offset(tree: Tree, name: str) -> int:
-    """Where a name stands first in the text."""
+    """The offset of a name's first place in the text."""
     return min(at for each, at in names_in(tree) if each == name)
 
 

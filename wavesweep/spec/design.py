@@ -1,4 +1,4 @@
-"""The table [design]: numbers to vary, wishes, and what each design has to hold for, read with all mistakes at once."""
+"""The table [design]: numbers to vary, wishes, and what each design has to hold for."""
 
 from __future__ import annotations
 

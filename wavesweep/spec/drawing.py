@@ -20,15 +20,17 @@ from wavesweep.spec.reading import Leaf
 MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
 NUMBER_WORDS = (".unit", ".description")
-OF_NUMBERS = "numbers."  # begins the paths of numbers; trees have the rest as a name, and of other keys the whole path
+OF_NUMBERS = (
+    "numbers."  # prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path
+)
 STRUCTURE = ("every", "phase", "steps", "order", "n")  # keys that decide how a loop is built
 
 Path = tuple[str, ...]
 
 PORT = ":"  # between the name of a member and its port or state, in the names of a plant's
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
-NOTHING = 1e-12  # of b, by which a local model does not divide
-LEAST = 1e-300  # size of a number that others are divided by
+NOTHING = 1e-12  # relative to b: a local model does not divide by less
+LEAST = 1e-300  # least size of a divisor
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
@@ -41,7 +43,7 @@ def _remembered(function):
 class DrawnBlock:
     """A block: its keys hold trees of numbers, tuples of these, or words.
 
-    phases: the ticks in which it runs, if these are several of each `every`.
+    phases: the ticks in which it runs, if it does so several times in `every` ticks.
     """
 
     name: str
@@ -58,7 +60,7 @@ class DrawnBlock:
 
     @property
     def dead_time(self) -> Tree | None:
-        """The dead time (s) of a delay that is not one of steps."""
+        """The dead time (s) of a delay that is given in seconds; None for any other block."""
         return dict(self.keys).get("seconds")
 
     @property
@@ -73,7 +75,7 @@ class DrawnBlock:
         return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
-        """The block itself; in place of a word its transfer function, or if `named` that of the names of its keys and of T."""
+        """The block itself, or of a block of firmware its transfer function; named: in the names of its keys and of T."""
         if not TYPES[self.type].formula:
             return self
         keys, period = self.keys, ("/", self.every, tick_hz, 0)
@@ -109,8 +111,8 @@ def _trees(kind: str, value: object) -> Iterator[Tree]:
 class Plant:
     """Blocks that act on each other continuously: their names and ports as those of one block, which runs in every tick.
 
-    couplings: by which they act on each other. arriving: ports, and the dead times whose output arrives there between two
-    ticks. sensed: outputs, and the dead times that read them between two ticks. A block alone is a plant too if it has any.
+    couplings: how they act on each other. arriving: ports, and the dead times whose output arrives there between two
+    ticks. sensed: outputs, and the dead times that read them between two ticks. A single block is a plant too if it has any.
     """
 
     members: tuple[DrawnBlock, ...]
@@ -145,7 +147,7 @@ class Plant:
 
     @property
     def acts_on_itself(self) -> bool:
-        """Whether something goes round within it."""
+        """Whether its couplings form a loop."""
         feeds = {(name.rpartition(".")[0], port.rpartition(".")[0]) for port, terms in self.couplings for name, _ in terms}
         names, before = {reader for _, reader in feeds}, None
         while names != before:
@@ -209,7 +211,7 @@ class Drawing:
         yield from ((path, gain) for path, some in terms for _, gain in some)
 
     def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
-        """Return the drawing in which some numbers follow another one: their values are factors of that one."""
+        """Return the drawing in which some numbers are multiples of another one: their values are the factors."""
         for name in map(name_of, paths):
             product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
             parts = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
@@ -260,7 +262,7 @@ class Drawing:
 
     @property
     def alone(self) -> list[DrawnBlock]:
-        """The blocks that are no members of a plant."""
+        """The blocks outside all plants."""
         members = {block for plant in self.plants for block in plant.members}
         return [block for block in self.blocks if block not in members]
 
@@ -357,7 +359,7 @@ class Drawing:
                 yield Leaf(None, axis.place).mistake(f"{study}.{axis.name}", expected, mistaken, of_key=True)
 
     def displaced(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-        """Yield path, expected and found text if a part of the hand's displacement is known to be no position of a plant."""
+        """Yield path, expected and found text for each part of the hand's displacement that is known to be no such position."""
         force, terms, _ = self.hand or ("", (), None)
         every, numbers = {block.name: block.every for block in self.blocks if not block.plant}, scalars(values)
         velocities = [f"{block.name}.v" for block in self.blocks if block.type in BODIES]
@@ -423,7 +425,7 @@ def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
     try:
         value = value_of(tree, numbers)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
-    except (ArithmeticError, ValueError, TypeError):  # the last of a root of what is no real number
+    except (ArithmeticError, ValueError, TypeError):  # a TypeError is that of the root of a complex number
         return None
 
 
@@ -456,7 +458,7 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
 
 
 def _undivided(block, known, total):
-    """The same of a local model that would divide by this total, for the key that it falls to."""
+    """The mistake of a local model that would divide by 0, for the key that decides it."""
     if total is not None and abs(total) <= NOTHING * abs(known["b"]):
         explicit = dict(block.keys)["integration"] == "explicit"
         name, expected = (
@@ -523,7 +525,7 @@ def is_derived(path: Path, leaf: Leaf) -> bool:
 
 
 def names_of(leaves: Mapping[Path, Leaf]) -> Names:
-    """Return the names of a drawing with mistakes, with which its axes can be checked."""
+    """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
     numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
     keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
     keys |= {path: Key(path, "number", None, "", "") for path in own_axes(leaves)}
@@ -532,7 +534,7 @@ def names_of(leaves: Mapping[Path, Leaf]) -> Names:
 
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
     """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
-    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # of which those of a class have two names
+    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
     named = [path[1:] for path in leaves if path[0] in ("sweep", "bode", "for_all")]
     named += [path[2:] for path in leaves if path[0] == "design"]
     along = leaves.get(("sweep", "along"))

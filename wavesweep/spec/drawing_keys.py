@@ -24,8 +24,8 @@ from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
 PERIOD = "dt"  # the name of a block's own period in its expressions
-ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # of which each type has one name
-LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of keys that people give controllers
+ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # each type has one name of each group
+LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of names of keys with which people limit controllers
 _Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
@@ -36,7 +36,7 @@ class KeyReader:
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
     value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, those from outside and the names in [signals].
     meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
-    themselves. needed: those of their inputs that they have in any case. registers: the outputs of those that `prev(...)`
+    themselves. needed: inputs of these that they have whatever their keys are. registers: the outputs of those that `prev(...)`
     reads, and the signal that each remembers. tick_hz: the rate of the tick. period: what `dt`
     stands for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
     """
@@ -97,7 +97,7 @@ class KeyReader:
         return ("name", path, 0)
 
     def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
-        """Parse an expression and check its names, in whose places are then the trees that they stand for."""
+        """Return the tree of an expression, with the trees that its names stand for in their places."""
         try:
             tree = parse(leaf.value)
             check_extent(tree, self.extents)
@@ -155,7 +155,7 @@ class KeyReader:
         return _block_of(text) in self.broken
 
     def read_terms(self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
-        """Read an expression that is linear in signals. within: what is made of its tree and the signals."""
+        """Read an expression that is linear in signals. within: makes the result of its tree and the signals."""
         self.leaves[path] = leaf
         if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
             leaf = Leaf(str(leaf.value), leaf.place)
@@ -178,7 +178,7 @@ class KeyReader:
         if not is_dotted(name):
             return self.refuse(next(iter(given.values())).place.parent(), path, NAME, show(name))
         kind = self.read_type(path, given.get("type"))
-        if kind is None:  # its numbers are not known to be unread
+        if kind is None:  # which of its numbers are read is not known
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
             return None
         keys = keys_of_block(kind)
@@ -204,7 +204,7 @@ class KeyReader:
         return block
 
     def as_meant(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
-        """The leaves. An unknown key is a mistake, and stands for the one that is meant, which is then not missing."""
+        """Return the leaves; an unknown key is a mistake and stands for the key that is meant, which then is not missing."""
         found = dict(given)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):

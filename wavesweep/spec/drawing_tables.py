@@ -34,7 +34,7 @@ Path = tuple[str, ...]
 def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves, those of an unknown table under the missing one whose name is nearest, and add the mistakes.
 
-    So entries of that table, and others that need them, are no further mistakes.
+    So its entries, and what needs them, bring no further mistakes.
     """
     given = dict.fromkeys(path[0] for path in leaves)
     meant = {name: near for name in given if name not in KNOWN and (near := nearest(name, KNOWN)) and near not in given}
@@ -49,7 +49,7 @@ def read_drawing(
 ) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf]]:
     """Return the drawing, the values of its numbers and its leaves by path; None if there are mistakes, which it adds.
 
-    leaves: those of the whole spec, of which the studies are left to others. source: place of the spec.
+    leaves: those of the whole spec; tables of studies are skipped. source: place of the spec.
     """
     reader = _TableReader(source, own_axes(leaves) | {RATE})
     tables = reader.grouped(leaves)
@@ -137,7 +137,7 @@ class _TableReader(KeyReader):
         seen = [term for terms in shown for term in terms or ()]
         wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
         self.unconnected(tables["wire"])
-        if not self.mistakes:  # which may be all that keeps a number from being read
+        if not self.mistakes:  # a mistake may be why a number is not read
             self.unread(tables["signals"])
         values |= self.own
         turns = bool(self.read_key(TURNS.path, TURNS, tables["ports"].get("hand", {}).get("turns")))
@@ -219,7 +219,7 @@ class _TableReader(KeyReader):
     ) -> tuple[DrawnBlock, ...]:
         """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
 
-        shown: what is read in every tick besides the ports of blocks.
+        shown: terms that are read in every tick, in addition to the ports of blocks.
         """
         runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
         found = []
@@ -296,7 +296,7 @@ class _TableReader(KeyReader):
         return tuple(inputs)
 
     def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
-        """Return expected and found text of a value that is no signal from outside that a wire reads; what: it should be."""
+        """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
         if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
             return f"{NAME}, for {what}", show(signal)
         if signal in self.numbers:

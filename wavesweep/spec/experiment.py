@@ -33,7 +33,7 @@ def _default(values: tuple[float, ...], scale: str | None = None) -> Axis:
     return Axis("frequency_hz", FREQUENCIES, values, values[0], values[-1], False, scale)
 
 
-# The steps pass by 25 and 50 Hz, where with the default rates a sine is its own image.
+# The steps avoid 25 and 50 Hz: at the default rates, a sine there coincides with its own image.
 INPUT_FREQUENCIES = {
     "sine": _default((5.0,)),
     "stepped-sine": _default(linear(0.5, 49.5, 50), "linear"),
@@ -124,7 +124,7 @@ class Experiment:
         return [name for name, path in paths.items() if path in given and given[path] != SIMULATE_KEYS[path].default]
 
     def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
-        """Yield the mistakes that only a simulation has to be without. fast_hz, rate: the fast rate and the path of its key."""
+        """Yield the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
         half, most = fast_hz / 2, MOST_TICKS / fast_hz
         if self.frequencies and self.values["frequency_hz"] and not self.frequencies.stop < half:
             expected, found = f"numbers < {half!r} (half of {rate})", show(self.frequencies.stop)

@@ -225,7 +225,7 @@ def linear(tree: Tree, signals: set[str]) -> Terms:
 
 
 def _is_nothing(tree: Tree) -> bool:
-    """Whether a tree is 0 as it is written, as a signal that stands for 0 is with its gains."""
+    """Whether a tree is 0 as it is written, products with 0 included."""
     operation, *parts, _ = tree
     if operation in ("+", "-"):
         return all(map(_is_nothing, parts))
@@ -320,13 +320,13 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
     return total if exponent >= 0 else 1 / total
 
 
-CANCELLED = 1 / 16  # of its first term, below which a sum has lost digits
-RAISED = 16  # factor, such as an exponent, by which an operation multiplies the rounding of its first term by more than a few
+CANCELLED = 1 / 16  # a sum below this share of its first term has lost digits
+RAISED = 16  # an operation that multiplies the rounding of its first term by more than this loses digits
 SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
 
 
 def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
-    """Return whether an operation leaves more than a few roundings of it unknown, for each of its values."""
+    """Return whether an operation is wrong by more than a few roundings, for each of its values."""
     operation, computed = tree[0], [not is_given(part) for part in tree[1:-1]]
     if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)
         change = {"sqrt": 0.0, "tan": abs(first) * (1 + abs(found * found)), "exp": abs(first * found), "log": 1.0}
@@ -406,7 +406,7 @@ def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
-    """Yield the trees at whose zeros this one is not analytic, and the root or power that may have a value there all the same.
+    """Yield the trees at whose zeros this one is not analytic, and the root or power that may still have a value there.
 
     These are divisors, arguments of logarithms and cosines of those of tangents, which leave none, arguments of roots, and
     bases of powers that are not whole numbers.
@@ -423,7 +423,7 @@ def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
 
 
 def degree(tree: Tree, number: str) -> float:
-    """Return the degree of the tree as a polynomial in a number; infinite if it is none."""
+    """Return the degree of the tree as a polynomial in a number; infinite if it is not a polynomial."""
     if tree[0] in ("number", "name"):
         return int(tree[0] == "name" and tree[1] == number)
     degrees = [degree(part, number) for part in tree[1:-1]]

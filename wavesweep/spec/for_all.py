@@ -1,4 +1,4 @@
-"""What every answer has to hold for, the table [for_all]: numbers that are not known, or vary from frame to frame."""
+"""What every answer has to hold for, the table [for_all]: numbers that are unknown, or vary from frame to frame."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ForAll:
     """The table [for_all].
 
     axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
-    not known, but constant. lost: so many results of the slow environment in a row may fail to come.
+    unknown but constant. lost: how many slow results in a row may fail to come.
     """
 
     axes: tuple[Axis, ...]
@@ -30,7 +30,7 @@ class ForAll:
 
     @property
     def changing(self) -> tuple[Axis, ...]:
-        """The numbers that may be another one in every frame; one of a single value is constant."""
+        """The numbers that may change from frame to frame; one with a single value is constant."""
         return tuple(axis for axis in self.axes if axis.path in self.varying and len(values_of_range(axis)) > 1)
 
     @property
@@ -41,14 +41,14 @@ class ForAll:
     def ends(self, design: Design) -> tuple[Axis, ...]:
         """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
 
-        Those that the design varies, or holds for already, are none.
+        Numbers that the design varies, or already has to hold for, are left out.
         """
         known = {axis.path for axis in (*design.vary, *design.for_all)}
         others = (axis for axis in self.unknown if axis.path not in known)
         return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
 
     def beside(self, design: Design) -> ForAll:
-        """The same, and the values of [design.for_all] for numbers that it does not have itself."""
+        """Return the table with the values of [design.for_all] for the numbers that it does not have itself."""
         known = {axis.path for axis in self.axes}
         hand = ((f"operator.{part}", values) for part, values in design.hand.items())
         axes = [axis for axis in design.for_all if axis.path not in known]

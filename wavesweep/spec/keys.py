@@ -17,7 +17,7 @@ INTEGRATIONS = {
     "implicit": "the spring reads the position after the step; usually the most stable wall",
     "trapezoidal": "the spring reads the position after a step with the mean of both velocities",
 }
-AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # of a step, the share of the new velocity that is read in it
+AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # share of the new velocity in the position that a spring reads
 VELOCITIES = {
     "exact": "the velocity itself, as an ideal sensor measures it",
     "difference": "the last step of the position over the tick, as an encoder gives it",
@@ -42,7 +42,7 @@ HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
 MOST_SEED = 2**53 - 1  # the largest whole number that every reader of JSON keeps
-MOST_SLOW_STEPS = 10_000  # slow steps in a frame; fractions of such denominators are told apart by their doubles
+MOST_SLOW_STEPS = 10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
 
 SYMBOLS = MappingProxyType(
     {
@@ -263,7 +263,7 @@ def _by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
 
 KEYS, SIMULATE_KEYS, MEASURED_KEYS, REQUIRE_KEYS = map(_by_path, (_LOOP, _SIMULATE, _MEASURED, _REQUIRE))
 
-# Units of what a hand feels that turns and does not slide.
+# Units at the port of a hand that turns, for those of one that slides.
 TURNED = MappingProxyType(
     {
         "m": "rad",
@@ -275,7 +275,7 @@ TURNED = MappingProxyType(
     }
 )
 
-# What a study of the loop reads besides the loop itself; these are no axes.
+# Keys of the studies, which cannot be axes.
 STUDY_KEYS = _by_path(
     [
         word("sweep.along", "K_VE", "the axis whose stable intervals are wanted"),
@@ -288,7 +288,7 @@ STUDY_KEYS = _by_path(
     ]
 )
 
-# The parts of an axis of [sweep] or [bode] that is no list; `start` and `stop` have type, range and unit of the axis's key.
+# Keys of an axis that is given as a span; `start` and `stop` have type, range and unit of the axis's own key.
 AXIS_KEYS = _by_path(
     [
         number("start", None, "", "first value of the axis, in the unit of its key"),
@@ -298,7 +298,7 @@ AXIS_KEYS = _by_path(
     ]
 )
 
-# Paths that a resolved spec has a value for; the others are another way to give one of these.
+# Paths that have a value in a resolved spec. The other keys are other ways to give one of these.
 VALUE_PATHS = tuple(key.path for key in _LOOP if key.default is not None or key.required)
 
 

@@ -61,7 +61,7 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
 def naming(spec: Spec, names: Iterable[object]) -> Spec:
     """Return the spec in which these keys of blocks (`block.m.mass`) are numbers too, as those are that [sweep] names.
 
-    Other names, and keys that are not written as a number, are left to who looks for them.
+    Other names, and keys that are not written as a number, are left to the caller.
     """
     of_blocks = (name for name in names if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name))
     return _naming(spec, tuple(of_blocks)) if spec.drawing else spec
@@ -196,7 +196,7 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
 def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
     """Yield the mistakes of frequencies and times that do not fit the fast rate, `hz`; rate: its path.
 
-    The defaults of a command that may never run are no mistakes.
+    Defaults are not checked, since the command that reads them may never run.
     """
     if studies.frequencies is not DEFAULT_FREQUENCIES:
         yield from beyond_half(studies.frequencies, studies.bode, hz, rate)
@@ -209,7 +209,7 @@ def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
     """Sort by line and column; mistakes without a place keep their order, at the end.
 
-    A key that is missing in a table that is no table itself is no further mistake.
+    A key below a value that should be a table is not said to be missing as well.
     """
     none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
     below = tuple(f"{key}." for key in none)

@@ -22,7 +22,7 @@ from wavesweep.spec.keys import SYMBOLS
 from wavesweep.spec.toml_errors import syntax_mistake
 
 # Compiled where they are used: most runs report no mistake.
-DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over
+DEEPEST = 16  # inline tables nested deeper than any key are stepped over
 MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
@@ -99,7 +99,7 @@ class Leaf:
 def read_file(path: str) -> tuple[dict, Place]:
     """Return the tables of a TOML file and its place.
 
-    Errors: UsageError if the file cannot be read or is too large, SpecError if it is no text in UTF-8 or not TOML.
+    Errors: UsageError if the file cannot be read or is too large, SpecError if it is not text in UTF-8 or not TOML.
     """
     content = read_bytes(path, MOST_BYTES)
     try:
@@ -184,7 +184,7 @@ def _unlike_text(text: str, name: str) -> Mistake | None:
 
 
 def read_dict(tables: Mapping) -> dict:
-    """Return nested tables as plain dicts, lists and Python numbers (numpy's scalars and arrays know `tolist`)."""
+    """Return nested tables as plain dicts, lists and Python numbers."""
     return {str(key): plain(value) for key, value in tables.items()}
 
 
@@ -196,7 +196,7 @@ def plain(value: object) -> object:
         return value.tolist()
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if isinstance(value, range) and len(value[: MOST_BYTES + 1]) <= MOST_BYTES:  # another one is no list of ours
+    if isinstance(value, range) and len(value[: MOST_BYTES + 1]) <= MOST_BYTES:  # a longer one is no list of a spec
         return list(value)
     return value
 
@@ -237,7 +237,7 @@ def file_stem(path: str) -> str:
     """Return the file's name without folder and suffix: the spec's name, which is a label in tables and folders.
 
     Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables take for a missing number or
-    another value, or that is no text.
+    another value, or that cannot be printed.
     """
     if passed := re.fullmatch(PASSED, path):
         return f"fd{passed[1]}" if passed[1] else "stdin"

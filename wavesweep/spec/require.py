@@ -10,7 +10,7 @@ from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.keys import REQUIRE_KEYS
 from wavesweep.spec.reading import Leaf, Place
 
-SETTLED = 0.02  # of its size, what is left of a mode after the time that it settles in
+SETTLED = 0.02  # share of its size to which a mode has decayed when it has settled
 TABLE = "sweep.require"
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 KEYS_BY_NAME = {path.rpartition(".")[2]: key for path, key in REQUIRE_KEYS.items()}
@@ -44,7 +44,10 @@ class Require:
 
 
 def build_require(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> Require | None:
-    """Return the requirement and add its mistakes. leaves: by name, "" if it is no table of keys; none: nothing is required."""
+    """Return the requirement and add its mistakes; None if nothing is required.
+
+    leaves: by name, "" if it is not a table of keys.
+    """
     if (whole := leaves.get("")) is not None:
         found = "an empty table" if whole.value == {} else show(whole.value)
         return mistakes.refuse(whole, TABLE, f"a table with some of {', '.join(KEYS_BY_NAME)}", found, of_key=False)

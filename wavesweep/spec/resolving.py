@@ -22,7 +22,7 @@ from wavesweep.spec.keys import (
 from wavesweep.spec.reading import Leaf, Place
 
 DELAY = "environment.delay"
-SAME = 1e-12  # relative: cutoffs that two machines find from the same edges
+SAME = 1e-12  # relative difference of the cutoffs that two machines find from the same edges
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Given:
     def replaced(self, path: str, leaf: Leaf) -> Given:
         """Return the same with another value at `path`; a rate displaces the other way to give it.
 
-        Order and cutoff that a resolved spec has beside the band edges follow from these again.
+        Order and cutoff that a resolved spec has in addition to the band edges follow from these again.
         """
         others = {{"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}.get(path)}
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
@@ -112,7 +112,7 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
     if not 0.5 <= quotient <= HIGHEST_RATIO + 0.5:
         return None
     ratio = max(1, round(quotient))
-    # 1000/3 is no double, nor are 333.3 and 111.1: what divides exactly as written is off by the rounding of both
+    # Neither 1000/3 nor 333.3 is a double: what divides exactly as written is off by the rounding of both
     # numbers and of their product, at most 1.5 units in the last place.
     if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16):
         return ratio
@@ -195,7 +195,7 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
 
 
 def longest_delay(ratio: float) -> int:
-    """Return the longest delay of a slow result in ticks: a frame; none if rates do not divide and a frame is below 3 ticks."""
+    """Return the longest delay of a slow result in ticks: a frame; 0 if rates do not divide and a frame is below 3 ticks."""
     return ratio if isinstance(ratio, int) else int(ratio) if ratio >= 3 else 0
 
 

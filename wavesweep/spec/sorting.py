@@ -8,7 +8,7 @@ from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, KEYS, MEASURED_KEYS, SIMULA
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode", "for_all")
-# Keys of the tables of studies that are no axes. A number of a drawn loop may have the last name of some of them.
+# Keys in the tables of studies besides the axes. A number of a drawn loop may have the last name of some of them.
 OF_STUDIES = ("sweep.along", "sweep.require", "bode.from", "bode.to", "for_all.lost")
 RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))

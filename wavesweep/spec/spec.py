@@ -53,9 +53,9 @@ class Spec:
         return frozenset((*self._given.leaves, *self._studies.experiment.given, *(device.numbers if device else ())))
 
     def builds(self, path: str, changes: Iterable[str]) -> bool:
-        """Return whether a number decides how the loop is built, or others follow from it: then it is none to vary smoothly.
+        """Return whether a number decides how the loop is built, or others follow from it, so that it cannot vary smoothly.
 
-        So is the fast rate if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
+        The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
         number. changes: paths that are given besides the spec's own.
         """
         given = (*self._given.leaves, *changes)
@@ -76,7 +76,7 @@ class Spec:
         return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
     def without_hand(self) -> list[Mistake]:
-        """The mistake of a drawn loop whose [ports] name no hand; none of any other spec."""
+        """The mistake of a drawn loop whose [ports] name no hand; empty for any other spec."""
         if self.drawing is None or self.drawing.hand:
             return []
         return [self.mistake("ports", "hand = { force = ..., displacement = ... }, where the hand's force acts", "no hand")]
@@ -97,7 +97,7 @@ class Spec:
 
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; none if it asks for the hand's.
+        """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; empty if it asks for the hand's.
 
         If it names neither end, they are those of a loop without a hand.
         """
@@ -105,7 +105,7 @@ class Spec:
         return self.routes_between(route.get("from"), route.get("to"))
 
     def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
-        """The same for an input and an output, None for all. Errors: UsageError for a name of none."""
+        """The same for an input and an output, None for all. Errors: UsageError for an unknown name."""
         drawing, asked = self.drawing, source is not None or output is not None
         if drawing is None and asked:
             raise UsageError("from, to: expected a drawn loop, found a controller, whose responses are those at the hand")
@@ -120,7 +120,7 @@ class Spec:
         return tuple(product(*chosen))
 
     def unit_between(self, source: str, output: str) -> str:
-        """The unit of the response from an input to an output, empty if one of theirs is not known."""
+        """The unit of the response from an input to an output, empty if one of their units is unknown."""
         units = {name: unit for name, _, unit in (*self.drawing.inputs, *self.drawing.outputs)}
         over, under = units[output], units[source]
         if not (over and under):
@@ -167,7 +167,7 @@ class Spec:
         return stiffness or self.at_port("N/m"), damping or self.at_port("N*s/m")
 
     def at_port(self, unit: str) -> str:
-        """Return a unit of what the hand feels, or that in its place in a drawn loop whose hand turns."""
+        """Return a unit at the hand's port, or its counterpart for torques and angles if the hand of a drawn loop turns."""
         return TURNED[unit] if self.drawing and self.drawing.turns else unit
 
     def own(self, path: str) -> float | int | str | None:
@@ -279,7 +279,7 @@ class Spec:
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
 
-        If a filter was given by its band edges, these are included beside the order and cutoff that follow from them. A
+        If a filter was given by its band edges, these are included along with the order and cutoff that follow from them. A
         slow rate appears as the ratio if that is a whole number. [simulate] is left out if nothing depends on it, see
         `as_simulated`.
         """
@@ -355,7 +355,7 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
 
     along: a symbol or a path. K_VE has a default span if the spec gives none. swept: whether the others are swept; then those
     that have only a span are left out. If they are not, a number without a span has one from a tenth of its value to ten times
-    it. Errors: SpecError if `along` is no numeric key or has no span.
+    it. Errors: SpecError if `along` is not a numeric key or has no span.
     """
     name = _name_of(spec, along)
     fault = axis_fault(name, spec.names)

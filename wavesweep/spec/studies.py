@@ -24,9 +24,11 @@ OF_PORTS = 1e-5, 0.49  # of the tick's rate, the usual frequencies of responses 
 
 @dataclass(frozen=True, slots=True)
 class Studies:
-    """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, the experiment, the design, what
-    [sweep] requires of every mode, what answers have to hold for, the ends `from` and `to` of the responses that [bode]
-    names, and the files that [measured] names."""
+    """What a spec asks for, with its axes in the order of the spec.
+
+    require: of every mode, by [sweep]. for_all: what answers have to hold for. route: the ends `from` and `to` of the responses
+    that [bode] names. measured: the files that [measured] names.
+    """
 
     along: str
     sweep: tuple[Axis, ...]
@@ -116,7 +118,7 @@ def unmeasurable(belongs: Sorted, drawing: Drawing) -> Iterator[Mistake]:
 
 
 def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
-    """Return the text for "found" and a suggestion if `name` is no numeric key, otherwise None."""
+    """Return the text for "found" and a suggestion if `name` is not a numeric key, otherwise None."""
     key = names.find(name)
     if name in names.following:
         return f"{show(name)}, which follows from other numbers", ""
@@ -158,7 +160,7 @@ def _at_odds_with_filters(study: str, axes: Iterable[Axis], given: Given) -> Ite
 
 
 def beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Iterator[Mistake]:
-    """Yield the mistake of frequencies of [bode] beyond half the rate, which a force that is held over a tick does not have.
+    """Yield the mistake of frequencies of [bode] beyond half the rate, where the response to a held force is not defined.
 
     axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its path.
     """
@@ -181,7 +183,7 @@ def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axi
 def beyond_limits(study: str, axes: Iterable[Axis], values: Mapping) -> Iterator[Mistake]:
     """Yield the mistakes of axes that leave the range set by the other values of the loop.
 
-    Every combination of a study's axes is computed, so a cutoff has to suit the lowest swept rate. A delay beside a
+    Every combination of a study's axes is computed, so a cutoff has to suit the lowest swept rate. A delay along with a
     swept ratio is left to `with_values`, which sees each combination.
     """
     swept = {axis.path: axis for axis in axes}

@@ -1,4 +1,4 @@
-"""Slips in a text that is no TOML, in plain words: the text found, and the text to write in its place.
+"""Mistakes in the syntax of TOML, in plain words: the text found, and the text to write in its place.
 
 tomllib stops at the first one, and its message says which part of the grammar it was reading. The line itself shows the rest.
 """
@@ -13,12 +13,12 @@ _NUMBER = r"[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _KEY = r"(?:[A-Za-z0-9_.-]|\"[^\"\n]*\"|'[^'\n]*')+"
 _UNIT = r"[A-Za-z%°µμΩ][^\s,\]}#]*"
 VALUE = 'a value: a number, a text in quotes such as "pmw", true, false, a list or a table'
-LONGEST_LINE = 1000  # of which the slip is searched for
+LONGEST_LINE = 1000  # longer lines are not examined
 QUOTES = "\u201c\u201d\u201e\u2018\u2019"
 
 
 class SyntaxMistake(NamedTuple):
-    """Line and column of a slip, from 1, the text expected and the text found."""
+    """Line and column of a mistake, from 1, the text expected and the text found."""
 
     line: int
     column: int
@@ -130,7 +130,7 @@ def _in_text(line: int, column: int, before: str, after: str, what: str) -> Synt
 
 
 def _in_value(line: int, column: int, after: str, what: str) -> SyntaxMistake | None:
-    """A value that is none of TOML's."""
+    """A value that TOML does not have."""
     if what != "invalid value":
         return None
     value = re.match(r"[^,\]}#\n]*", after)[0].strip()
@@ -157,7 +157,7 @@ _STATEMENTS = (  # tomllib's words and the line before, and what was expected
 
 
 def _in_statement(line: int, column: int, before: str, after: str, what: str) -> SyntaxMistake | None:
-    """A slip at a key, a table's name, or the end of a list."""
+    """A mistake at a key, a table's name, or the end of a list."""
     rest = re.match(r"[^#]*", after)[0].strip() or "the end of the line"
     if what.startswith("expected '='") and not after[:1].isascii():
         word = re.search(r"\S*$", before)[0]
