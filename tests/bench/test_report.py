@@ -1,6 +1,5 @@
 """The benchmark runs, and its errors and counts are what they must be; its run times are nobody's business here."""
 
-import json
 import os
 import re
 import subprocess
@@ -13,7 +12,7 @@ import pytest
 import bench
 import wavesweep
 from bench.costs import exponent
-from bench.stiffness import COMMAND, LIBRARY, METHODS
+from bench.stiffness import COMMAND, LIBRARY
 from wavesweep import results
 from wavesweep.cli import main
 from wavesweep.plots import drawn
@@ -68,16 +67,6 @@ def test_the_command_writes_what_was_measured(tmp_path, capfd):
     assert written == {"bench.csv", "bench.parquet", "bench.datapackage.json"}
     assert "this tool finds" in capfd.readouterr().err
     assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
-
-
-@pytest.mark.usefixtures("measured")
-def test_the_summary_as_json_has_the_same_lines(tmp_path, capfd, quick):
-    assert main(["bench", "--quick", "--no-plot", "--json", "--out", str(tmp_path / "out")]) == 0
-    streams = capfd.readouterr()
-    found = json.loads(streams.out)
-    assert all(method.name in "\n".join(found["lines"]) for method in METHODS)
-    assert (found["command"], found["lines"], streams.err) == ("bench", list(bench.lines(quick.columns)), "")
-    assert len(found["files"]) == 3
 
 
 def test_the_threads_are_limited_before_numpy_is_loaded():

@@ -13,7 +13,6 @@ import pytest
 import wavesweep
 from tests.explore.conftest import ARM, HOLE
 from wavesweep.explore.page import saved_page
-from wavesweep.plots.style import _DISTINCT
 from wavesweep.spec import load
 
 ROOT = Path(__file__).parents[2]
@@ -324,22 +323,6 @@ def test_steps_are_taken_back_and_done_again(opened, client):
     assert_ends_of(page, table)
 
 
-def test_every_control_that_is_shown_does_something(opened, tmp_path):
-    """In a saved page there is no slider without stops, and a row of the intervals has no mark that looks like a control."""
-    (tmp_path / "page.html").write_text(saved_page(load(HOLE)), encoding="utf-8")
-    page = settled(opened((tmp_path / "page.html").as_uri()))
-    assert page.locator("input[type=range]").count() == 1
-    assert page.locator("button:visible").all_inner_texts()[:4] == ["Undo", "Redo", "Back to the start", "Copy spec as TOML"]
-    page.click("#plane", position={"x": 200, "y": 100})
-    assert page.evaluate("values['environment.K_VE']") == 500  # its numbers are those of the spec's design
-    page.focus("[id='s-controller.b']")
-    page.keyboard.press("ArrowLeft")
-    assert page.evaluate("values['controller.b']") == 20
-    page.click("#undo")
-    assert page.evaluate("values['controller.b']") == 25
-    assert "▸" not in page.inner_text("#intervals")
-
-
 def test_the_button_copies_the_spec(opened, client):
     page = opened(client.server.address, permissions=["clipboard-read", "clipboard-write"])
     page.evaluate("set('controller.b', 33.5)")
@@ -380,21 +363,6 @@ def test_a_saved_page_works_without_a_server(opened, tmp_path):
     assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     facts = json.loads(page.locator("#report section pre").first.text_content())
     assert facts["spec_sha256"] == load(HOLE).sha256
-
-
-def test_without_colours_lines_and_areas_still_differ(opened, client):
-    """By their dashes and patterns, as in the figures, whose blue the page has."""
-    page = settled(opened(client.server.address))
-    names = ["stable", "quick", "unknown", "edge", "quickedge", "doubt", "ghost"]
-    made = "name => document.getElementById('plane').append(element('svg:path', {class: name, id: 'as-' + name}))"
-    for name in names:
-        page.evaluate(made, name)
-    style = "([name, key]) => getComputedStyle(document.getElementById('as-' + name))[key]"
-    lines = [page.evaluate(style, [name, "strokeDasharray"]) for name in names[3:]]
-    fills = [page.evaluate(style, [name, "fill"]) for name in names[:3]]
-    assert (len(set(lines)), len(set(fills)), lines[0]) == (4, 3, "none")
-    assert ["url" in fill for fill in fills] == [False, True, True]
-    assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--accent')") == _DISTINCT[0].lower()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

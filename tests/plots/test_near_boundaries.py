@@ -58,10 +58,11 @@ def other_spec(seed):
     return spec | {"sweep": x}
 
 
-def filled_and_unstable(spec, x, y, areas, lines, scale):
+def filled_and_unstable(spec, x, y, areas, lines, scale, outside=False):
     """Points more than a pixel within what is filled, near its boundaries and all over it, and those that are unstable.
 
-    x, y: paths. lines: what is drawn as a boundary. scale: units of x and of y in a pixel.
+    x, y: paths. lines: what is drawn as a boundary. scale: units of x and of y in a pixel. outside: points more than a pixel
+    outside of it instead.
     """
     rng, scale = np.random.default_rng(5), np.asarray(scale)
     outlines = [np.asarray(each, float) / scale for each in areas if len(each) > 2]
@@ -74,7 +75,8 @@ def filled_and_unstable(spec, x, y, areas, lines, scale):
     tried.append(rng.uniform(ends.min(0), ends.max(0), (5 * POINTS, 2)))
     points = np.concatenate(tried)
     inside = np.any([within(each, points) for each in outlines], 0)
-    points = points[inside]
+    points = points[inside != outside]
+    points = points[(points >= ends.min(0)).all(1) & (points <= ends.max(0)).all(1)]
     points = points[_distance(edges, points) > 1]
     given = {x: points[:, 0] * scale[0], y: points[:, 1] * scale[1]}
     loops = loops_of(spec, {**spec.values, **given}).read
@@ -108,7 +110,7 @@ def _distance(edges, points):
     return found
 
 
-def in_figure(source):
+def in_figure(source, outside=False):
     """The same of the only panel of a table's figure."""
     spec = wavesweep.load(source)
     table = intervals(spec, spec.along or None)
@@ -122,7 +124,7 @@ def in_figure(source):
         return np.zeros((0, 2)), np.zeros(0, bool)
     scale = np.ptp(places) / view.wide, np.nanmax(ends) / view.high
     lines = region.certain + region.doubtful
-    return filled_and_unstable(spec, spec.names.find(x).path, spec.names.find(along).path, region.areas, lines, scale)
+    return filled_and_unstable(spec, spec.names.find(x).path, spec.names.find(along).path, region.areas, lines, scale, outside)
 
 
 def on_page(source, x, x_span, y="environment.K_VE", y_span=(0.0, 6000.0)):
@@ -148,6 +150,14 @@ def test_what_a_picture_fills_is_stable(picture, seed):
     points, unstable = PICTURES[picture](seed)
     assert points[unstable].tolist() == []
     assert len(points) > 5 * POINTS or seed != 1 or picture != "walls in a figure"  # there are regions to fill
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(6))
+def test_what_a_figure_leaves_white_is_unstable(seed):
+    points, unstable = in_figure(wall_spec(seed), outside=True)
+    assert len(points) > POINTS
+    assert points[~unstable].tolist() == []
 
 
 def test_an_unstable_point_within_an_outline_is_found():

@@ -5,8 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from wavesweep import plots
 from wavesweep.plots.regions import draw_region
 from wavesweep.plots.style import Look
+from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals
 from wavesweep.tables.regions import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
 
 VIEW = View("B_VE", False, 500, 400)
@@ -102,3 +105,25 @@ def test_what_is_stable_and_not_certified_is_not_filled():
     assert {(1.0, 1.0), (2.0, 1.0), (1.0, 0.0), (2.0, 0.0)} <= set(corners)
     filled = next(each for each in axes.collections if not each.get_hatch())
     assert dotted[0].get_zorder() > filled.get_zorder()
+
+
+def filled(figure):
+    """Whether anything is filled in a figure."""
+    return any(closed(path) for axes in figure.axes for each in axes.collections for path in each.get_paths())
+
+
+def closed(path):
+    return len(path.vertices) > 3 and path.codes is not None and path.codes[-1] == path.CLOSEPOLY
+
+
+def test_nothing_is_filled_between_values_that_are_not_joined():
+    """Without the spec nothing more can be computed, and whole numbers have nothing between them."""
+    walls = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 1.0, 2.0]}}
+    table = intervals(load(walls))
+    assert filled(plots.zwidth(table.columns, table.facts))
+    assert not filled(plots.zwidth(table.columns, {}))
+    table = intervals(load(walls | {"sweep": {"K_VE": {"start": 0, "stop": 4000}, "environment.delay": list(range(12))}}))
+    figure = plots.zwidth(table.columns, table.facts)
+    assert not filled(figure)
+    low, high = figure.axes[0].get_xlim()
+    assert (low < 0, high > 11) == (True, True)  # so that the bars at both ends are whole
