@@ -7,17 +7,21 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wavesweep import results
 from wavesweep.analyses.hands import hands_of
+from wavesweep.analyses.intervals import job_of, searches_of
+from wavesweep.analyses.proved_again import prove_again
 from wavesweep.cli import main
 from wavesweep.errors import UsageError
 from wavesweep.results import publish
 from wavesweep.results.verify import verify
 from wavesweep.spec import load
+from wavesweep.sweep.job import cut_otherwise
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.margins import margins
 from wavesweep.tables.passivity import filter_choices, passivity
@@ -26,6 +30,7 @@ from wavesweep.tables.simulation import simulate
 from wavesweep.tables.table import Table
 from wavesweep.tables.why import why
 
+SWEEPS = Path(__file__).parents[2] / "sweeps"
 TABLES = {
     "device": {"velocity": "difference", "damping": 3.0},
     "operator": {"stiffness": 50.0},
@@ -238,6 +243,40 @@ def test_rows_of_another_numpy_are_compared_with_a_tolerance(folder, change, dif
     found = verify(folder)
     assert len(found.differences) == differences
     assert differences or "equal to 1e-09, since another version" in found.checked[-1]
+
+
+@pytest.mark.slow
+def test_certified_rows_are_proved_again_and_false_ones_are_refuted(tmp_path, capfd):
+    folder = str(tmp_path)
+    publish(intervals(load(SWEEPS / "paper" / "fig4.toml"), "K_VE", jobs=1), tmp_path)
+    assert main(["verify", folder, "--prove", "--json"]) == 0
+    confirmed = {"table": str(tmp_path / "zwidth.parquet"), "certified": 151, "proved_again": 20, "whole": 20}
+    assert json.loads(capfd.readouterr().out)["proved"] == [confirmed | {"ends": 0, "unsettled": 0, "refuted": 0}]
+    columns, facts = results.read(tmp_path / "zwidth.parquet"), package_of(tmp_path)["wavesweep"]
+    true, factors = columns["high"], np.ones(len(columns["high"]))
+    factors[[0, -1]] = 1.001, 100
+    publish(Table.of("zwidth", columns | {"high": true * factors}, facts), tmp_path)
+    assert main(["verify", folder, "--prove", "7"]) == 1
+    out, err = capfd.readouterr()
+    assert "7 of 151 certified slices proved again in ball arithmetic: 5 confirmed on the whole range" in out
+    refuted = "is certified, but ball arithmetic refutes it"
+    assert f"row 1 {refuted}, high is {str(true[0])[:12]}" in err
+    assert f" and not {true[0].item() * 1.001!r}; unless the file was changed, this is a fault of wavesweep" in err
+    assert f"row 151 {refuted}, its ends are not in order within 0.0 and " in err
+    assert main(["verify", "--prove", folder]) == 2
+    assert "--prove: expected a number of slices from 1 on, or none behind DIR, found " in capfd.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("operations", "change", "verdict"),
+    [(1e8, 1, "whole"), (1e8, 1.001, "refuted"), (3e6, 1, "ends"), (3e6, 1.001, "refuted"), (1e4, 1, "unsettled")],
+)
+def test_a_slice_whose_whole_range_takes_too_many_operations_is_proved_about_its_ends(operations, change, verdict):
+    job = cut_otherwise(job_of(load(SWEEPS / "recipes" / "batch-reactor.toml")), deep=1, wide=1)
+    (search,), (row,) = searches_of(job, job.chunks[0]).searches, job.task(job.chunks[0])()
+    claim = row["low"].item(), row["high"].item() * change, row["low_omega"].item(), row["high_omega"].item()
+    assert prove_again(search, [claim], operations).verdict == verdict
 
 
 def test_a_table_whose_package_is_lost_is_a_difference(folder):

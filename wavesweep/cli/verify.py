@@ -5,24 +5,42 @@ import click
 from wavesweep.cli.options import talk
 
 
+def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
+    del context, option
+    if prove is not None and not (prove.isdecimal() and int(prove)):
+        raise click.UsageError(f"--prove: expected a number of slices from 1 on, or none behind DIR, found {prove}")
+    return int(prove or 0)
+
+
 @click.command("verify")
 @click.argument("directory", metavar="DIR")
-def command(directory: str) -> int:
+@click.option(
+    "--prove",
+    is_flag=False,
+    flag_value="20",
+    metavar="[N]",
+    callback=_count,
+    help="Also prove N certified slices of each table of intervals (20 without N) again in ball arithmetic, spread evenly over "
+    "it, and say how many that confirms, refutes or cannot settle. It stands behind DIR.",
+)
+def command(directory: str, prove: int) -> int:
     """Hold results against their data packages, and compute a sample of the rows again.
 
     DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared, and some of its rows with
-    what the spec gives now. The exit code is 1 if anything differs.
+    what the spec gives now. The exit code is 1 if anything differs, or if a proof refutes a certified row.
 
     \b
-    Example:
+    Examples:
       wavesweep verify results/mine
+      wavesweep verify results/mine --prove
     """
     from wavesweep.cli.messages import printable, say, show_json
     from wavesweep.results.verify import verify
 
-    found = verify(directory)
+    found = verify(directory, prove=prove)
     if talk().as_json:
-        show_json({"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences})
+        summary = {"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences}
+        show_json(summary | ({"proved": found.proved} if prove else {}))
     else:
         if found.checked and not talk().quiet:
             click.echo(printable("\n".join(found.checked)))

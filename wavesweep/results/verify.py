@@ -1,4 +1,4 @@
-"""A folder of results held against its data packages, and a sample of its rows computed again."""
+"""A folder of results held against its data packages, and a sample of its rows computed, or proved, again."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,17 +25,22 @@ NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 @dataclass(frozen=True)
 class Verification:
-    """The result for a folder: sentences about the checks that were made, and about each difference that was found."""
+    """The result for a folder: sentences about the checks that were made, and about each difference that was found.
+
+    proved: for each table of which slices were proved again, its file and how many of them have each verdict of `ProvedAgain`.
+    """
 
     checked: tuple[str, ...]
     differences: tuple[str, ...]
+    proved: tuple[Mapping[str, str | int], ...] = ()
 
 
-def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verification:
+def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED, prove: int = 0) -> Verification:
     """Hold each table in a folder against its data package: bytes, hashes and digest of the spec; and compute rows again.
 
     directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
-    responses, passivity and simulation are computed again as a whole. seed: of the draw.
+    responses, passivity and simulation are computed again as a whole. seed: of the draw. prove:
+    of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic.
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
     Raises UsageError if the folder has no data package of this program.
     """
@@ -46,13 +51,14 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
     alone = (path for suffix in (".csv", ".parquet") for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
     checked: list[str] = []
     differences = [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
+    proved: list[Mapping[str, str | int]] = []
     for package in packages:
-        for text, different in _of_package(package, rows, seed):
+        for text, different in _of_package(package, rows, seed, prove, proved):
             (differences if different else checked).append(text)
-    return Verification(tuple(checked), tuple(differences))
+    return Verification(tuple(checked), tuple(differences), tuple(proved))
 
 
-def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
+def _of_package(package: Path, rows: int, seed: int, prove: int, proved: list) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
     facts = packaged_facts(package)
     if not facts:
@@ -76,6 +82,8 @@ def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool
     if again.sha256 != facts["spec_sha256"]:
         yield f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…", True
     yield from _rows(package, facts, again, rows, seed)
+    if prove and again.provable:
+        yield from _proved_again(package.with_name(package.name.replace(PACKAGE, ".parquet")), again, prove, proved)
 
 
 def _files(package: Path) -> Iterator[str]:
@@ -179,14 +187,10 @@ def _same_versions(facts: Mapping[str, Any]) -> bool:
 def _sampled(
     parquet: Path, some: Callable[[Sequence[int]], Iterator[Columns]], combinations: int, sample: int, seed: int, exact: bool
 ) -> str:
-    """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
-    rows, found = rows_in(parquet), []
-    for first in range(0, rows, GROUP_ROWS):
-        numbers = read_rows(parquet, first, first + GROUP_ROWS, ["interval"]).get("interval")
-        if numbers is None:
-            return "no column interval"
-        found.append(first + np.flatnonzero(numbers == 0))
-    starts = np.concatenate(found)
+    """The first difference in a sample of the combinations."""
+    rows, starts = rows_in(parquet), _starts(parquet)
+    if starts is None:
+        return "no column interval"
     if len(starts) != combinations:
         return f"{len(starts)} combinations and not {combinations}"
     picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False))
@@ -198,6 +202,44 @@ def _sampled(
         if difference := first_difference(read_rows(parquet, first, first + wanted), new, exact, first):
             return difference
     return ""
+
+
+def _starts(parquet: Path) -> np.ndarray | None:
+    """The first row of every combination, in which the column `interval` is 0; None if there is no such column."""
+    found = []
+    for first in range(0, rows_in(parquet), GROUP_ROWS):
+        numbers = read_rows(parquet, first, first + GROUP_ROWS, ["interval"]).get("interval")
+        if numbers is None:
+            return None
+        found.append(first + np.flatnonzero(numbers == 0))
+    return np.concatenate(found)
+
+
+def _proved_again(parquet: Path, again: Again, most: int, proved: list) -> Iterator[tuple[str, bool]]:
+    """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
+    known: tuple[type[Exception], ...] = (WavesweepError, KeyError, *unreadable())
+    try:
+        starts = _starts(parquet)
+        if starts is None or len(starts) != again.combinations:
+            return  # which is a difference already
+        certified = np.flatnonzero(read_rows(parquet, columns=["certified"])["certified"][starts[: again.provable]])
+        places = np.linspace(0, len(certified) - 1, min(most, len(certified))).round().astype(int)
+        picked, ends = certified[places].tolist(), np.append(starts, rows_in(parquet)).tolist()
+        claims = ((number, read_rows(parquet, ends[number], ends[number + 1])) for number in picked)
+        verdicts = list(again.prove(claims))
+    except known as error:
+        yield f"{parquet}: its rows cannot be proved again: {in_short(error)}", True
+        return
+    counts = {name: sum(each.verdict == name for each in verdicts) for name in ("whole", "ends", "unsettled", "refuted")}
+    proved.append({"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts})
+    reasons = "; ".join(dict.fromkeys(each.why for each in verdicts if each.verdict == "unsettled"))
+    text = f"{parquet}: {len(picked)} of {len(certified)} certified slices proved again in ball arithmetic: {counts['whole']} "
+    text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
+    yield f"{text}{counts['unsettled']} not settled{f' ({reasons})' if reasons else ''}", False
+    fault = "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
+    for number, each in zip(picked, verdicts, strict=True):
+        if each.verdict == "refuted":
+            yield f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {each.why}; {fault}", True
 
 
 def first_difference(found: Columns, expected: Columns, exact: bool = True, first_row: int = 0) -> str:

@@ -20,6 +20,7 @@ from wavesweep.tables.table import Table, facts_of, spans_held
 if TYPE_CHECKING:
     from wavesweep.analyses.for_all import ForAllGuarantee
     from wavesweep.analyses.hands import Guarantee, Hands
+    from wavesweep.analyses.proved_again import ProvedAgain
     from wavesweep.spec import Spec
     from wavesweep.sweep.job import Job
     from wavesweep.sweep.running import Options
@@ -208,9 +209,17 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         yield _finished(block, stage.hand, hands, len(stages) > 1)
 
 
-def combinations(spec: Spec, along: str | None, hands: Hands | None) -> int:
-    """Number of combinations of a table of intervals, over all kinds of rows. spec, along, hands: as for `intervals`."""
-    return sum(stage.job.grid.size for stage in stages_of(spec, along, hands))
+def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
+    """Yield what ball arithmetic says of some combinations of a table without hands; claims: their numbers and their rows."""
+    from wavesweep.analyses.intervals import searches_of
+    from wavesweep.analyses.proved_again import prove_again
+    from wavesweep.sweep.job import cut_otherwise
+
+    single = cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
+    for number, rows in claims:
+        (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
+        columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
+        yield prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
 
 
 def _finished(block, hand, hands, for_all=False) -> Columns:
@@ -283,11 +292,9 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
 
     spec = load(facts["spec"])
     run = spec, along, hands_of(facts.get("for_hands", ()))
-    return Again(
-        spec.sha256,
-        combinations=combinations(*run),
-        some=lambda picked: rows_again(*run, picked),
-    )
+    sizes = [stage.job.grid.size for stage in stages_of(*run)]
+    some, prove = partial(rows_again, *run), partial(proved_again, spec, along)
+    return Again(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
 
 
 def _kind(name: str, along: str | None, fields: tuple[Field, ...]) -> Kind:

@@ -13,6 +13,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
+    from wavesweep.analyses.proved_again import ProvedAgain
     from wavesweep.tables.table import Table
 
 FieldKind = Literal["number", "integer", "boolean", "string"]
@@ -51,7 +52,8 @@ class Tally(Protocol):
 class Again:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
 
-    rows: how many there have to be, 0 if only computing them tells.
+    rows: how many there have to be, 0 if only computing them tells. provable: how many of the combinations, the first ones,
+    may be proved again. prove: from pairs of the number of a combination and its rows, what ball arithmetic says of each.
     """
 
     sha256: str
@@ -59,6 +61,8 @@ class Again:
     rows: int = 0
     combinations: int = 0
     some: Callable[[Sequence[int]], Iterator[Columns]] | None = None
+    provable: int = 0
+    prove: Callable[[Iterable[tuple[int, Columns]]], Iterator[ProvedAgain]] | None = None
 
 
 def _never(facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
