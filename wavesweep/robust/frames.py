@@ -55,6 +55,44 @@ class Frames:
             raise UsageError(f"frames: expected delays up to the shortest frame, {min(self.lengths)} ticks, found {longest}")
 
 
+@dataclass(frozen=True, slots=True)
+class _Schedule:
+    """Which slow blocks run in each kind of tick.
+
+    kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal: the nominal length of a
+    frame; elapsed: see `Frames`.
+    """
+
+    kinds: Mapping[str | int, frozenset[str] | None]
+    nominal: int
+    elapsed: bool
+    shown: frozenset[str] = frozenset()
+
+    @property
+    def slow(self) -> set[str]:
+        """The slow blocks."""
+        return set().union(*(blocks or () for blocks in self.kinds.values()))
+
+    def with_period(self, drawing: Drawing, step: int) -> Drawing:
+        """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets their phases."""
+        every, phase, slow = ("number", float(step), 0), ("number", 0.0, 0), self.slow
+        blocks = (replace(each, every=every, phase=phase, phases=()) if each.name in slow else each for each in drawing.blocks)
+        blocks = (each.stepwise(drawing.tick_hz) if self.elapsed and each.name in slow else each for each in blocks)
+        return replace(drawing, blocks=tuple(blocks))
+
+    def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
+        """Return the loop with a frame that has one tick of each kind: connecting it gives the map of each kind."""
+        placed, slow = [], self.slow
+        for each in loop.placed:
+            name = each.block.name
+            runs = [
+                (name in self.shown if blocks is None else name in blocks) if name in slow else blocks is not None
+                for blocks in self.kinds.values()
+            ]
+            placed.append(replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist())))
+        return replace(loop, placed=tuple(placed))
+
+
 def frames_of_controller(values: Mapping[str, object], frames: Frames, number: str = "environment.K_VE") -> LoopFrames:
     """Return the frames of a built-in controller as a family along one of its keys.
 
@@ -88,7 +126,8 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
         return row
 
     held = {path: values[path] for path in values.keys() & drawing.reads} | {RATIO: int(ratio)}
-    return _family(drawing, held, frames, number, kinds, shown, symbols, rest, int(ratio))
+    schedule = _Schedule(kinds, int(ratio), frames.elapsed, shown)
+    return _family(drawing, held, number, schedule, symbols, rest)
 
 
 def frames_of_drawing(
@@ -117,10 +156,8 @@ def frames_of_drawing(
     def rest(symbol):
         return [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]
 
-    nominal = max(runs[name][0] for name in slow)
-    return _family(
-        drawing, values, Frames(lengths, (0,), elapsed=elapsed), number, kinds | {TICK: frozenset()}, (), symbols, rest, nominal
-    )
+    schedule = _Schedule(kinds | {TICK: frozenset()}, max(runs[name][0] for name in slow), elapsed)
+    return _family(drawing, values, number, schedule, symbols, rest)
 
 
 def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> None:
@@ -145,27 +182,22 @@ def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> N
             raise UsageError(f"[for_all] varying: expected {expected}, found {', '.join(wrong)}")
 
 
-def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nominal):
-    """The family of frames.
-
-    kinds: the slow blocks that run in each kind of tick; None for a moment at which only the blocks `shown` run. rest: gives
-    the kinds of a symbol's ticks after its sample.
-    """
+def _family(drawing, values, number, schedule: _Schedule, symbols, rest) -> LoopFrames:
+    """The family of frames. rest: gives the kinds of a symbol's ticks after its sample."""
     if number and not scalar_place(drawing, name_of(number)):
         raise UsageError(
             f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads linearly, "
             "found another; look along another one, or leave `varying` out"
         )
-    slow, varied = set().union(*(each or () for each in kinds.values())), {path_of(name_of(number)): ANY} if number else {}
-    steps = sorted({*frames.lengths}) if frames.elapsed else [nominal]
-    order = list(kinds)
-    maps, index = [], {}
+    varied = {path_of(name_of(number)): ANY} if number else {}
+    steps = sorted({symbol.ticks for symbol in symbols}) if schedule.elapsed else [schedule.nominal]
+    order, maps, index = list(schedule.kinds), [], {}
     for step in steps:
-        at_step = _with_period(drawing, slow, step, frames.elapsed)
-        whole = _scheduled(assembled(at_step, values | varied), kinds, shown, slow)
+        at_step = schedule.with_period(drawing, step)
+        whole = schedule.scheduled(assembled(at_step, values | varied))
         if number:
             cut_open = assembled(at_step, values | dict.fromkeys(varied, 0.0), name_of(number))
-            ticks = OpenTicks.of(_scheduled(cut_open, kinds, shown, slow), whole, PRODUCT, FACTOR).ticks
+            ticks = OpenTicks.of(schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
         else:
             ticks = ticks_of(whole, alone=True, terms=True)
         for position, kind in enumerate(order):
@@ -174,8 +206,8 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
             if alike == len(maps):
                 maps.append(own)
             index[kind, step] = alike
-    both_loops = twins(_with_period(drawing, slow, nominal, frames.elapsed), values | varied)
-    drift = drift_of_drawn(*(_scheduled(loop, kinds, shown, slow) for loop in both_loops))
+    both_loops = twins(schedule.with_period(drawing, schedule.nominal), values | varied)
+    drift = drift_of_drawn(*map(schedule.scheduled, both_loops))
     if drift.folded:
         raise UsageError(
             f"intervals along {number}: while frames vary ([for_all]), expected no drift, or the same at all its values, found "
@@ -185,8 +217,10 @@ def _family(drawing, values, frames, number, kinds, shown, symbols, rest, nomina
     if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
         symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
     rows = [[index[kind, symbol.step or steps[0]] for kind in rest(symbol)] for symbol in symbols]
-    first = order[0]
-    samples = [index[THROUGH if symbol.through else first, symbol.ticks if frames.elapsed else nominal] for symbol in symbols]
+    samples = [
+        index[THROUGH if symbol.through else order[0], symbol.ticks if schedule.elapsed else schedule.nominal]
+        for symbol in symbols
+    ]
     follows = np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
     return LoopFrames.of(ticks, drift.kept, rows, samples, tuple(symbols), follows)
 
@@ -196,27 +230,6 @@ def _may_follow(before, after):
     at_once = after.delay == 0
     in_a_row = after.lost == 0 or after.lost == before.lost + 1
     return in_a_row and before.through == at_once and after.step in (None, before.ticks)
-
-
-def _with_period(drawing, slow, step, elapsed):
-    """The drawing with another period of its slow blocks, in ticks; their phases are set in `_scheduled`."""
-    every, phase = ("number", float(step), 0), ("number", 0.0, 0)
-    blocks = (replace(each, every=every, phase=phase, phases=()) if each.name in slow else each for each in drawing.blocks)
-    blocks = (each.stepwise(drawing.tick_hz) if elapsed and each.name in slow else each for each in blocks)
-    return replace(drawing, blocks=tuple(blocks))
-
-
-def _scheduled(loop: MultirateLoop, kinds, shown, slow) -> MultirateLoop:
-    """The loop with a frame of one tick of each kind: connecting it gives the map of each."""
-    placed = []
-    for each in loop.placed:
-        name = each.block.name
-        runs = [
-            (name in shown if blocks is None else name in blocks) if name in slow else blocks is not None
-            for blocks in kinds.values()
-        ]
-        placed.append(replace(each, every=len(kinds), phase=tuple(np.flatnonzero(runs).tolist())))
-    return replace(loop, placed=tuple(placed))
 
 
 def _alike(one, other):
