@@ -47,21 +47,6 @@ def test_closed_in_the_frame_as_in_every_tick(readings, direct):
         assert np.array_equal(*np.broadcast_arrays(found, each))
 
 
-def test_each_frame_is_the_same_in_any_batch():
-    whole, p = opened(wheel(8), "K", {"m": np.array([0.1, 0.3, 0.9])}), np.array([5.0, 90.0, 4000.0])
-    E, *_ = whole.frames(np.arange(3), p)
-    for at in range(3):
-        alone, *_ = opened(wheel(8), "K", {"m": np.array([0.1, 0.3, 0.9])[[at]]}).frames(np.zeros(1, int), p[[at]])
-        assert np.array_equal(alone[0], E[at])
-
-
-def test_a_number_that_is_read_more_often_is_closed_in_the_ticks():
-    ticks = opened(wheel(10), "K", {})
-    assert ticks.frame is None
-    E, *_ = ticks.frames(0, np.array([80.0]))
-    assert np.array_equal(E, frame_of(ticks.closed(0, np.array([80.0]))))
-
-
 def test_frames_whose_terms_cancel_are_closed_in_the_ticks(monkeypatch):
     """An unstable plant without its controller: what the gain takes away in the frame is far larger than what remains."""
     tables = {

@@ -45,16 +45,3 @@ def test_what_is_kept():
     assert [1, 2] in [line.tolist() for line in lines.lines]
     assert {0, 3, 4} <= set(lines.kept)
     assert len({5, 6} & set(lines.kept)) == 1
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_delay_lines_are_read_as_they_are_followed(seed):
-    """The delayed states, by way of the values that enter them and by way of those that are read, against a solve."""
-    E, _, _ = random_system(seed)
-    lines, random = DelayLines.of(E[0]), np.random.default_rng(seed)
-    d = lines.delayed
-    z = np.exp(1j * random.uniform(0, 3, 4))[:, None, None]
-    alone = np.linalg.inv((z - 1) * np.eye(d.size) - E[0][np.ix_(d, d)])
-    np.testing.assert_allclose(lines.along(np.eye(d.size) + 0 * z, z), alone, atol=1e-14)
-    out = random.normal(size=(3, d.size))
-    np.testing.assert_allclose(lines.read(out + 0 * z, z), out @ alone, atol=1e-13)

@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.analyses.loops import drift_of, frames, radii_of
 from wavesweep.controllers import CONTROLLERS, WALL
 from wavesweep.errors import SpecError
-from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
+from wavesweep.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.monodromy.drift import closed
 from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.spec import load
@@ -142,20 +142,3 @@ def test_ticks_cut_at_the_wall_and_closed_again_are_those_with_the_wall(kind, de
     found = closed(ticks.closed(np.arange(3)[:, None], p), drift)
     whole = frames(loop.changed({"device.mass": mass[:, None], path: p}), drift)
     np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
-
-
-def test_a_number_without_a_solution_of_direct_terms_makes_no_frame():
-    """`u = c u + v` has none at c = 1."""
-    spec = load({
-        "rates": {"tick_hz": 1000},
-        "numbers": {"c": 0.1},
-        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.5}, "g": {"type": "gain"}, "s": {"type": "hold", "every": 2}},
-        "wire": {"g.u": "c*g.y + m.v", "s.u": "m.x", "m.f": "-g.y - 5*s.y"},
-    })  # fmt: skip
-    some = dict(spec.values) | {"numbers.c": 1.0}
-    with np.errstate(all="ignore"):
-        ticks = OpenTicks.of(assembled(spec.drawing, some, "c"), assembled(spec.drawing, some), PRODUCT, FACTOR)
-        one, other = ticks.closed(0, np.array([1.0])), ticks.closed(0, np.array([0.5]))
-    assert not any(np.isfinite(each.E).all() for each in one.maps)
-    assert all(np.isfinite(each.E).all() for each in other.maps)
-    assert one.maps[0].pivot == 0

@@ -14,11 +14,9 @@ from support.drawn import ARM
 
 from wavesweep import UsageError, load
 from wavesweep.analyses.broken_loops import broken_at
-from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.api import compile as compiled
 from wavesweep.passive import margins_of
 from wavesweep.stability.certificate import words
-from wavesweep.sweep.grid import own_loop
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
 W = 2 * np.pi
@@ -195,31 +193,11 @@ def test_the_gain_margin_of_a_loop_of_two_rates_is_an_end_along_its_gain():
     assert [radius < 1 for radius in steps.values()] == [True, False]
 
 
-def test_the_open_loop_of_two_rates_has_the_poles_of_the_closed_ones():
-    """det(z - A) of the loop is that of the loop without kp times 1 + L, and L goes with kp."""
-    spec, theta = load(ARM_SPEC), np.linspace(0.01, np.pi, 50)
-    L, z = broken_at(spec, "net.y").response(theta), np.exp(1j * theta) - 1
-    loop = own_loop(spec)
-    drift = drift_of(loop)
-    one, half = (np.linalg.eigvals(frames(each, drift)) for each in (loop, loop.changed({"numbers.kp": 120.0})))
-    quotient = np.prod(z[:, None] - one, -1) / np.prod(z[:, None] - half, -1)
-    np.testing.assert_allclose((1 + L) / (1 + L / 2), quotient, rtol=1e-9)
-
-
 @pytest.mark.parametrize("size", [1.0, 0.999])
 def test_a_gain_of_one_at_rest_is_in_doubt(size):
     """L = size (1 - a)/(z - a) falls from there on: a rotation by 180 degrees would end stability at size 1."""
     found = margins(recursion([0.5 * size], [1, -0.5]), "c.y")
     assert (bool(found["phase"].doubt), found["phase"].value == 180) == ((True, False) if size == 1 else (False, True))
-
-
-def test_the_disk_bounds_gain_and_phase_and_the_sensitivities():
-    found = {name: each.value for name, each in margins(sampled([2], [1, 3, 2, 0], 20), "c.y").items()}
-    assert found["disk_gain"] == pytest.approx((2 + found["disk"]) / (2 - found["disk"]))
-    assert found["disk_phase"] == pytest.approx(np.degrees(2 * np.arctan(found["disk"] / 2)))
-    assert found["disk_gain"] < found["gain_up"]
-    assert found["disk_phase"] < found["phase"]
-    assert abs(found["sensitivity"] - found["complementary"]) < 1 < 1 / found["disk"] + 0.5
 
 
 def test_a_disk_that_reaches_all_gains_has_no_largest():

@@ -155,19 +155,3 @@ def test_a_force_that_vanishes_up_to_rounding_is_zero_and_a_small_one_is_not():
     )
     assert some.impedance_re == pytest.approx(1e-9, rel=max(some.impedance_error, 1e-12))
     assert (none.impedance_re, none.doubt) == (0.0, "")
-
-
-@pytest.mark.parametrize("creep", [0.0, 1e-13, 1e-10, 1e-8])
-def test_a_device_that_creeps_has_no_admittance(creep):
-    """It is not given if the creep is too slow to be told from rest."""
-    tables = {
-        "rates": {"tick_hz": 1000}, "numbers": {"c": creep}, "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
-        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "i": {"type": "integrator"}},
-        "wire": {"m.f": "-100*(m.x - i.y) + hand", "i.u": "c*(m.x - i.y)"},
-    }  # fmt: skip
-    row = wavesweep.compile(tables).response([0.0]).iloc[0]
-    if creep:
-        assert np.isnan(row.admittance_re)
-        assert row.impedance_re == 0 or np.isnan(row.impedance_re)
-    else:
-        assert (row.admittance_re, row.doubt) == (pytest.approx(0.01, rel=1e-12), "")

@@ -5,8 +5,7 @@ import pytest
 from support.drawings import pmw, random_drawing
 
 from wavesweep.errors import UsageError
-from wavesweep.loops import blocks
-from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.response.lifted import Lifted
@@ -84,23 +83,7 @@ def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     assert abs(reaction / x - linear.impedance[0]) <= 1e-9 * abs(linear.impedance[0])
 
 
-@pytest.mark.slow
-def test_a_long_delay_gives_back_each_number():
-    """Sums of the input and twice the input of 300 ticks ago are exact."""
-    T, n = 1e-3, 300
-    placed = (ScheduledBlock(blocks.delay("late", T, n)), ScheduledBlock(blocks.gain("step", T)))
-    drawn = MultirateLoop(T, placed, {"late.u": {"hand": 1.0}, "step.u": {"late.y": 2.0, "hand": 1.0}}, ("hand",))
-    force = np.random.default_rng(0).normal(size=3 * n)
-    seen = run_drawn(drawn, {"hand": force}, ("step.y",))["step.y"]
-    assert np.array_equal(seen, force + 2 * np.concatenate([np.zeros(n), force[:-n]]))
-
-
 def test_a_section_of_less_than_three_frames_is_refused():
     signals = dict.fromkeys(("f_h", "x", "f_device"), np.ones(100))
     with pytest.raises(UsageError, match="expected at least 60 ticks, three frames, to tell it from its images, found 59"):
         components(signals, Tone(3.0, 10, 69), 1000.0, 20)
-
-
-def test_rows_end_before_a_number_overflows():
-    drawn = MultirateLoop(1e-3, (ScheduledBlock(blocks.delay("d", 1e-3)),), {"d.u": {"d.y": 2.0, "hand": 1.0}}, ("hand",))
-    assert len(run_drawn(drawn, {"hand": np.eye(1, 3000)[0]}, ("d.y",))["d.y"]) == 1025  # 2^1023 is the last power of two

@@ -7,7 +7,6 @@ from scipy.signal import butter
 from support.specs import INTEGRATIONS
 
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.export import exported
 from wavesweep.robust.frames import LOST, Frames, frames_of_controller
 from wavesweep.robust.words import growth as growth_of
 from wavesweep.simulation import simulated, table
@@ -237,8 +236,3 @@ FILTER = {**DRAWN, "block": DRAWN["block"] | {"slow": {"type": "butterworth", "o
 def test_frames_that_a_loop_cannot_have_are_refused(tables, frames, words):
     with pytest.raises(UsageError, match=f"simulate.frames: expected {words}"):
         simulated(load(tables | {"simulate": {"frames": frames}}), [1.0])
-
-
-def test_c_has_frames_of_one_length():
-    with pytest.raises(UsageError, match="export: expected frames of one length"):
-        exported(fig4([16, 20]))

@@ -8,7 +8,6 @@ import pytest
 from support.drawn import DRIVE, WALL, drive
 
 import wavesweep
-from wavesweep.plots import figure_of
 from wavesweep.spec import load
 from wavesweep.tables.simulation import simulate
 
@@ -74,14 +73,6 @@ def test_an_unstable_loop_without_a_hand_runs_up_to_the_last_finite_row():
 def test_effects_of_a_device_need_a_hand():
     with pytest.raises(wavesweep.UsageError, match="option friction: expected a device"):
         wavesweep.simulate(tables(friction=0.1))
-
-
-def test_the_figure_has_a_panel_for_each_output_and_one_for_signals():
-    (found,) = simulate(load(tables(**{"from": "load"})).as_simulated())
-    canvas = figure_of("simulate")(found.columns, found.facts)
-    titles = [axes.get_ylabel() for axes in canvas.axes if axes.get_ylabel()]
-    assert titles == ["speed (rad/s)", "angle (rad)", "torque (N·m)", "twice", "signals"]
-    assert [line.get_label() for line in canvas.axes[2].get_lines()] == ["torque", "load"]
 
 
 @pytest.mark.slow

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.errors import UsageError
-from wavesweep.simulation import Effects, Tone, estimate, simulate
+from wavesweep.simulation import estimate, simulate
 from wavesweep.simulation.inputs import sine, stepped_sine
 
 # The loop of Fig. 6 (`pmw-lm`, Kp = 20, the rest by default): exact responses, from 40-digit arithmetic.
@@ -41,26 +40,3 @@ def test_an_offset_does_not_matter(values):
     with_drift = simulate(loop, record.force, x=0.05).signals
     for name, column in estimate(simulate(loop, record.force).signals, record.tones, 1000.0, 20).items():
         assert estimate(with_drift, record.tones, 1000.0, 20)[name] == pytest.approx(column, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_nonideal_parts_show_in_the_estimate(values):
-    """A device with friction gives way less to a small force than to a large one."""
-    record = sine(1000.0, 3.0, seconds=4.0)
-    loop, options = values("pmw-lm", Kp=20.0), Effects(friction=0.26, resolution=5.5e-5, max_force=3.3)
-    found = [
-        estimate(simulate(loop, size * record.force, options).signals, record.tones, 1000.0, 20)["admittance_abs"][0]
-        for size in (0.5, 1.0, 2.0)
-    ]
-    assert found == sorted(found)
-    assert found[0] < 0.9 * found[2]
-
-
-def test_no_tones_give_an_empty_table(values):
-    table = estimate(simulate(values("dc"), np.ones(10)).signals, (), 1000.0, 1)
-    assert all(len(column) == 0 for column in table.values())
-
-
-def test_a_stretch_too_short_for_the_images_is_refused(values):
-    with pytest.raises(UsageError, match="expected at least 60 ticks, three frames, to tell it from its images, found 30"):
-        estimate(simulate(values("pmw"), np.ones(100)).signals, [Tone(11.0, 0, 30)], 1000.0, 20)

@@ -48,13 +48,6 @@ def test_random_pages_are_the_laws_of_their_controllers(push, seed):
     agree(march(loop, push[:rows]), experiment, 1 if loop["controller.kind"] == "dc" else loop["rates.ratio"])
 
 
-def test_waves_carry_the_power_at_every_port(values):
-    """``u^2 - v^2 = 2 F x'`` on the user's side and at the avatar."""
-    seen = simulate(values("pmw-lm", Kp=20.0), np.random.default_rng(3).standard_normal(500)).signals
-    np.testing.assert_allclose(seen["u_m"] ** 2 - seen["v_m"] ** 2, 2 * seen["f_m"] * seen["v_hat"], atol=1e-13)
-    np.testing.assert_allclose(seen["u_s"] ** 2 - seen["v_s"] ** 2, 2 * seen["F_s"] * seen["x_dot_s"], atol=1e-13)
-
-
 @pytest.mark.parametrize(("K_VE", "answer"), [(5e4, "no single value"), (1.0, "")])
 def test_a_contact_without_one_answer_is_refused(push, K_VE, answer):
     """One plus the part of a wave that comes back is -0.42 pressed and 1.57 off the wall: at some waves neither holds, at
@@ -210,8 +203,3 @@ def test_a_stopped_run_is_the_beginning_of_a_longer_one(values):
 def test_an_option_without_meaning_is_refused(option, text):
     with pytest.raises(UsageError, match=text):
         Effects(**option)
-
-
-def test_a_kind_without_a_page_is_refused(values):
-    with pytest.raises(UsageError, match=r"controller.kind: expected one of dc, dc-slow, dc-lm, pmw, pmw-lm, found slow-wall"):
-        simulate(values("slow-wall"), [1.0])
