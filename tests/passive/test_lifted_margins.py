@@ -15,19 +15,19 @@ from wavesweep.cli.studies import margins as command
 from wavesweep.passive import LiftedLoop, margins_of
 from wavesweep.passive.lifted_margins import lifted_margins
 from wavesweep.spec.drawing import path_of
-from wavesweep.sweep.grid import own_loop
+from wavesweep.sweep.grid import Loops, own_loop
 
 CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"
 
 
 def radius_of(spec, signal):
     """The spectral radius of the frame with factors k of the signal, from blocks that have it among their numbers."""
-    drawing, values = own_loop(spec)
-    drawing = _with_gain(drawing, signal)
-    drift = drift_of(drawing, values | {path_of(GAIN): np.array([0.5, 2.0])})
+    own = own_loop(spec)
+    loop = Loops(_with_gain(own.drawing, signal), own.values)
+    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
 
     def radius(k):
-        E = frames(drawing, values | {path_of(GAIN): np.atleast_1d(k)}, drift)
+        E = frames(loop.changed({path_of(GAIN): np.atleast_1d(k)}), drift)
         return np.abs(1 + np.linalg.eigvals(E)).max(-1)
 
     return radius
@@ -101,7 +101,7 @@ def test_one_sample_in_a_frame_has_the_margins_of_the_scalar_loop(signal):
 def test_random_loops_are_stable_within_their_margins(seed):
     """Every signal of a random loop that is made more than once in a frame."""
     spec, met = load(random_tables(seed)), 0
-    drawing, _ = own_loop(spec)
+    drawing = own_loop(spec).drawing
     for signal in sorted({source for _, terms in drawing.wires for source, _ in terms if "." in source}):
         try:
             loop = broken_at(spec, signal)
