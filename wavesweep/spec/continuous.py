@@ -109,7 +109,7 @@ def _offset(tree: Tree, name: str) -> int:
 
 
 def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:
-    found: dict[str, list[Tree]] = {}
+    gains_of: dict[str, list[Tree]] = {}
     for signal, gain in terms:
-        found.setdefault(signal, []).append(gain)
-    return tuple((signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains)) for signal, gains in found.items())
+        gains_of.setdefault(signal, []).append(gain)
+    return tuple((signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains)) for signal, gains in gains_of.items())

@@ -273,8 +273,8 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
     ordered, waiting = [], list(ratios)
     while waiting:
         open_ = {one for one, *_ in waiting}
-        ordered += [each for each in waiting if each[1] not in open_]
-        waiting = [each for each in waiting if each[1] in open_]
+        ordered += [ratio for ratio in waiting if ratio[1] not in open_]
+        waiting = [ratio for ratio in waiting if ratio[1] in open_]
     return ordered
 
 

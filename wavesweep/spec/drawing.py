@@ -238,11 +238,11 @@ class Drawing:
             plants = [each for each in plants if not each & whole] + [whole]
         for name in dict.fromkeys(_block_of(name) for name, _ in (*arriving, *sensed)):
             plants += [] if any(name in whole for whole in plants) else [{name}]
-        found = []
+        made = []
         for names in plants:
             parts = ([each for each in some if _block_of(each[0]) in names] for some in (self.couplings, arriving, sensed))
-            found.append(Plant(tuple(block for block in self.blocks if block.name in names), *map(tuple, parts)))
-        return tuple(sorted(found, key=lambda plant: self.blocks.index(plant.members[0])))
+            made.append(Plant(tuple(block for block in self.blocks if block.name in names), *map(tuple, parts)))
+        return tuple(sorted(made, key=lambda plant: self.blocks.index(plant.members[0])))
 
     @_remembered
     def dead_times(self) -> dict[str, Tree]:
@@ -308,7 +308,7 @@ class Drawing:
 
     def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
-        numbers, found = scalars(values), {}
+        numbers, first = scalars(values), {}
         for path, tree in self.trees():
             if not numbers.keys() >= {name for name, _ in names_in(tree)}:
                 continue  # a number that has a mistake itself
@@ -316,14 +316,14 @@ class Drawing:
             if value is None:
                 yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
             else:
-                found.setdefault(path, value)
-        tick_hz = found.get(RATE)
+                first.setdefault(path, value)
+        tick_hz = first.get(RATE)
         if tick_hz is not None and tick_hz <= 0:
             yield RATE, expectation(TICK_HZ), f"{tick_hz:g}"
             tick_hz = None
         every = {}
         for block in self.blocks:
-            known = {name: found.get(f"block.{block.name}.{name}") for name, _ in block.trees()}
+            known = {name: first.get(f"block.{block.name}.{name}") for name, _ in block.trees()}
             for name, expected in _unsuitable(block, known, tick_hz):
                 yield f"block.{block.name}.{name}", expected, f"{known[name]:g}"
                 every[block.name] = None if name == "every" else every.get(block.name, known["every"])
@@ -351,8 +351,8 @@ class Drawing:
             if not any(name == each for each, _ in names_in(tree)):
                 continue
             numbers = scalars(values)
-            found = [_value(tree, numbers | {name: value}) or 0.0 for value in axis.values or (axis.start, axis.stop)]
-            if min(map(abs, found)) < LEAST or (not axis.values and min(found) < 0 < max(found)):
+            coefficients = [_value(tree, numbers | {name: value}) or 0.0 for value in axis.values or (axis.start, axis.stop)]
+            if min(map(abs, coefficients)) < LEAST or (not axis.values and min(coefficients) < 0 < max(coefficients)):
                 expected = f"values with which the first coefficient of block.{block}.den is not 0"
                 between = "" if axis.values else f" between {axis.start:g} and {axis.stop:g}"
                 mistaken = f"one with which it is 0{between}"
@@ -493,30 +493,30 @@ def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given) -> tuple
 
 def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, object]:
     """Return the resolved tables by path, as a spec could give them. given: a `Given`."""
-    found: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
+    tables: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
     for name, unit, description in drawing.numbers:
-        found["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
+        tables["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
     for block in (each for each in drawing.blocks if f"block.{each.name}.type" in given.leaves):  # others are of `prev(...)`
-        found["block", block.name, "type"] = block.type
+        tables["block", block.name, "type"] = block.type
         for name, key in keys_of_block(block.type).items():
             path = f"block.{block.name}.{name}"
             leaf = given.leaves.get(path)
             value = values.get(path, leaf.value if leaf else key.default)
             if value is not None and not (name == "steps" and block.dead_time):
-                found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
+                tables["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
         if path.startswith(("ports.inputs.", "ports.outputs.")):
             if not path.endswith(".unit"):
                 word = given.leaves.get(f"{path}.unit")
-                found[*path.split("."), "signal"], found[*path.split("."), "unit"] = leaf.value, word.value if word else ""
+                tables[*path.split("."), "signal"], tables[*path.split("."), "unit"] = leaf.value, word.value if word else ""
         elif table in ("wire", "signals", "ports"):
-            found[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
+            tables[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
         elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
             words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
             unit, description = (word.value if word else "" for word in words)
-            found[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
-    return found
+            tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
+    return tables
 
 
 def is_derived(path: Path, leaf: Leaf) -> bool:

@@ -187,17 +187,17 @@ class KeyReader:
         self.period = every and ("/", every, self.tick_hz, 0)
         if kind == "delay" and "seconds" in given and "steps" not in given:
             del keys["steps"]  # whose default is for a delay of steps
-        found = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
+        read = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
         self.period = None
         if len(self.mistakes) > before:
             if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
                 ports = TYPES[kind].ports[0][: 1 if kind == "spring" else None]  # whose others may rest
                 self.needed += [f"{name}.{port}" for port in ports]
             return None
-        phase = found.pop("phase")
-        if found.get("inputs") == ():  # nothing comes in: a recursion by itself
-            found["B"] = found["B"] or ((),) * len(found["A"])
-        block = DrawnBlock(name, kind, tuple((key, value) for key, value in found.items() if value is not None), every, phase)
+        phase = read.pop("phase")
+        if read.get("inputs") == ():  # nothing comes in: a recursion by itself
+            read["B"] = read["B"] or ((),) * len(read["A"])
+        block = DrawnBlock(name, kind, tuple((key, value) for key, value in read.items() if value is not None), every, phase)
         wrong = _shape_fault(block)
         if wrong:
             return self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
@@ -205,7 +205,7 @@ class KeyReader:
 
     def as_meant(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
         """Return the leaves; an unknown key is a mistake and stands for the key that is meant, which then is not missing."""
-        found = dict(given)
+        meant = dict(given)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
                 known, limits = ("type", *keys), any(word in key for word in LIMITS)
@@ -213,8 +213,8 @@ class KeyReader:
                 near = "" if limits else next(alike, "") or nearest(key, known)
                 told = "a limit, with which no block is linear" if limits else "an unknown key"
                 self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), told, near)
-                found.setdefault(near, leaf)
-        return found
+                meant.setdefault(near, leaf)
+        return meant
 
     def read_type(self, path: str, leaf: Leaf | None) -> str | None:
         key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES), required=True)

@@ -107,10 +107,10 @@ class _TableReader(KeyReader):
         self.outside = {each for each in (self.force, *outside) if isinstance(each, str)}
         numbers, values = self.read_numbers(tables["numbers"])
         self.tick_hz = tick = self.read_rate(tables["rates"]) or ("name", RATE, 0)
-        found = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
-        self.broken = {name for name, block in found.items() if block is None}
-        blocks = tuple(block for block in found.values() if block is not None)
-        if not found:
+        read_blocks = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
+        self.broken = {name for name, block in read_blocks.items() if block is None}
+        blocks = tuple(block for block in read_blocks.values() if block is not None)
+        if not read_blocks:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
         self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
         bare = [block.name for block in blocks if block.type == "spring" and dict(block.keys)["d"][:2] == ("number", 0.0)]
@@ -205,14 +205,14 @@ class _TableReader(KeyReader):
         """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
         path = f"wire.{port}"
         if port not in self.inputs and port.rpartition(".")[0] not in self.broken:
-            found = "an output of a block" if port in self.signals else "an unknown port"
+            terms = "an output of a block" if port in self.signals else "an unknown port"
             expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
-            self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
+            self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
         own = port.rpartition(".")[0]
         self.period = periods.get(own)
-        found = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
+        terms = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
         self.period = None
-        return found
+        return terms
 
     def made_registers(
         self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]
@@ -222,14 +222,14 @@ class _TableReader(KeyReader):
         shown: terms that are read in every tick, in addition to the ports of blocks.
         """
         runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
-        found = []
+        registers = []
         for register, signal in self.registers.items():
             source = next((block for block in blocks if block.name == signal.rpartition(".")[0]), None)
             readers = {runs.get(port.rpartition(".")[0]) for port, terms in wires if register in dict(terms)}
             readers |= {None for terms in shown if register in dict(terms or ())}
             every, phase = (source.every, source.phase) if source and readers == {runs[source.name]} else (ONE, Plant.phase)
-            found.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
-        return tuple(found)
+            registers.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
+        return tuple(registers)
 
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
         for port in (*self.inputs, *self.needed):
@@ -329,20 +329,20 @@ class _TableReader(KeyReader):
         return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
 
     def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
-        found = []
+        numbers = []
         for part in PORTS["wall"]:
             leaf = parts.get(part)
             if leaf is None:
                 continue
             self.leaves[f"ports.wall.{part}"] = leaf
-            expected, hint = "another number than the stiffness" if leaf.value in found else "", ""
+            expected, hint = "another number than the stiffness" if leaf.value in numbers else "", ""
             if leaf.value not in self.numbers or leaf.value in self.meanings:
                 expected = "the name of a number in [numbers]"
                 hint = nearest(leaf.value, self.numbers) if isinstance(leaf.value, str) else ""
             if expected:
                 self.refuse(leaf, f"ports.wall.{part}", expected, show(leaf.value), hint, of_key=False)
-            found.append(str(leaf.value))
-        return tuple(found) or None
+            numbers.append(str(leaf.value))
+        return tuple(numbers) or None
 
     def unread(self, signals: Iterable[str]) -> None:
         """Refuse numbers and names of signals that no expression reads."""

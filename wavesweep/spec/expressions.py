@@ -247,14 +247,14 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
     if operation in ("+", "-"):
         return _added(operation, *parts, at)
     left, right = ([name for name in part if name] for part in (parts[0], parts[-1]))
-    found = {
+    fault = {
         **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
         "**": (left or right) and "a power of a signal, or with a signal",
         "/": right and f"a division by the signal {right[0]}",
         "*": left and right and f"the product of the signals {left[0]} and {right[0]}",
     }[operation]
-    if found:
-        raise Fault(at, "arithmetic that is linear in the signals", found)
+    if fault:
+        raise Fault(at, "arithmetic that is linear in the signals", fault)
     if not left and not right:
         return {"": tree}
     factor, of_signals = (parts[0][""], parts[1]) if right else (parts[1][""], parts[0])
@@ -299,12 +299,12 @@ def evaluate(
         return -first
     second = others[0] if others else None
     if operation in FUNCTIONS:
-        found = getattr(library, operation)(first)
+        value = getattr(library, operation)(first)
     else:
-        found = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
+        value = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
     if watch:
-        watch(tree, first, second, found)
-    return found
+        watch(tree, first, second, value)
+    return value
 
 
 _OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
@@ -380,14 +380,14 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
     Errors: Fault if there is neither a signal nor 0 within the parentheses.
     """
     parts = [remembered(part, signals) if isinstance(part, tuple) else (part, {}) for part in tree[1:-1]]
-    found = {register: signal for _, own in parts for register, signal in own.items()}
+    registers = {register: signal for _, read in parts for register, signal in read.items()}
     tree = (tree[0], *(part for part, _ in parts), tree[-1])
     if tree[0] != PREVIOUS:
-        return tree, found
-    own = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in found}
-    if not (own or _is_nothing(tree[1])):  # as an input of a class that is at rest
+        return tree, registers
+    read = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in registers}
+    if not (read or _is_nothing(tree[1])):  # as an input of a class that is at rest
         raise Fault(tree[-1], f"a signal of a wire within {PREVIOUS}( )", "none")
-    return with_trees(tree[1], {name: ("name", register, 0) for register, name in own.items()}), found | own
+    return with_trees(tree[1], {name: ("name", register, 0) for register, name in read.items()}), registers | read
 
 
 def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:

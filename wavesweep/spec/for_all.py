@@ -57,8 +57,8 @@ class ForAll:
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        found: dict[str, object] = {axis.name: _written(axis, axis.path in self.varying) for axis in self.axes}
-        return found | ({"lost": self.lost} if self.lost else {})
+        table: dict[str, object] = {axis.name: _written(axis, axis.path in self.varying) for axis in self.axes}
+        return table | ({"lost": self.lost} if self.lost else {})
 
 
 def values_of_range(axis: Axis) -> tuple:

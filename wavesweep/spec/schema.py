@@ -119,17 +119,17 @@ def _runs() -> Schema:
 
 def _design(axes: Schema, wishes: Iterable[str]) -> Schema:
     """The table [design]; axes: the table of its numbers that vary."""
-    found = {}
+    wished = {}
     for name in wishes:
         kind = WISHES[name]
         options = {
             option: _value(key) if count == 1 else {"type": "array", "items": _value(key), "minItems": count or 1}
             for option, (key, count) in kind.options.items()
         }
-        found[name] = _tables({kind.bound: {"type": "number"}, **options}, description=_described(kind))
+        wished[name] = _tables({kind.bound: {"type": "number"}, **options}, description=_described(kind))
     values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
     hand = _tables({path.partition(".")[2]: values for path in KEYS if path.startswith("operator.")})
-    tables = {"vary": axes, "wish": _tables(found), "for_all": _tables({"hand": hand}, AXIS)}
+    tables = {"vary": axes, "wish": _tables(wished), "for_all": _tables({"hand": hand}, AXIS)}
     return _tables(tables | {name: _value(key) for name, key in DESIGN_KEYS.items()})
 
 
@@ -155,18 +155,18 @@ def _range(key: Key | None = None) -> Schema:
 
 def _value(key: Key, *, text: bool = False) -> Schema:
     """The values of a key; text: whether a number may be an expression in numbers as well."""
-    found: Schema = {"description": _described(key)}
+    value: Schema = {"description": _described(key)}
     if key.default is not None and not isinstance(key.default, tuple):
-        found["default"] = key.default
+        value["default"] = key.default
     if key.type in OTHERS:
-        return found | {"type": "array"} | OTHERS[key.type]
+        return value | {"type": "array"} | OTHERS[key.type]
     if key.choices:
-        return found | {"enum": [*key.choices]}
+        return value | {"enum": [*key.choices]}
     if key.low is not None:
-        found["exclusiveMinimum" if key.above_low else "minimum"] = key.low
+        value["exclusiveMinimum" if key.above_low else "minimum"] = key.low
     if key.high is not None:
-        found["maximum"] = key.high
-    return found | {"type": [key.type, "string"] if text and key.numeric else key.type}
+        value["maximum"] = key.high
+    return value | {"type": [key.type, "string"] if text and key.numeric else key.type}
 
 
 def _described(key: Any) -> str:
@@ -176,14 +176,14 @@ def _described(key: Any) -> str:
 
 def _nested(paths: Mapping[str, Schema]) -> Schema:
     """The properties of tables in tables that have these paths."""
-    found: Schema = {}
+    nested: Schema = {}
     for path, value in paths.items():
         *tables, last = path.split(".")
-        here = found
+        here = nested
         for table in tables:
             here = here.setdefault(table, _tables({}))["properties"]
         here[last] = value
-    return found
+    return nested
 
 
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:

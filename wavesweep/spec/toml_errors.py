@@ -164,5 +164,5 @@ def _in_statement(line: int, column: int, before: str, after: str, what: str) ->
         return SyntaxMistake(line, column - len(word), "a key of the letters a to z, digits, _ and -", word + rest)
     if what.startswith("invalid initial character") and not after.strip():
         return SyntaxMistake(line, column, "a table in braces in one line", rest)
-    found = (expected for words, start, expected in _STATEMENTS if what.startswith(words) and re.match(start, before))
-    return next((SyntaxMistake(line, column, expected, rest) for expected in found), None)
+    expectations = (expected for words, start, expected in _STATEMENTS if what.startswith(words) and re.match(start, before))
+    return next((SyntaxMistake(line, column, expected, rest) for expected in expectations), None)
