@@ -1,7 +1,7 @@
 """Checks of values against their keys, and the mistakes of a spec: expected, found, and the nearest known name."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from wavesweep.errors import Mistake
@@ -38,12 +38,12 @@ class Mistakes(list[Mistake]):
             self.refuse(leaf, path or key.path, error.expected, error.found, error.suggestion, of_key=False)
             return None
 
-    def is_known(self, name: str, known: Iterable[str], leaf: Leaf, path: str, found: str = "an unknown key") -> bool:
+    def is_known(self, name: str, known: Collection[str], leaf: Leaf, path: str, found: str = "an unknown key") -> bool:
         """Return whether a name is known; one that is not is a mistake. path: of the key with this name."""
-        known = list(known)
-        if name not in known:
-            self.refuse(leaf, path, f"one of {', '.join(known)}", found, nearest(name, known))
-        return name in known
+        if name in known:
+            return True
+        self.refuse(leaf, path, f"one of {', '.join(known)}", found, nearest(name, known))
+        return False
 
     def read(self, keys: Mapping[str, Key], leaves: Mapping[str, Leaf], table: str = "") -> dict[str, Any]:
         """Return the values of a table's keys by name; those that are unknown or wrong are left out, and mistakes.

@@ -13,7 +13,7 @@ import re
 import stat
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from wavesweep.errors import Mistake, SpecError, UsageError
@@ -77,7 +77,7 @@ class Place:
 
     def under(self, path: tuple[str, ...]) -> Place:
         """Return the place of another path of the same source."""
-        return replace(self, path=path)
+        return Place(self.name, self.text, path, self.exact)
 
     def parent(self) -> Place:
         """Return the place of the table around this value."""
