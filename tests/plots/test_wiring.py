@@ -63,7 +63,7 @@ def apart(one, other):
 @pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPECS)
-def test_no_wire_passes_through_a_box_or_along_another(name):
+def test_every_wire_leads_to_its_reader_and_through_no_box_or_other_wire(name):
     boxes, routes = routed(SPECS[name]())
     for net, a, b, c, d in routes.lines:
         assert a == c or b == d
@@ -73,31 +73,29 @@ def test_no_wire_passes_through_a_box_or_along_another(name):
             assert not (inside_x and inside_y), (net, number)
     for one, other in itertools.combinations(routes.lines, 2):
         assert one[0] == other[0] or apart(one, other), (one, other)
-
-
-@pytest.mark.sample(5)
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SPECS)
-def test_boxes_do_not_overlap_and_every_wire_leads_from_its_source_to_its_reader(name):
-    boxes, routes = routed(SPECS[name]())
     for (i, (x, y)), (j, (u, v)) in itertools.combinations(routes.places.items(), 2):
         beside = x + boxes[i].width <= u + TINY or u + boxes[j].width <= x + TINY
         assert beside or y + ROW * boxes[i].rows <= v + TINY or v + ROW * boxes[j].rows <= y + TINY
     for number, box in enumerate(boxes):
         x, y = routes.places[number]
         for row, net in box.outputs:
-            own = [line[1:] for line in routes.lines if line[0] == net]
-            reached, grown = {(x + box.width, y + ROW * (row + 0.5))}, -1
-            while grown != len(reached):
-                grown = len(reached)
-                for line in own:
-                    if any(on(line, *point) for point in reached):
-                        reached |= {line[:2], line[2:]}
-                    reached |= {p for other in own for p in (other[:2], other[2:]) if on(line, *p) and line[:2] in reached}
+            reached = reached_from(
+                (x + box.width, y + ROW * (row + 0.5)), [line[1:] for line in routes.lines if line[0] == net]
+            )
             for j, reader in enumerate(boxes):
-                for at, read, _ in reader.inputs:
-                    if read == net:
-                        assert any(np.allclose(point, routes.ends[j, at]) for point in reached), (net, j)
+                ends = [routes.ends[j, at] for at, read, _ in reader.inputs if read == net]
+                assert all(any(np.allclose(point, end) for point in reached) for end in ends), (net, j)
+
+
+def reached_from(start, lines):
+    """The points that the lines of a net connect with a point."""
+    reached, grown = {start}, -1
+    while grown != len(reached):
+        grown = len(reached)
+        for line in lines:
+            if any(on(line, *point) for point in reached):
+                reached |= {line[:2], line[2:]} | {p for other in lines for p in (other[:2], other[2:]) if on(line, *p)}
+    return reached
 
 
 def on(line, x, y):
