@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import FORMATS, folder, override, talk
+from wavesweep.cli.options import FORMATS, folder, override
+from wavesweep.cli.talk import talk
 
 if TYPE_CHECKING:
     from wavesweep.spec import Axis, Spec

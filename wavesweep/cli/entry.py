@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Talk, talk
+from wavesweep.cli.talk import Talk, talk
 from wavesweep.errors import SpecError, WavesweepError
 from wavesweep.platform_compat import HANGUP, STOPPING
 from wavesweep.reproducibility import ONE_THREAD

@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from wavesweep.cli.options import folder, override, overwriting, talk
+from wavesweep.cli.options import folder, override, overwriting
+from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
 
 

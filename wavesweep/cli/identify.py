@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from wavesweep.cli.options import overwriting, talk
+from wavesweep.cli.options import overwriting
+from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
 
 OWN = "# The device of "  # what a spec of this command begins with

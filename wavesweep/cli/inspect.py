@@ -7,7 +7,7 @@ from typing import Any
 import click
 import numpy as np
 
-from wavesweep.cli.options import talk
+from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")

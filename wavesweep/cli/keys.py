@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from wavesweep.cli import block_keys
-from wavesweep.cli.options import talk
+from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import expectation, nearest, show
 from wavesweep.spec.design import DESIGN_KEYS

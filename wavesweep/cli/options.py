@@ -1,7 +1,7 @@
 """The options that several commands have: each is declared once and has one meaning."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
 from pathlib import Path, PurePath
@@ -10,36 +10,11 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from wavesweep.cli.talk import talk
+
 STDOUT = "-"
 FORMATS = ("png", "svg", "pdf", "eps")
 FILES = (".csv", ".parquet", *(f".{form}" for form in FORMATS))  # what a single file can be
-
-
-@dataclass(frozen=True)
-class Talk:
-    """How the program speaks, whatever the command: options that may stand anywhere in the line.
-
-    words: the whole line after the program's name.
-    """
-
-    words: Sequence[str] = ()
-    quiet: bool = False
-    as_json: bool = False
-    debug: bool = False
-
-    @classmethod
-    def of(cls, words: Sequence[str]) -> tuple["Talk", list[str]]:
-        """Take these options out of a line; the words that are left are those of the group and of the command."""
-        end = words.index("--") if "--" in words else len(words)
-        spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
-        asked = {name: any(word in spellings for word in words[:end]) for name, spellings in spelt.items()}
-        left = [word for word in words[:end] if not any(word in spellings for spellings in spelt.values())]
-        return cls(tuple(words), **asked), [*left, *words[end:]]
-
-
-def talk() -> Talk:
-    """How the running command speaks."""
-    return click.get_current_context().find_root().obj or Talk()
 
 
 def is_given(name: str) -> bool:

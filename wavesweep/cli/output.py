@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.atomic_files import write_files
 from wavesweep.cli.messages import Progress, progress, say, show_json, where
-from wavesweep.cli.options import Options, talk
+from wavesweep.cli.options import Options
+from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:

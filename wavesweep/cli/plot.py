@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import FORMATS, folder, is_given, talk
+from wavesweep.cli.options import FORMATS, folder, is_given
+from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError, WavesweepError
 
 if TYPE_CHECKING:

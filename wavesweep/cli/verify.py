@@ -2,7 +2,7 @@
 
 import click
 
-from wavesweep.cli.options import talk
+from wavesweep.cli.talk import talk
 
 
 def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
