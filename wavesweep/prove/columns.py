@@ -11,12 +11,13 @@ from typing import Any
 
 from flint import arb, ctx
 
-from wavesweep.prove.crossings import Crossing, count_outside, crossings, is_unstable
+from wavesweep.prove.crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
 from wavesweep.prove.polynomials import Budget, Family
 from wavesweep.prove.ticks import Loop, UndecidedError
 from wavesweep.spec.drawing import Drawing, name_of
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
+HOPELESS = 3  # precisions at which crossings are crowded, after which more bits do not tell them apart
 OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine
 DIGITS = 52  # bits of an end or an angle that have to be certain
 POLYNOMIAL, PARTS = 1, 2
@@ -54,14 +55,15 @@ def prove_column(
     number by the structure of the loop, which do not decide stability; if there are more, no value is stable. precisions:
     bits, tried one after the other. operations: at most, of all precisions together, or what is left of them.
     """
-    budget, loop = operations if isinstance(operations, Budget) else Budget(operations), None
+    budget, loop, crowded = operations if isinstance(operations, Budget) else Budget(operations), None, 0
     for bits in precisions:
         with precision(bits):
             try:
                 loop = loop or Loop(drawing, values, name_of(along))
                 return _proof(loop, span, integrators, budget)
-            except UndecidedError:
-                if budget.left < 0:
+            except UndecidedError as error:
+                crowded += isinstance(error, CrowdedError)
+                if budget.left < 0 or crowded == HOPELESS:
                     break
     return None
 

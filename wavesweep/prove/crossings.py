@@ -26,6 +26,10 @@ MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these 
 POLISHED = 3  # times that an enclosure is contracted further
 
 
+class CrowdedError(UndecidedError):
+    """More boxes are left than crossings are to be expected, as for an eigenvalue that is always on the circle."""
+
+
 @dataclass(frozen=True, slots=True)
 class Crossing:
     """A value of the number, as a ball, at which a root may be on the circle, and its angle there."""
@@ -134,7 +138,7 @@ def _boxes(U, V, budget):
             halves = (arb(0), arb(0.5)), (arb(0.5), arb(1))
             open_ += [box.cut([half if i == along else (arb(0), arb(1)) for i in range(2)]) for half in halves]
         if box.depth > DEEPEST * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
-            raise UndecidedError
+            raise CrowdedError
 
 
 @dataclass(frozen=True, slots=True)

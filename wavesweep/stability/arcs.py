@@ -6,7 +6,7 @@ from wavesweep.monodromy.circle import on_circle
 from wavesweep.monodromy.cut import Cut, open_in
 from wavesweep.monodromy.shifts import DelayLines
 from wavesweep.stability.boundary import polish
-from wavesweep.stability.crossings import Crossings, at_both_ends, open_inside
+from wavesweep.stability.crossings import Crossings, at_both_ends
 from wavesweep.stability.panels import panel_roots
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
@@ -95,9 +95,7 @@ def _collect(cut, along, fixed, span, boundary, found):
     np.maximum.at(last, of[high < np.pi], high[high < np.pi])
     at_one, at_minus_one = (np.sign(boundary(a)) for a in (first / 2, (np.pi + last) / 2))
     ends, more = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
-    bit = np.full(fixed.size, END_BIT)
-    hiding = ((found.open_low, bit), (found.open_high, bit))
-    complete &= ~open_inside(cut, np.arange(fixed.size), along, fixed, span, hiding)
+    complete &= ~(found.open_low | found.open_high)
     parts = (np.concatenate(pair) for pair in zip((column, value, theta, jump, at), ends, strict=True))
     column, value, theta, jump, at = parts
     at[at.size - 2 * fixed.size :] += len(inverses)

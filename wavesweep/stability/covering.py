@@ -273,7 +273,8 @@ def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[T
     at_end = outer[first] | outer[last]
     doubtful = high - low - (width[last] - width[first + 1]) > slack + np.where(outer[first], attached[0], attached[1]) * at_end
     alike = (one == other) & crossed & ((one == 0) | (plain[last] > plain[first + 1]))
-    doubtful |= ~at_end & (alike | (~crossed & (one != other)) | ((one * other == 0) & (rough[last] > rough[first + 1])))
+    doubtful |= ~at_end & (alike | (~crossed & (one != other)))
+    doubtful |= (one * other == 0) & (rough[last] > rough[first + 1])
     doubtful &= whole.column[first] == whole.column[last]
     kept, new = np.ones(whole.column.size, bool), []
     pairs = np.stack([first, last], 1)[doubtful]

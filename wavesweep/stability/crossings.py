@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.monodromy.circle import inverse, on_circle
-from wavesweep.monodromy.cut import Cut, open_in
+from wavesweep.monodromy.cut import Cut
 from wavesweep.monodromy.hessenberg import in_even_units, polynomials, reduced
-from wavesweep.stability.boundary import K_VE, polish, terms, terms_and_inverse, terms_of
-from wavesweep.stability.real_roots import EDGE, isolate
+from wavesweep.stability.boundary import K_VE, polish, terms_and_inverse, terms_of
+from wavesweep.stability.real_roots import isolate
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
@@ -130,12 +129,6 @@ def angle(cosine, scale):
     return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
 
 
-OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is evaluated
-ABOUT = np.sinh(np.linspace(-4.2, 4.2, 129))  # times the decay of a mode, distances from it where it is evaluated too
-TIP = 0.02  # of the values there, by how much a peak may be beyond them
-NEARBY = 8.0  # times that angle, within which a mode matters
-DAMPED = 4.0  # times its angle, decay of a mode, from which on octaves show it
-SHIFT = -1 + 0.3j  # of z - 1, about which zeros are computed
 SLIVER = 1e-14  # of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
 
 
@@ -165,9 +158,8 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
 
     polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
     crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the
-    sign of the polynomial. If a root may be at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the
-    column is complete only if no wall parameter of that part of the circle is inside the span. Crossings that are surely
-    outside the span are only counted.
+    sign of the polynomial. A column in which a root may be at such an end itself (an undamped device crosses twice at z = 1, at
+    K_VE = 0) is not complete. Crossings that are surely outside the span are only counted.
     """
     coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
     n = coefficients.shape[-1]
@@ -185,15 +177,13 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     astray = ~(np.abs(theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
     ends, more = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
-    bits = [abs(place - angle(edge, polynomial.scale[owner])) for place, edge in ((0.0, 1 - EDGE), (np.pi, EDGE - 1))]
-    hiding = zip((roots.open_at_one, roots.open_at_minus_one), bits, strict=True)
-    complete &= ~open_inside(cut, owner, along, fixed, span, hiding)
+    complete &= ~(roots.open_at_one | roots.open_at_minus_one)
     column, value, theta, jump, at = (
         np.concatenate(pair) for pair in zip((column, value, theta, jump, np.arange(column.size)), ends, strict=True)
     )
     at[theta.size - 2 * fixed.size :] += len(inverses)
     above = above + np.bincount(column, _growth_above(value, jump, span), minlength=fixed.size)
-    above[~complete | roots.open_at_one | roots.open_at_minus_one] = np.nan
+    above[~complete] = np.nan
     return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, above)
 
 
@@ -226,51 +216,6 @@ def _growth_above(value, jump, span):
     growth = np.where((value > low) & ~near, jump, 0.0)
     growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
     return np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
-
-
-def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
-    """Return columns of which a crossing that may hide next to an end of the circle would be inside the span.
-
-    ends: for z = 1 and z = -1, whether one may hide there (`(columns,)`), and within which angle of it (rad, `(columns,)`).
-
-    The wall parameter is evaluated at octaves of that angle, and about every lightly damped mode there, of the loop with
-    and without its feedback, next to which it has a narrow peak.
-    """
-    inside, slack = np.zeros(fixed.size, bool), SLIVER * (span[1] - span[0])
-    for (may, bit), place in zip(ends, (0.0, np.pi), strict=True):
-        at = np.flatnonzero(may)
-        if not at.size:
-            continue
-        which, far = _modes_within(cut.at(owner[at]), along, fixed[at], bit[at], place)
-        which = np.concatenate([np.repeat(np.arange(at.size), OCTAVES.size), which])
-        far = np.concatenate([(bit[at, None] * OCTAVES).ravel(), far])
-        t = terms(cut.at(owner[at[which]]), on_circle(np.abs(place - far)))
-        solved, other = t.along(along)
-        least, most = np.full(at.size, np.inf), np.full(at.size, -np.inf)
-        with np.errstate(divide="ignore", invalid="ignore"):  # of a wall that reads nothing; what is not known may be inside
-            value = ((t.one - fixed[at[which]] * other) / solved).real
-            np.minimum.at(least, which, value)
-            np.maximum.at(most, which, value)
-            tip = np.where(np.isin(np.arange(at.size), which[at.size * OCTAVES.size :]), TIP * (most - least), 0.0)
-        tip = np.where(np.isnan(tip), 0.0, tip)
-        inside[at] |= ~((most + tip <= span[0] + slack) | (least - tip >= span[1] - slack))
-    return inside
-
-
-def _modes_within(cut, along, fixed, bit, place):
-    """Return angles about the poles and zeros of the open loops near an end of the circle: indices, and distances from it."""
-    E, B, C, D = open_in(cut, along, fixed)
-    n, size = E.shape[-1], np.abs(C).max((-1, -2), keepdims=True)
-    whole = np.concatenate([np.concatenate([E, B], -1), np.concatenate([C, D], -1) / np.where(size > 0, size, 1.0)], -2)
-    pattern = np.diag([*np.ones(n), 0.0])
-    with np.errstate(all="ignore"):
-        turned = inverse(whole - SHIFT * pattern) @ pattern
-        zeros = SHIFT + 1 / np.linalg.eigvals(np.where(np.isfinite(turned), turned, 0.0))
-        modes = 1 + np.concatenate([np.linalg.eigvals(E), zeros], -1)
-        far, decay = np.abs(np.abs(np.angle(modes)) - place), np.abs(np.log(np.abs(modes)))
-    near = np.nonzero((decay > 0) & (decay < DAMPED * far) & (far < NEARBY * bit[:, None]))
-    distance, most = far[near][:, None] + decay[near][:, None] * ABOUT, bit[near[0], None]
-    return np.repeat(near[0], ABOUT.size), np.clip(distance, most * OCTAVES[-1], most).ravel()
 
 
 def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
