@@ -111,6 +111,17 @@ def test_a_loop_that_is_built_in_python_has_a_drift_only_if_its_entries_cancel_e
     assert found == ([pytest.approx({"g.x0": 1.0, "g.x1": 0.5})] if exact else [])
 
 
+@pytest.mark.parametrize("den", [[1.0, -1.0], [1.0, -1.0, 0.0], [2.0, -2.5, 0.5, 0.0, 0.0]])
+def test_a_pole_at_1_before_delays_drifts_with_what_they_keep(den):
+    """A velocity is added up and pushes the mass that has it: at rest any sum is held by the spring."""
+    blocks = {
+        "m": {"type": "mass", "mass": 0.2, "damping": 1.0, "stiffness": 30.0},
+        "i": {"type": "tf", "discrete": True, "num": [0.1, 0.05, 0.02][: len(den)], "den": den},
+    }
+    wires = {"i.u": "m.v", "m.f": "i.y"}
+    assert _unchanged(load({"rates": {"tick_hz": 100}, "block": blocks, "wire": wires})) == 1
+
+
 BILATERAL = """
 [rates]
 tick_hz = 1000

@@ -131,19 +131,17 @@ class MultirateLoop:
             direct = block.D.reshape(-1, len(block.outputs), len(block.inputs)).any(0)
             for port, row in zip(block.outputs, direct, strict=True):
                 reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
+        from scipy.sparse.csgraph import connected_components
+
         at = {name: place for place, name in enumerate(reads)}
-        reached = np.zeros((len(at), len(at)), bool)
+        direct = np.zeros((len(at), len(at)), bool)
         for name, sources in reads.items():
-            reached[at[name], [at[source] for source in sources if source in at]] = True
-        for middle in range(len(at)):
-            reached |= reached[:, middle, None] & reached[middle]
-        names = [name.rpartition(".")[0] for name in at]
-        left = reached & reached.T
-        while left.any():
-            ring = left[np.argmax(left.any(1))]
-            inside = {names[place] for place in np.flatnonzero(ring)}
-            yield [block.name for block in blocks if block.name in inside]
-            left[ring] = False
+            direct[at[name], [at[source] for source in sources if source in at]] = True
+        names, (_, label) = [name.rpartition(".")[0] for name in at], connected_components(direct, connection="strong")
+        for ring in (np.flatnonzero(label == each) for each in dict.fromkeys(label.tolist())):
+            if len(ring) > 1 or direct[ring[0], ring[0]]:
+                inside = {names[place] for place in ring}
+                yield [block.name for block in blocks if block.name in inside]
 
     def living(self, watched=()) -> "MultirateLoop":
         """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.
