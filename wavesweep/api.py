@@ -130,20 +130,11 @@ class Loop:
             {"damping_ratio": 0.3}.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
         """
-        return self._intervals(along, span, axes, require=None if require is None else Require.of(require))
-
-    def _intervals(
-        self,
-        along: str | None,
-        span: Span | None,
-        axes: Mapping[str, Numbers],
-        *,
-        require: Require | None = None,
-    ) -> DataFrame:
         from wavesweep.analyses.intervals import job_over
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", intervals.of_calls(job_over(grid, axis, require=require)))
+        job = job_over(grid, axis, require=None if require is None else Require.of(require))
+        return self._frame("zwidth", intervals.of_calls(job))
 
     def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
@@ -242,7 +233,7 @@ class Loop:
         of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
         """
         along = self._usual if along is None else along
-        columns = self._intervals(along, span, axes)
+        columns = self.stable_intervals(along, span, **axes)
         axis = axis_along(naming(self.spec, [along]), along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
         return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})

@@ -21,9 +21,7 @@ CASES = {
     for path in sorted((Path(__file__).parents[1] / "cases").glob("*.toml"))
     for number, case in enumerate(tomllib.loads(path.read_text(encoding="utf-8"))["case"])
 }
-STEPS = 10.0 ** np.arange(
-    -7, 0
-)  # of an end: how far from it the march is asked; rounding of several equal modes hides the nearest
+STEPS = 10.0 ** np.arange(-7, 0)  # of an end, how far from it the march is asked: rounding hides the nearest
 
 
 @pytest.fixture(scope="module", params=CASES)

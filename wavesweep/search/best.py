@@ -18,9 +18,7 @@ from wavesweep.tables.design import wish_units
 from wavesweep.tables.table import Table
 
 MOST = 10  # designs that are written
-WORST_SHARE = (
-    10.0  # what the violation of one bound counts at most, as a share of it; values that are not known count more than all
-)
+WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all
 LEAST_LOG = 1e-9  # of a quantity of which the logarithm is an objective
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 

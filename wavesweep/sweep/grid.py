@@ -1,4 +1,4 @@
-"""The points of a sweep: a product of axes, split into loops to compile and walls to close them with."""
+"""The grid of a sweep: the product of its axes, and its loops in groups of one structure."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
