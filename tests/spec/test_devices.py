@@ -29,22 +29,6 @@ def test_every_number_fits_its_key_and_has_a_source(name):
     assert name == "paper" or device.wall[2].startswith("CHAI3D")
 
 
-@pytest.mark.parametrize(
-    ("name", "stiffness", "damping"),
-    [
-        ("touch", 400, 4),
-        ("omni", 700, 5),
-        ("desktop", 1000, 5),
-        ("falcon", 3000, 20),
-        ("omega", 5000, 30),
-        ("sigma", 4000, 30),
-        ("lambda", 8000, 30),
-    ],
-)
-def test_recommended_walls_are_those_of_chai3d(name, stiffness, damping):
-    assert DEVICES[name].wall[:2] == (stiffness, damping)
-
-
 @pytest.mark.parametrize("name", COMPLETE)
 def test_a_device_sets_keys_that_are_not_given(name):
     device, spec = DEVICES[name], load(on(name))

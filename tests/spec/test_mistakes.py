@@ -86,13 +86,6 @@ def test_update(write):
         path.write_text("\n\n".join(paragraphs) + "\n", encoding="utf-8")
 
 
-def test_an_unknown_table_is_one_mistake_however_much_is_in_it(write):
-    text = BASES["pmw"] + "[devise]\n" + "".join(f"a{i} = {i}\n" for i in range(100)) + "[devise.more]\nb = 1\n"
-    with pytest.raises(SpecError) as error:
-        load(write(text))
-    assert len(error.value.mistakes) == 1
-
-
 def test_deep_and_wide_texts_are_mistakes_not_crashes(write):
     with pytest.raises(SpecError, match="expected at most 64 names in a key, found more"):
         load(write("a" + ".a" * 3000 + " = 1\n" + BASES["pmw"]))

@@ -32,8 +32,7 @@ def test_the_last_of_several_counts_and_what_it_replaces_is_not_checked():
 
 
 @pytest.mark.parametrize(
-    ("given", "override", "ratio"),
-    [({"slow_hz": 50}, "rates.ratio=10", 10), ({"ratio": 10}, "rates.slow_hz=50", 20)],
+    ("given", "override", "ratio"), [({"slow_hz": 50}, "rates.ratio=10", 10), ({"ratio": 10}, "rates.slow_hz=50", 20)]
 )
 def test_ratio_and_slow_rate_displace_each_other(given, override, ratio):
     assert load(LOOP | {"rates": given}, [override]).values["rates.ratio"] == ratio

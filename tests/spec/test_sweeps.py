@@ -73,13 +73,7 @@ def test_the_axis_of_the_intervals_is_set_apart():
 def test_stiffness_has_a_span_of_its_own():
     for name in ("K_VE", "environment.K_VE"):
         along, others = sweep_axes(spec({"b": [1]}), name)
-        assert (along.name, along.path, along.values, along.start, along.stop) == (
-            name,
-            SYMBOLS["K_VE"],
-            (),
-            0.0,
-            20000.0,
-        )
+        assert (along.name, along.path, along.values, along.start, along.stop) == (name, SYMBOLS["K_VE"], (), 0.0, 20000.0)
         assert [axis.name for axis in others] == ["b"]
 
 
@@ -89,11 +83,7 @@ def test_stiffness_has_a_span_of_its_own():
         ({"along": "B_VE"}, None, "sweep.B_VE: expected a span to search"),
         ({"B_VE": [3]}, "B_VE", "sweep.B_VE: expected a span to search"),
         ({}, "BVE", 'along: expected the name of a numeric key, found "BVE"; did you mean `B_VE`?'),
-        (
-            {},
-            "controller.kind",
-            'along: expected the name of a numeric key, found "controller.kind", which takes no number',
-        ),
+        ({}, "controller.kind", 'along: expected the name of a numeric key, found "controller.kind", which takes no number'),
     ],
 )
 def test_a_sweep_that_cannot_be_computed_is_refused_when_it_is_used(sweep, along, words):
