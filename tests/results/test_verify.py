@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -269,12 +270,21 @@ def test_certified_rows_are_proved_again_and_false_ones_are_refuted(tmp_path, ca
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("operations", "change", "verdict"),
-    [(1e8, 1, "whole"), (1e8, 1.001, "refuted"), (3e6, 1, "ends"), (3e6, 1.001, "refuted"), (1e4, 1, "unsettled")],
+    ("recipe", "wires", "operations", "change", "verdict"),
+    [
+        ("batch-reactor", {}, 1e8, 1, "whole"),
+        ("batch-reactor", {}, 3e6, 1, "ends"),  # the whole range takes more
+        ("batch-reactor", {}, 3e6, 1.001, "refuted"),
+        ("batch-reactor", {}, 1e4, 1, "unsettled"),
+        ("current-loop", {}, 1e8, 1, "whole"),  # with dead times
+        ("current-loop", {}, 1e8, 1.001, "refuted"),
+        ("current-loop", {"pwm.u": "pi.y - 0.1*motor.y"}, 1e8, 1, "unsettled"),  # a plant that is sampled for itself
+    ],
 )
-def test_a_slice_whose_whole_range_takes_too_many_operations_is_proved_about_its_ends(operations, change, verdict):
-    job = cut_otherwise(job_of(load(SWEEPS / "recipes" / "batch-reactor.toml")), deep=1, wide=1)
-    (search,), (row,) = searches_of(job, job.chunks[0]).searches, job.task(job.chunks[0])()
+def test_a_slice_is_proved_on_the_whole_range_or_about_its_ends(recipe, wires, operations, change, verdict):
+    tables = tomllib.loads((SWEEPS / "recipes" / f"{recipe}.toml").read_text(encoding="utf-8"))
+    job = cut_otherwise(job_of(load(tables | {"wire": tables["wire"] | wires})), deep=1, wide=1)
+    (search,), (row,) = searches_of(job, job.chunks[1]).searches, job.task(job.chunks[1])()
     claim = row["low"].item(), row["high"].item() * change, row["low_omega"].item(), row["high_omega"].item()
     assert prove_again(search, [claim], operations).verdict == verdict
 
