@@ -1,8 +1,8 @@
-"""The numbers of a spec that a controller in C can have as variables: those from which its coefficients follow by arithmetic.
+"""The numbers of a spec that a controller in C can have as variables: those that determine its coefficients by arithmetic.
 
-Each coefficient of the ticks remembers how the simulation computed it, and C repeats these operations. A number is one only if
-the coefficients of a loop with another value of it come out like that to the last bit: a cutoff, a rate or an order, which act
-through other functions or decide how a tick is built, do not, and stay constants.
+Each coefficient of the ticks remembers how the simulation computed it, and C repeats these operations. A number is such a gain
+only if the coefficients of a loop with another value of it are reproduced to the last bit. A cutoff, a rate or an order acts
+through other functions or decides how a tick is built, and stays a constant.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +18,7 @@ LONGEST = 100  # letters of an expression, from which a part of it has a line of
 
 
 class Gains(NamedTuple):
-    """paths: of the numbers that are variables. constants: of those that the coefficients depend on in other ways."""
+    """paths: of the numbers that are variables. constants: of those that act on the coefficients in other ways."""
 
     paths: tuple[str, ...]
     constants: tuple[str, ...]
@@ -44,7 +44,7 @@ def named(values: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
 
 
 def _follows(spec, made, paths):
-    """Whether all coefficients with other values of some numbers are those that follow from them; and the numbers read."""
+    """Whether C would compute all coefficients right for other values of some numbers, and which numbers are read."""
     other = {path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths}
     own = made(named(spec.values, paths))
     try:
@@ -69,7 +69,7 @@ def _coefficients(programs) -> Iterator[float]:
 
 
 def _read(programs):
-    """The names that coefficients are made from."""
+    """The names of the numbers that coefficients are computed from."""
     found, seen, left = set(), set(), [value for value in _coefficients(programs) if isinstance(value, Named)]
     while left:
         value = left.pop()

@@ -1,6 +1,6 @@
 """The controller of a loop as C: the programs of its ticks, line by line, without the device.
 
-The device are the blocks whose inputs are held over a tick in any case: masses, and continuous models. They are the host's.
+The device consists of the blocks whose inputs are always held over a tick: masses and continuous models. It is the host's.
 """
 
 import re
@@ -35,10 +35,10 @@ MOST_PROGRAMS = 255
 class Controller(NamedTuple):
     """A controller without its device.
 
-    ticks: its programs' lines and places. programs, and table: the number of the program for each kind of tick, each set of
-    slow results that are in time (bits), and a wall that is not touched, or is. results: slow results that may be late, or tell
-    whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the name in C of
-    each place.
+    ticks: the lines and places of its programs. programs; table: the number of the program for each kind of tick, for each set
+    of slow results that are in time (bits), and for a wall that is free or touched. results: slow results that may be late, or
+    that show whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the name
+    in C of each place.
     """
 
     loop: Loop
@@ -55,7 +55,7 @@ class Controller(NamedTuple):
 def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
 
-    gains: whether numbers from which coefficients follow by arithmetic are variables in C, see `gains_of`.
+    gains: whether numbers that determine coefficients by arithmetic are variables in C, see `gains_of`.
 
     The vectors are the experiment of the spec's [simulate] table: what the controller reads and gives in each tick, and the
     ticks by which slow results are late.
@@ -155,7 +155,7 @@ def controller_of(loop: Loop, late: bool) -> Controller:
     if not outputs or not inputs:
         raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
     for name in (DEPTH, SPEED, FORCE, *(each(s) for s in delayed for each in (str, arrived))):
-        ticks.at(name)  # though nothing may read it
+        ticks.at(name)  # even if nothing reads it
     places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_"), strict=True))
     return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places)
 
