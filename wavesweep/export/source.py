@@ -37,8 +37,8 @@ class Controller(NamedTuple):
 
     ticks: the lines and places of its programs. programs; table: the number of the program for each kind of tick, for each set
     of slow results that are in time (bits), and for a wall that is free or touched. results: slow results that may be late, or
-    that show whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the name
-    in C of each place.
+    that show whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the
+    name in C of each place.
     """
 
     loop: Loop
