@@ -8,10 +8,10 @@ from wavesweep.errors import UsageError
 
 
 def real_numbers(values) -> np.ndarray | None:
-    """Return a number, or nested lists or an array of numbers, as an array; None if some are no real numbers.
+    """Return a number, or nested lists or an array of numbers, as an array; None if an item is not a real number.
 
-    Texts, booleans and masked numbers are none, since it is not certain what they mean. Numbers that no array has a type for,
-    such as fractions, become doubles.
+    Texts, booleans and masked numbers are refused, since their meaning is uncertain. Numbers without an array type, such as
+    fractions, become doubles.
     """
     try:
         found = np.asarray(values)
@@ -25,7 +25,7 @@ def real_numbers(values) -> np.ndarray | None:
 
 
 def boolean(name: str, value) -> bool:
-    """Return a switch of a call; UsageError for anything but True and False, such as a text, of which "no" would be true."""
+    """Return a switch of a call; UsageError for anything but True and False: the text "no" would be true."""
     if not isinstance(value, (bool, np.bool_)):
         raise UsageError(f"{name}: expected True or False, found {value!r:.60}")
     return bool(value)

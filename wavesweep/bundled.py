@@ -9,7 +9,7 @@ from wavesweep.errors import UsageError
 
 
 def bundled(folder: str) -> Path:
-    """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if there is none."""
+    """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if it does not exist."""
     package = Path(__file__).resolve().parent
     places = [root / folder for root in (package / "_bundled", package.parent)]
     for place in places:

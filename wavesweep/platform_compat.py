@@ -27,7 +27,7 @@ def memory() -> float:
 
 
 def peer_user(own: tuple[str, int], peer: tuple[str, int]) -> int | None:
-    """The id of the user whose process has the other end of a connection within this machine; None where no one tells.
+    """The id of the user whose process has the other end of a connection within this machine; None if it is not known.
 
     own, peer: addresses (IPv4, port) of both ends. A process may reach an IPv4 address by a socket of IPv6 as well.
     """
@@ -49,7 +49,7 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
 
 
 def keep_memory() -> None:
-    """Let glibc's allocator keep memory that is freed, for the matrices of the next step; others are left as they are.
+    """Let glibc's allocator keep freed memory for the matrices of the next step; other allocators are left as they are.
 
     Otherwise it gives that memory back to the system, which clears it before it is used again: a fifth of the time of a sweep.
     It is for processes that are of this program alone.
@@ -77,10 +77,10 @@ MASKS = hasattr(signal, "pthread_sigmask")  # without masks of signals, workers 
 
 
 def block(numbers: Iterable[int] = ()) -> set[int]:
-    """Let these signals wait, in this thread and in processes that it starts; return those that waited before."""
+    """Block these signals in this thread and in processes that it starts; return those that were blocked before."""
     return signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
 
 
 def block_only(numbers: Iterable[int]) -> None:
-    """Let these signals wait, and no others."""
+    """Block these signals and no others."""
     signal.pthread_sigmask(signal.SIG_SETMASK, numbers)

@@ -52,7 +52,7 @@ def is_drawn(name: str) -> bool:
 
 
 def _table(name):
-    """The table that a name is, or is in; empty if it is none of these."""
+    """The table that a name is or belongs to; empty for any other name."""
     return next((table for table in TABLES if name == table or name.startswith(f"{table}.")), "")
 
 

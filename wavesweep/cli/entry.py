@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
-# Signals that stop a run, and what is said of them; the exit code is 128 and the signal's number, as in a shell.
+# Signals that stop a run, with their messages; the exit code is 128 plus the number of the signal, as in a shell.
 STOPPED = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
 SOON = 0.01  # s
-# What arithmetic says that has no result in doubles; LinAlgError is numpy's, which is not imported for this.
+# Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
 # The short helps are listed here so that `wavesweep --help` need not import the commands; a test holds them against these.
@@ -91,7 +91,7 @@ class LazyGroup(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command; None if there is none of this name."""
+        """Import a command; None for an unknown name."""
         del ctx
         if cmd_name not in COMMANDS:
             return None
@@ -99,7 +99,7 @@ class LazyGroup(click.Group):
         return _completion().prepare(command) if COMPLETING in os.environ else command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that the first argument names; if there is none of that name, a usage error with the nearest one."""
+        """The command that the first argument names; a usage error with the nearest name if no command is called so."""
         name = str(args[0])
         if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
             from difflib import get_close_matches
@@ -312,7 +312,7 @@ def _signals_unwind(to_the_end: bool) -> Iterator[None]:
 
 @contextmanager
 def _counted(stopped: list[int]) -> Iterator[None]:
-    """Let a signal count whose exception a library has dropped, or made another of; stopped: the signals that came."""
+    """Raise Stopped for a signal whose exception a library has dropped or replaced; stopped: the signals that came."""
     try:
         yield
     except Exception as error:
@@ -340,7 +340,7 @@ def _sent_again(stopped: list[int], hook: Callable[[Any], object]) -> Callable[[
 
 @contextmanager
 def _warnings_unsaid(debug: bool) -> Iterator[None]:
-    """Keep warnings of libraries, with their lines of source, from a user's terminal; numbers have bounds and doubts."""
+    """Keep warnings of libraries from a user's terminal: numbers have bounds and doubts of their own."""
     before = warnings.showwarning
     if not debug:
         warnings.showwarning = lambda *_, **__: None

@@ -36,7 +36,7 @@ def command(table: str) -> None:
 
 
 def _tables(name: str) -> list[Path]:
-    """The tables that a path or the name of a spec stands for. Errors: UsageError if there are none."""
+    """The tables of a path or of the name of a spec. Errors: UsageError without a table."""
     path = Path(name)
     if path.suffix in (".csv", ".parquet"):
         return [path]

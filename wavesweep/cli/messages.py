@@ -42,10 +42,10 @@ def say(text: str, warning: bool = False) -> None:
 def progress(quiet: bool, doing: str = "") -> Iterator[Progress | None]:
     """Yield a function of (done, total, certified) that moves a progress bar; None if nothing is to be said.
 
-    doing: what is done, if it is no computing.
+    doing: the activity, if it is not computing.
 
-    If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely. Until the
-    first report there is a line after FIRST_WORD seconds in any case.
+    If stderr is not a terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely.
+    Until the first report there is a line after FIRST_WORD seconds in any case.
     """
     opened = ExitStack()
     opened.enter_context(_heard(quiet))
@@ -69,7 +69,7 @@ def progress(quiet: bool, doing: str = "") -> Iterator[Progress | None]:
 
 @contextmanager
 def _heard(quiet: bool) -> Iterator[None]:
-    """Say what the run warns of meanwhile, such as workers that finish nothing."""
+    """Print the warnings of a run, such as workers that finish nothing."""
     import logging
 
     class Said(logging.Handler):
@@ -129,7 +129,7 @@ def _columns() -> int:
 class Murmur:
     """A line of progress on stderr after FIRST_WORD seconds, and again each time the run has taken twice as long.
 
-    doing: what is done, if it is no computing. clock: gives the time in seconds.
+    doing: the activity, if it is not computing. clock: gives the time in seconds.
     """
 
     def __init__(self, doing: str = "", clock: Callable[[], float] = time.monotonic) -> None:

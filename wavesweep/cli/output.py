@@ -111,8 +111,8 @@ def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractCo
 
 
 def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
-    """Yield a notice for each number that --set gives a value of its own although the command sweeps it, and one for [for_all]
-    in a spec of which the command looks at its own numbers alone."""
+    """Yield a notice for each number that --set gives a value although the command sweeps it, and one for a spec with
+    [for_all] if the command analyses only the spec's own numbers."""
     from wavesweep.spec import SYMBOLS
 
     table = "bode" if command == "bode" else "sweep"
@@ -247,8 +247,8 @@ def folder_of(specs: Sequence[Spec], options: Options) -> Path:
 def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
     """Return the folder for results without --out: `mine`, or `mine,b=40` with --set b=40, which keeps the spec's own results.
 
-    What is no letter, digit or one of . = , + - in these becomes _, for all file systems and shells; where something was
-    changed or cut off, a digest tells such names apart.
+    Characters other than letters, digits and . = , + - become _, for all file systems and shells. If something was changed
+    or cut off, a digest distinguishes such names.
     """
     own, said = "+".join(names), ",".join(overrides)
     plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST].rstrip(".")

@@ -130,7 +130,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
 
 
 def _span(limit: Facts, low: float, high: float) -> str:
-    """An interval; an end of the range that was searched is none of stability."""
+    """An interval; an end of the searched range is not an end of stability."""
     start = "at most " if low == limit["from"] != 0 else ""
     return f"{start}{low:.6g} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
 

@@ -106,7 +106,7 @@ def csv_header(fields: tuple[Field, ...]) -> bytes:
 
 
 def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
-    """The rows of checked columns as a buffer: cells that programs read right without being told anything.
+    """The rows of checked columns as a buffer; programs read the cells correctly without options.
 
     Numbers are the shortest decimals that read back to the same bits, always with a point or an exponent; booleans are 1 and 0;
     what is missing is an empty cell; texts have quotes if they need them. Arrow's own writer quotes all texts or none.
@@ -202,7 +202,7 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def unreadable() -> tuple[type[Exception], ...]:
-    """Give the errors with which Arrow reads a damaged file: its own, texts that are none, or OSErrors without a number."""
+    """Give the errors that Arrow raises for a damaged file: its own, ValueErrors, and OSErrors without a number."""
     from pyarrow import ArrowException
 
     return ArrowException, ValueError, OSError
@@ -264,7 +264,7 @@ def schema_facts(path: Path) -> dict[str, Any]:
 def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None) -> dict[str, np.ndarray]:
     """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups.
 
-    Raises UsageError for a group larger than those of this program, of which a file of some MB may hold any number of rows.
+    Raises UsageError for a group larger than this program writes: a file of some MB could hold any number of rows.
     """
     import pyarrow.parquet
 

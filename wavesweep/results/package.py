@@ -13,7 +13,7 @@ from wavesweep.tables.kind import Field, FieldKind
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
 _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}
 _HASH_BLOCK = 1 << 20
-OF_RUN = ("timings", "warnings", "date", "command")  # facts that say nothing about the rows
+OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 

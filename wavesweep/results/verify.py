@@ -36,7 +36,7 @@ class Verification:
 
 
 def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED, prove: int = 0) -> Verification:
-    """Hold each table in a folder against its data package: bytes, hashes and digest of the spec; and compute rows again.
+    """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), and compute rows again.
 
     directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
     responses, passivity and simulation are computed again as a whole. seed: of the draw. prove:
@@ -243,7 +243,7 @@ def _proved_again(parquet: Path, again: Again, most: int, proved: list) -> Itera
 
 
 def first_difference(found: Columns, expected: Columns, exact: bool = True, first_row: int = 0) -> str:
-    """The first difference of two tables as a text, empty if there is none.
+    """The first difference of two tables as a text, empty for equal tables.
 
     found, expected: columns. exact: to the bit; otherwise numbers may differ by CLOSE, relative. first_row: number of the
     rows before these.

@@ -137,7 +137,7 @@ def save(table: Table, path: Path) -> Path:
 
 
 def stream(table: Table, out: BinaryIO) -> None:
-    """Write a table as CSV to the binary stream `out`, once all of it is there, so that nothing is left half-written.
+    """Write a table as CSV to the binary stream `out`, once all of it is there, so that no half-written table is left.
 
     Raises WavesweepError before the first byte if rows are unfit.
     """
@@ -184,7 +184,7 @@ def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts |
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:
-    """Yield checked columns in groups of a fixed number of rows, none of which is in two parts, and the remaining rows."""
+    """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no group spans two parts."""
     pending, waiting, rows, sizes = [], 0, 0, _sizes(partition)
     size = next(sizes)
     for block in blocks:

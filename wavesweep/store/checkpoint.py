@@ -75,7 +75,7 @@ class MemoryCheckpoint:
         self._kept.clear()
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """Nothing needs closing."""
 
 
 class FileCheckpoint:

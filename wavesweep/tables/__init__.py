@@ -36,7 +36,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
 
 @cache
 def kind_named(name: str) -> Kind:
-    """The kind of table of that name. Errors: WavesweepError if there is none."""
+    """The kind of table of that name. Errors: WavesweepError for an unknown name."""
     if name not in HOMES:
         raise WavesweepError(f"no table is called {name!r}, expected one of {', '.join(HOMES)}")
     kinds: tuple[Kind, ...] = import_module(f"{__name__}.{HOMES[name]}").KINDS

@@ -1,4 +1,4 @@
-"""The columns of a table at hand: their order, kinds and units; columns are checked against them before they are written."""
+"""The columns of a table: their order, kinds and units, against which rows are checked before they are written."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -17,7 +17,7 @@ from wavesweep.tables.kind import OF_ALONG, OF_WALL, Field, FieldKind
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
 _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}
-OTHERS = ("bench",)  # tables with a figure that are none of a spec
+OTHERS = ("bench",)  # tables with a figure that do not come from a spec
 
 
 def fields(
@@ -42,7 +42,7 @@ def fields(
 
 
 def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> tuple[Field, ...]:
-    """Give the columns of a table that is at hand: those that its kind does not have itself are its axes.
+    """Give the columns of an existing table: those that are not columns of its kind are its axes.
 
     `facts` of the run describe the numbers of a drawn loop.
     """
@@ -74,7 +74,7 @@ def felt_unit(facts: Mapping[str, Any] | None) -> str:
 
 
 def at_port(unit: str, facts: Mapping[str, Any] | None) -> str:
-    """Give a unit of what the hand feels, or that in its place if the hands of all specs of a run turn."""
+    """Give a unit at the hand's port, or its rotational counterpart if the hands of all specs of a run turn."""
     specs = [spec for spec in ((facts or {}).get("spec"), *(facts or {}).get("specs", {}).values()) if spec]
     turns = [spec.get("ports", {}).get("hand", {}).get("turns", False) for spec in specs]
     return TURNED.get(unit, unit) if turns and all(turns) else unit
@@ -89,7 +89,7 @@ def swept_range(facts: Mapping[str, Any] | None, along: str) -> tuple[float, flo
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
-    """Give the fields of the numbers that the drawn loops of a run have, in [numbers] and in blocks, by their names as axes."""
+    """Give the fields of the numbers of a run's drawn loops, in [numbers] and in blocks, by their names as axes."""
     found: dict[str, Field] = {}
     specs = [(facts or {}).get("spec", {}), *(facts or {}).get("specs", {}).values()]
     for name, block in ((name, block) for spec in specs for name, block in spec.get("block", {}).items()):
@@ -121,14 +121,14 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
 
 
 def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, list[str]]]:
-    """Give the columns that have another unit in each spec of a run, and therefore none, with the specs of each unit."""
+    """Give the columns whose unit differs between the specs of a run, with the specs of each unit."""
     return (facts or {}).get("unlike_units", {})
 
 
 def kind_of(names: Iterable[str], stem: str) -> str:
     """Give the kind of the table that has columns of these names; stem: the name of its file, if several kinds have them.
 
-    Raises WavesweepError if it is none.
+    Raises WavesweepError for columns of no known table.
     """
     names, known = list(names), kinds()
     fitting = [name for name, kind in known.items() if kind.fields and set(kind.names) <= set(names)]

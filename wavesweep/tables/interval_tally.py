@@ -17,7 +17,7 @@ Axes = Mapping[str, Sequence[float]]
 
 
 class Hand(NamedTuple):
-    """Words for the rows of a hand: title of their line, adjective of their intervals, sentence if there are none."""
+    """Words for the rows of a hand: title of their line, adjective of their intervals, and the sentence without one."""
 
     title: str = ""
     good: str = "stable"

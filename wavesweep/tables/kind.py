@@ -52,8 +52,8 @@ class Tally(Protocol):
 class Again:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
 
-    rows: how many there have to be, 0 if only computing them tells. provable: how many of the combinations, the first ones,
-    may be proved again. prove: from pairs of the number of a combination and its rows, what ball arithmetic says of each.
+    rows: their expected number, 0 if it is known only once they are computed. provable: how many of the combinations, the
+    first ones, may be proved again. prove: from pairs of the number of a combination and its rows, what ball arithmetic says of each.
     """
 
     sha256: str
@@ -105,7 +105,7 @@ class Kind:
         return self.ordered({**columns, **{each.name: each.derived(columns) for each in self.fields if each.derived}})
 
     def ordered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
-        """The columns in the order of the table; what is none of its own is an axis."""
+        """The columns in the order of the table; any column that its kind does not have is an axis."""
         own = [each.name for each in self.fields if each.name in columns]
         axes = [name for name in columns if name not in own]
         return {name: columns[name] for name in (*own[: self.before], *axes, *own[self.before :])}

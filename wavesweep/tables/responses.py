@@ -74,7 +74,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
 
     A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
-    half the fast rate, for specs of which some have their hand's responses and others not, and the errors of `run`.
+    half the fast rate, for specs that mix responses at the hand with others, and the errors of `run`.
     """
     from wavesweep.analyses.responses import response_job, units_in
     from wavesweep.sweep.running import Work, run

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from wavesweep.spec import Spec
 
 SHOWN = 5  # frequencies that a notice names
-WITHIN = 0.02  # of the value at which an output settles, within which it counts as settled
-SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a sine is measured
+WITHIN = 0.02  # share of its final value within which an output counts as settled
+SETTLED = 0.01  # share of the slowest mode that may be left where a sine is measured
 METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
 RESPONSE_METHODS = {
     "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
@@ -116,7 +116,7 @@ def simulate(spec: Spec) -> list[Table]:
 
 
 def _unmeasured(spec, tones):
-    """Yield a notice about the sines of which no settled section is within the record."""
+    """Yield a notice about the sines without a settled section in the record."""
     if spec.simulate["input"] in ("sine", "stepped-sine"):
         left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
         if left:
@@ -336,7 +336,7 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 
 def _off(columns: Columns, name: str) -> float | None:
-    """Largest relative difference, over the frequencies at which both are known; None if there are none."""
+    """Largest relative difference over the frequencies at which both are known; None without such a frequency."""
     seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
     off = np.abs(seen - linear) / np.abs(linear)
     return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None

@@ -60,7 +60,7 @@ class Table:
 def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
-    specs: a spec or several, of which `spec` in the facts is the first. swept: paths of the axes of the table.
+    specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of the table.
     """
     from wavesweep.analyses.assumptions import assumed_by
 

@@ -199,7 +199,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     yield _moves(limit)
     if felt is not None:
         line, warning = _moves(felt)
-        said = felt["value"] == limit["value"] == 0  # of which a per cent is nothing either
+        said = felt["value"] == limit["value"] == 0  # a per cent of 0 is 0
         warning = warning and not said
         yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
 
