@@ -53,7 +53,8 @@ class Again:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
 
     rows: their expected number, 0 if it is known only once they are computed. provable: how many of the combinations, the
-    first ones, may be proved again. prove: from pairs of the number of a combination and its rows, what ball arithmetic says of each.
+    first ones, may be proved again. prove: from pairs of the number of a combination and its rows, what ball arithmetic says
+    of each.
     """
 
     sha256: str
