@@ -1,4 +1,4 @@
-"""The experiment of a spec's [simulate] table, and the response that it shows beside that of the linear loop."""
+"""The experiment of a spec's [simulate] table, and the response that it shows next to that of the linear loop."""
 
 from __future__ import annotations
 

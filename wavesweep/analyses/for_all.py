@@ -67,7 +67,7 @@ class ForAllGuarantee:
 
 
 def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
-    """Raise UsageError for numbers that cannot be held for beside intervals along a number, empty for a design alone."""
+    """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty for a design alone."""
     for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
     swept = [axis.name for axis in for_all.axes if axis.path == along]
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
@@ -165,7 +165,7 @@ class _Loop:
 
 
 def _row(part, low, high) -> _Row:
-    """A part of which this is proved; it is settled if that is near to its ends."""
+    """The proof reaches over this much of a part, which is settled if that is near to its ends."""
     near = [_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), _near(high, part.high)]
     return _Row(low, high, part, all(near), _text(part))
 

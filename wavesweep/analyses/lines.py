@@ -138,7 +138,7 @@ def vectors_of(E, w):
 
     They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
     """
-    # A little beside w: at an eigenvalue itself there is no inverse, and next to two of them none that is known.
+    # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is not known.
     beside, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
     for farther in FARTHER:
         some = np.flatnonzero(~np.isfinite(back).all((-1, -2)))

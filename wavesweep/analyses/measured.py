@@ -21,8 +21,8 @@ FAR = 10.0  # times the largest stiffness that was measured, up to which limits 
 CLOSE = 0.1  # of their median: limits without repetition are explained if the model is off by less, rms
 REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
 LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
-COHERENT = 0.5  # coherence, below which a point of a response tells too little
-WORST = 3  # walls on the wrong side that are told one by one
+COHERENT = 0.5  # coherence, below which a point of a response is left out
+WORST = 3  # walls on the wrong side that are named one by one
 
 Points = tuple[Walls | None, FrequencyResponse | None]
 

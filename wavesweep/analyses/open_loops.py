@@ -118,9 +118,9 @@ def open_loop(drawing, items, number, beside, felt):
 class Opened:
     """Slices with their loops without the number, and perhaps without another one as well.
 
-    which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, and
-    the intervals are those of the one beside it, as of a damping beside a stiffness. alone: whether each slice has a loop and
-    bounds on rounding of its own. known: the intervals, if they have been computed.
+    which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, as
+    at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own. known:
+    the intervals, if they have been computed.
     """
 
     loops: OpenLoops
@@ -159,7 +159,7 @@ class Opened:
         return bool((1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all())
 
     def stiffness(self, at, p) -> np.ndarray:
-        """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all, if the frame tells."""
+        """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all; NaN if the frame hides it."""
         pair = p, self.beside[at]
         return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
 

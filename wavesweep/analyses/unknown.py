@@ -15,7 +15,7 @@ from wavesweep.robust.boxes import Cover, cover
 from wavesweep.spec.axes import Axis
 from wavesweep.sweep.grid import Loops, distinct
 
-SCATTERED = 24  # points of a box that are looked at beside its corners, its middle and the spec's own numbers
+SCATTERED = 24  # points of a box that are tried in addition to its corners, its middle and the spec's own numbers
 SHRINK = 12  # halvings of the steps of the search for the worst numbers
 FRAMES = 800_000  # that the proofs of a case may take
 MOST_UNSTABLE = 8  # points that a proof has met, at which it is looked again

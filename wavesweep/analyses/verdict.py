@@ -31,7 +31,7 @@ FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
 HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
 SECONDS = 3.0  # of work on the range of one number, after which it ends where it is
-LONG = 1.0  # s of a range in one piece by `expected_cost`, of which long frames take three times as much
+LONG = 1.0  # s that a range in one piece may take by `expected_cost`; long frames take three times as much
 LATE = "it takes longer than check does"
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
@@ -48,20 +48,20 @@ ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    The numbers of `own_design`, and those of `beside`.
+    The numbers of `own_design`, and those of `further`.
     """
     own = own_design(spec)
-    return own | beside(spec, own)
+    return own | further(spec, own)
 
 
 @np.errstate(all="ignore")
-def beside(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
-    """What the verdict says beside the numbers of `own_design`; report: is called with the ranges that are done, and all.
+def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
+    """What the verdict says in addition to the numbers of `own_design`.
 
-    limits: per number of the loop the stable interval that its value lies in (see `limits`); delay: the number of ticks it may
-    grow to. A drawn loop has no delay that a spec would name. for_all: of a spec with [for_all], whether it is stable for all
-    of it, see `wavesweep.analyses.for_all.verdict`. hardware: see `hardware_of`. measured: of a spec with [measured], how far
-    the design is from the points, see `wavesweep.analyses.measured.distances`.
+    report: is called with the number of ranges that are done, and of all. limits: for each number of the loop the stable
+    interval that its value lies in, see `limits`. delay: the number of ticks it may grow to; a drawn loop has no delay that a
+    spec would name. for_all: of a spec with [for_all], whether it is stable for all of it, see `for_all.verdict`. hardware: see
+    `hardware_of`. measured: of a spec with [measured], how far the design is from the points, see `measured.distances`.
     """
     points, found = read_points(spec), {"for_all": for_all.verdict(spec)} if spec.for_all else {}
     found |= {"limits": limits(spec, report), "delay": _delays(spec)}

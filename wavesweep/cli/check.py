@@ -53,7 +53,7 @@ def command(spec: str, plot: bool, locus: str | None, out: str | None, exit_code
     from wavesweep.analyses.assumptions import over_preset, unusual
     from wavesweep.analyses.measured import read_points
     from wavesweep.analyses.planning import plan, within_ticks
-    from wavesweep.analyses.verdict import beside, own_design
+    from wavesweep.analyses.verdict import further, own_design
     from wavesweep.cli.messages import printable, progress, say, show_json
     from wavesweep.cli.verdict import own_lines, verdict_lines
 
@@ -70,7 +70,7 @@ def command(spec: str, plot: bool, locus: str | None, out: str | None, exit_code
     with progress(talk().quiet, "at work on the ranges of its numbers") as report:
         verdict = own_design(loaded)
         show(own_lines(loaded, verdict))
-        verdict |= beside(loaded, verdict, report and _after(PATIENT, report))
+        verdict |= further(loaded, verdict, report and _after(PATIENT, report))
     show(verdict_lines(loaded, verdict))
     lines = plan(loaded)
     if loaded.design:

@@ -19,7 +19,7 @@ from wavesweep.tables.table import Table
 
 MOST = 10  # designs that are written
 WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all
-LEAST_LOG = 1e-9  # of a quantity of which the logarithm is an objective
+LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
 
@@ -50,7 +50,7 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
 
 
 def _missing(wish, records):
-    """Where there is no value; a design that can render no wall is none."""
+    """Where there is no value; a design that can render no wall has none."""
     value = records[wish.name]
     return np.isnan(value) | ((value <= 0) & (wish.name in BY_RATIO))
 
@@ -144,7 +144,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
 
 
 def with_best(table: Table, spec: Spec) -> Table:
-    """Return the table with the specs of some of its designs beside it, in the folder BEST."""
+    """Return the table, with the specs of some of its designs in the folder BEST."""
     columns = table.columns
     rows = chosen(len(columns["certified"]))
     names = [f"{BEST}/{spec.name}-{number + 1:02d}.toml" for number in rows]

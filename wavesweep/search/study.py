@@ -36,7 +36,7 @@ from wavesweep.tables.table import Table, facts_of
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
 TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
-RUNNERS_UP, APART = 3, 0.1  # designs beside a single best one, and how far apart, as a share of a number's range
+RUNNERS_UP, APART = 3, 0.1  # further designs next to a single best one, and how far apart, as a share of a number's range
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
 # Values between two of a range that the search looks at from time to time, and the last check, if the combinations are so few.
@@ -379,7 +379,7 @@ class _Run:
         return others[differing(self.job.grid.spec.design.vary, others, genes, APART, RUNNERS_UP)]
 
     def runners_up(self, genes: np.ndarray, others: np.ndarray, records: np.ndarray) -> list[dict[str, Any]]:
-        """The next best designs beside the only one of a result: their numbers, and their wishes at their worst.
+        """The next best designs after the only one of a result: their numbers, and their wishes at their worst.
 
         others: that were checked as it was, the best first, with their records.
         """

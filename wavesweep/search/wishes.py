@@ -25,7 +25,8 @@ from wavesweep.sweep.grid import distinct_rows, drawn_groups
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn
-HIGH, UNSEEN = 4, 1e-4  # coefficients of a piece that have to be small, and how small beside the mean; the error is far less
+HIGH = 4  # coefficients of a piece that have to be small
+UNSEEN = 1e-4  # how small they have to be compared with the mean; the error is far less
 DENSE = 8 * NODES  # points of a piece among which a least value is looked for
 BAND_HZ = (0.1, 10.0)
 BATCH = 512  # points at a time: more leave the processor's cache
@@ -138,7 +139,7 @@ def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
     """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
     axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
 
-    def stiffest_of(points):  # no two of which are the same
+    def stiffest_of(points):  # all different
         value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
         for part, _ in _batches(spec, points):
             changes = {path: column[part] for path, column in points.changes.items()}
