@@ -102,7 +102,8 @@ def promises():
     for line in (Path(wavesweep.__file__).parent / "ACCURACY.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("| ") and len(cells) <= 3 and re.fullmatch(r"1e-\d+", cells[-1]):
-            found[cells[0] if len(cells) == 3 else "end of a stable interval", cells[-2]] = float(cells[-1])
+            for quantity in cells[0].split(" and ") if len(cells) == 3 else ["end of a stable interval"]:
+                found[quantity, cells[-2]] = float(cells[-1])
     return found
 
 
