@@ -233,7 +233,7 @@ class Loop:
         of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
         """
         along = self._usual if along is None else along
-        columns = self.stable_intervals(along, span, **axes)
+        columns = self.stable_intervals(along, span, require=None, **axes)
         axis = axis_along(naming(self.spec, [along]), along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
         return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})

@@ -253,11 +253,12 @@ def schema_facts(path: Path) -> dict[str, Any]:
     """The facts in the schema of a Parquet file, or of the first part of a folder; empty if it has none."""
     import pyarrow.parquet
 
+    known: tuple[type[Exception], ...] = (TypeError, WavesweepError, *unreadable())
     try:
         with _opened(parts_of(path)[0], "rb") as file:
             text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
         return dict(json.loads(text))
-    except (TypeError, WavesweepError, *unreadable()):
+    except known:
         return {}
 
 

@@ -170,13 +170,15 @@ class IntervalTally:
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
         more = {"from": row["low"], "ended_by": ended} | _refuted(row)
-        return self._extreme(first, **more) | {"equal_rows": self._largest.ties}
+        return {**(self._extreme(first, **more) or {}), "equal_rows": self._largest.ties}
 
     def _least_numbers(self) -> dict[str, Any] | None:
         """The least stable value, if it is not where the swept range begins; `upwards` if none ends within the range."""
         found = self._extreme(self._least)
         if not found or -self._least.value <= self._range[0]:
             return None
+        if self._hand == "for_all" and -self._least.value <= NEXT * self._largest.value:
+            return None  # what is proved begins there, next to 0
         largest = self._largest_numbers()
         upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
         return found | {"value": -self._least.value, "upwards": upwards}
