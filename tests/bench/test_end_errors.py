@@ -52,3 +52,11 @@ def test_both_ways_to_the_truth_agree():
 @pytest.mark.parametrize(("error", "text"), [(0.0, "1e-16"), (1e-13, "1e-13"), (1.01e-13, "2e-13"), (9.5e-13, "1e-12")])
 def test_what_is_stated_is_never_less_than_the_error(error, text):
     assert end_errors.rounded_up(error) == text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loop", [13, 81])
+def test_a_window_at_the_end_of_a_range_is_no_proof_that_nothing_is_stable_in_it(loop):
+    """Two crossings merge next to the high end, with a stable interval of a millionth of the range between them."""
+    (merging,) = (each for each in end_errors.CONDITIONS if each.name == "two crossings that merge, along both")
+    assert merging.examine(loop).wrong == 0

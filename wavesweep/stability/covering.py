@@ -267,6 +267,7 @@ def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[T
     one, other = np.minimum(whole.outside[first], 1), np.minimum(whole.outside[last], 1)
     width = np.append(0.0, np.cumsum(np.where(whole.outside <= WINDOW, whole.high - whole.low, 0.0)))
     rough = np.append(0, np.cumsum((whole.outside <= WINDOW) & (whole.doubt != NONE)))
+    wide = np.append(0, np.cumsum((whole.outside == WINDOW) & (whole.doubt != NONE)))
     plain, crossed = np.append(0, np.cumsum(whole.outside == WINDOW)), last - first > 1
     low, high = whole.high[first], whole.low[last]
     slack = 4 * EPS * np.abs(high)
@@ -274,7 +275,7 @@ def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[T
     doubtful = high - low - (width[last] - width[first + 1]) > slack + np.where(outer[first], attached[0], attached[1]) * at_end
     alike = (one == other) & crossed & ((one == 0) | (plain[last] > plain[first + 1]))
     doubtful |= ~at_end & (alike | (~crossed & (one != other)))
-    doubtful |= (one * other == 0) & (rough[last] > rough[first + 1])
+    doubtful |= (wide[last] > wide[first + 1]) | ((one * other == 0) & (rough[last] > rough[first + 1]))
     doubtful &= whole.column[first] == whole.column[last]
     kept, new = np.ones(whole.column.size, bool), []
     pairs = np.stack([first, last], 1)[doubtful]
@@ -324,6 +325,8 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
     np.maximum.at(doubt, owner[searched].astype(int), np.where(overflown[searched] > 0, OVERFLOW, SEARCH))
     np.maximum.at(doubt, tiles.column, np.where(tiles.outside == UNKNOWN, CROWDED, NONE))
+    # Inside a plain window all may be stable, also at an end of the span.
+    np.maximum.at(doubt, tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, NONE))
     at = np.flatnonzero(tiles.outside > WINDOW)
     parts, column, label = tiles.take(at), tiles.column[at], np.sign(tiles.outside[at])
     beside = np.concatenate([at - 1, at[-1:] + 1])  # before each part, and after the last one
