@@ -20,7 +20,7 @@ WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider wi
 RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
 MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
-FULL = 24  # states, beyond which fewer tests are spent
+FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
 SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
 FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
@@ -68,7 +68,8 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack) -> Tiles:
     """Return the tiles that could be proved; errors, slack: see `stable_along_any`."""
     unstable, open_ = _unstable_by_traces(panels)
     share = min(1.0, (FULL / panels.error.shape[-1]) ** 3)  # a test takes as long as a few products of matrices
-    done, left = [unstable], share * (MOST_TESTS + FOR_EACH * np.bincount(panels.column, minlength=columns))
+    left = np.maximum(LEAST, share * (MOST_TESTS + FOR_EACH * np.bincount(panels.column, minlength=columns)))
+    done = [unstable]
     for _ in range(ROUNDS):
         column = panels.column[open_.panel]
         np.subtract.at(left, column, 1)
