@@ -6,6 +6,7 @@ import pytest
 from wavesweep.stability import along_any, covering
 from wavesweep.stability.along_any import stable_along_any
 from wavesweep.stability.dominance import Bent
+from wavesweep.stability.entries import panels_of
 
 SPAN = (-1.0, 1.0)
 KINDS = "touches", "crosses", "meets", "wild"
@@ -104,3 +105,27 @@ def test_crossings_that_are_looked_for_in_the_wrong_place_are_never_missed(monke
     looked, wrong = look(range(200, 215), 5)
     assert looked > 100
     assert wrong == 0
+
+
+@pytest.mark.slow
+def test_what_traces_prove_unstable_is():
+    """Polynomials in the number whose largest eigenvalues are between 0.3 and 100."""
+    r, looked = np.random.default_rng(5), 0
+    for _ in range(60):
+        n, terms = int(r.integers(1, 7)), int(r.integers(2, 9))
+        C = r.normal(size=(terms, n, n)) * 10.0 ** r.uniform(-2, 2, (terms, 1, 1))
+
+        def matrices(p, C=C):
+            return sum(c * np.asarray(p)[..., None, None] ** k for k, c in enumerate(C))
+
+        C *= 10.0 ** r.uniform(-0.5, 2) / np.abs(np.linalg.eigvals(matrices(np.linspace(-1, 1, 9)))).max()
+        frames = lambda _, p, A=matrices, n=n: A(p) - np.eye(n)  # noqa: E731
+        errors = lambda _, p, E=frames: (E(_, p), 4e-16 * np.abs(E(_, p)))  # noqa: E731
+        panels, _ = panels_of(frames, errors, SPAN, 1, np.array([[-np.inf], [np.inf]]))
+        if panels is None:  # followed nowhere
+            continue
+        unstable, _ = covering._unstable_by_traces(panels)
+        for low, high in zip(unstable.low, unstable.high, strict=True):
+            looked += 20
+            assert np.abs(np.linalg.eigvals(matrices(np.linspace(low, high, 20)))).max(1).min() > 1
+    assert looked > 500

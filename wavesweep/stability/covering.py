@@ -268,17 +268,19 @@ def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[T
     outer, sure = np.isin(whole.low, span) & (whole.low == whole.high), np.flatnonzero(whole.outside >= 0)
     first, last = sure[:-1], sure[1:]
     one, other = np.minimum(whole.outside[first], 1), np.minimum(whole.outside[last], 1)
-    width = np.append(0.0, np.cumsum(np.where(whole.outside <= WINDOW, whole.high - whole.low, 0.0)))
-    rough = np.append(0, np.cumsum((whole.outside <= WINDOW) & (whole.doubt != NONE)))
-    wide = np.append(0, np.cumsum((whole.outside == WINDOW) & (whole.doubt != NONE)))
-    plain, crossed = np.append(0, np.cumsum(whole.outside == WINDOW)), last - first > 1
-    low, high = whole.high[first], whole.low[last]
-    slack = 4 * EPS * np.abs(high)
-    at_end = outer[first] | outer[last]
-    doubtful = high - low - (width[last] - width[first + 1]) > slack + np.where(outer[first], attached[0], attached[1]) * at_end
-    alike = (one == other) & crossed & ((one == 0) | (plain[last] > plain[first + 1]))
-    doubtful |= ~at_end & (alike | (~crossed & (one != other)))
-    doubtful |= (wide[last] > wide[first + 1]) | ((one * other == 0) & (rough[last] > rough[first + 1]))
+    window, plain, rough = whole.outside <= WINDOW, whole.outside == WINDOW, whole.doubt != NONE
+
+    def between(size):
+        """The sum over the windows between each two neighbours of `sure`."""
+        total = np.append(0.0, np.cumsum(np.where(window, size, 0.0)))
+        return total[last] - total[first + 1]
+
+    low, high, at_end = whole.high[first], whole.low[last], outer[first] | outer[last]
+    slack = 4 * EPS * np.abs(high) + np.where(outer[first], attached[0], attached[1]) * at_end
+    doubtful = (high - low - between(whole.high - whole.low) > slack) | (between(plain & rough) > 0)
+    doubtful |= (one * other == 0) & (between(rough) > 0)
+    alike = (one == other) & (last - first > 1) & ((one == 0) | (between(plain) > 0))
+    doubtful |= ~at_end & (alike | ((last - first == 1) & (one != other)))
     doubtful &= whole.column[first] == whole.column[last]
     kept, new = np.ones(whole.column.size, bool), []
     pairs = np.stack([first, last], 1)[doubtful]
@@ -303,11 +305,11 @@ def _tiles_of_intervals(column, a, b, intervals):
     """Tiles from a to b: stable intervals, with unstable ones between, and windows without width where one begins or ends."""
     rows, place = [], a
     for low, high, *theta in intervals:
-        if low > place:
-            rows.append((place, low, 1, np.nan, np.nan))
-        rows += [(end, end, WINDOW, end, angle) for end, angle in [(low, theta[0])] if low > a]
+        if low > a:
+            rows += [(place, low, 1, np.nan, np.nan), (low, low, WINDOW, low, theta[0])]
         rows.append((low, high, 0, np.nan, np.nan))
-        rows += [(end, end, WINDOW, end, angle) for end, angle in [(high, theta[1])] if high < b]
+        if high < b:
+            rows.append((high, high, WINDOW, high, theta[1]))
         place = high
     if place < b:
         rows.append((place, b, 1, np.nan, np.nan))
