@@ -120,7 +120,7 @@ def test_what_traces_prove_unstable_is():
 
         C *= 10.0 ** r.uniform(-0.5, 2) / np.abs(np.linalg.eigvals(matrices(np.linspace(-1, 1, 9)))).max()
         frames = lambda _, p, A=matrices, n=n: A(p) - np.eye(n)  # noqa: E731
-        errors = lambda _, p, E=frames: (E(_, p), 4e-16 * np.abs(E(_, p)))  # noqa: E731
+        errors = lambda _, p, E=frames: (E(_, np.ravel(p)), 4e-16 * np.abs(E(_, np.ravel(p))))  # noqa: E731
         panels, _ = panels_of(frames, errors, SPAN, 1, np.array([[-np.inf], [np.inf]]))
         if panels is None:  # followed nowhere
             continue
