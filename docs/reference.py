@@ -162,9 +162,9 @@ def tables() -> str:
 
 def doubts() -> str:
     """The words of the column `doubt`."""
-    from wavesweep.stability.certificate import DOUBTS
+    from wavesweep.doubts import DOUBTS
 
-    return _rows(("word", "meaning"), [(f"`{word}`", _plain(meaning)) for word, meaning in DOUBTS.items() if word])
+    return _rows(("word", "meaning"), [(f"`{word}`", _plain(each.meaning)) for word, each in DOUBTS.items() if word])
 
 
 SAMPLE = """[controller]

@@ -23,6 +23,7 @@ LAYERS = (
     "reproducibility",
     "arguments",
     "columns",
+    "doubts",
     "spec",
     "loops",
     "monodromy",

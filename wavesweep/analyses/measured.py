@@ -9,11 +9,11 @@ import numpy as np
 from wavesweep.analyses.asked import axes_asked, axis_along
 from wavesweep.analyses.intervals import job_over
 from wavesweep.analyses.loops import loop_at_hand
+from wavesweep.doubts import INCOMPLETE
 from wavesweep.identification.points import FrequencyResponse, Walls, response_of, walls_of
 from wavesweep.response.steady import respond
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import name_of
-from wavesweep.stability.certificate import INCOMPLETE
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.running import in_memory
 

@@ -15,7 +15,7 @@ from wavesweep.results.package import add_figures
 from wavesweep.results.verify import Verification, verify
 from wavesweep.results.writing import publish, save, stream
 from wavesweep.tables.columns import fields, fields_of
-from wavesweep.tables.kind import Field
+from wavesweep.tables.fields import Field
 
 __all__ = [
     "Field",

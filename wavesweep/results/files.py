@@ -14,7 +14,7 @@ from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.platform_compat import memory
 from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
 from wavesweep.tables.columns import in_order, kind_of, kinds_by_name
-from wavesweep.tables.kind import Field
+from wavesweep.tables.fields import Field
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072

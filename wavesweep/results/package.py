@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.atomic_files import open_file, write_file
-from wavesweep.tables.kind import Field, FieldKind
+from wavesweep.tables.fields import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
 _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}

@@ -22,7 +22,7 @@ from wavesweep.results.lock import at_work
 from wavesweep.results.package import OF_RUN, package_text
 from wavesweep.results.placing import abandon, new_folder, put_in_place
 from wavesweep.tables.columns import checked, fields_of
-from wavesweep.tables.kind import Field
+from wavesweep.tables.fields import Field
 from wavesweep.tables.table import Table
 
 IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name

@@ -13,7 +13,7 @@ from wavesweep.spec.drawing import keys_of_block
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.tables import HOMES, kind_named, kinds
-from wavesweep.tables.kind import OF_ALONG, OF_WALL, Field, FieldKind
+from wavesweep.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
 _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}

@@ -10,10 +10,11 @@ from wavesweep.columns import Columns, joined
 from wavesweep.errors import SpecError
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.running import Options
+from wavesweep.tables.fields import BODE, COMPARE
 from wavesweep.tables.interval_tally import SpecTally, comparison_lines
-from wavesweep.tables.intervals import COLUMNS, intervals
+from wavesweep.tables.intervals import intervals
 from wavesweep.tables.kind import Kind
-from wavesweep.tables.responses import BODE, METHODS, BodeTally, bode_lines, responses
+from wavesweep.tables.responses import METHODS, BodeTally, bode_lines, responses
 from wavesweep.tables.table import Table, facts_of, with_unlike_units
 
 
@@ -80,7 +81,7 @@ def _notices(specs, facts) -> Iterator[str]:
 KINDS = (
     Kind(
         "compare",
-        (BODE[0], *COLUMNS),
+        COMPARE,
         lambda table: SpecTally(table.facts),
         comparison_lines,
         figure="intervals.compare",

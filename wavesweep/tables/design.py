@@ -9,7 +9,8 @@ from wavesweep.columns import Columns
 from wavesweep.spec import Spec
 from wavesweep.spec.design import WISHES, Wish
 from wavesweep.tables.columns import fields
-from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, count
+from wavesweep.tables.fields import Field
+from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count
 
 THIN = 0.01  # of a bound, within which a design is near it
 BOX, SETTLED = "z_width_box", "box_settled"

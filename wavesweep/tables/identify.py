@@ -15,7 +15,8 @@ from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.writing import as_toml
-from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole
+from wavesweep.tables.fields import IDENTIFY, IDENTIFY_RESPONSE, Field
+from wavesweep.tables.kind import Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table
 
 METHOD = (
@@ -37,23 +38,6 @@ MISSING = {
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
 
-IDENTIFY = (
-    Field("time_s", "number", "s", "time of the sample, equally spaced"),
-    Field("force", "number", "N", "force of the log, held to the next sample"),
-    Field("position", "number", "m", "position of the log"),
-    Field("fitted", "number", "m", "position of the fitted model; missing in the first rows, which are not fitted"),
-    Field("residual", "number", "m", "position minus fitted"),
-    Field("weight", "number", "1", "1 if the row is fitted; 0 in the first rows, and for an outlier"),
-)
-IDENTIFY_RESPONSE = (
-    Field("frequency_hz", "number", "Hz", "frequency"),
-    Field("measured_abs", "number", "m/N", "modulus of the measured admittance"),
-    Field("measured_deg", "number", "deg", "its phase"),
-    Field("fitted_abs", "number", "m/N", "modulus of the admittance of the fitted model, sampled"),
-    Field("fitted_deg", "number", "deg", "its phase"),
-    Field("residual_abs", "number", "1", "modulus of measured over fitted minus 1"),
-    Field("coherence", "number", "1", "coherence of the measurement; 1 where the file has none"),
-)
 RESPONSE_METHOD = (
     "least squares of the logarithm of measured over modelled admittance, force held over a tick, weighted by coherence; "
     "intervals from the Jacobian and the errors that are left"

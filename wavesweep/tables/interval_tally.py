@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.columns import Columns
+from wavesweep.doubts import DOUBTS, INCOMPLETE
 from wavesweep.spec import find_key
 from wavesweep.spec.require import BOUNDED, words_of
-from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE
+from wavesweep.stability.certificate import FELT_ALIKE
 from wavesweep.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.tables.kind import Line, Numbers, count
 
@@ -421,7 +422,7 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         texts = (words.counts(found["slices"]), *words.few_slices(), *words.extremes(), words.stiffest_felt())
         yield from ((text, False) for text in texts if text)
         yield words.certified()
-        yield from ((f"  {word}: {DOUBTS[word]}", True) for word in found["doubts"])
+        yield from ((f"  {word}: {DOUBTS[word].meaning}", True) for word in found["doubts"])
         return
     hands = found.get("guarantees") or found["hands"]
     for hand, numbers in hands.items():

@@ -12,9 +12,9 @@ import numpy as np
 from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.stability.certificate import OF_INTERVALS
+from wavesweep.tables.fields import ABOUT_ENDS, INTERVALS, INTERVALS_FOR_HANDS, Field
 from wavesweep.tables.interval_tally import HandTally, interval_lines
-from wavesweep.tables.kind import OF_ALONG, OF_WALL, Again, Field, Kind
+from wavesweep.tables.kind import Again, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -24,70 +24,6 @@ if TYPE_CHECKING:
     from wavesweep.spec import Spec
     from wavesweep.sweep.job import Job
     from wavesweep.sweep.running import Options
-
-ALONG = Field("along", "string", "", "name of the axis that the intervals lie on")
-FOUND = (
-    Field("intervals", "integer", "1", "number of stable intervals of this combination"),
-    Field("interval", "integer", "1", "number of this interval, from 0"),
-    Field("low", "number", OF_ALONG, "lower end of the stable interval, clipped to the swept range"),
-    Field("high", "number", OF_ALONG, "upper end of the stable interval, clipped to the swept range"),
-    Field("low_omega", "number", "rad/s", "oscillation that starts at low; missing where the range ends it"),
-    Field("high_omega", "number", "rad/s", "oscillation that starts at high; missing where the range ends it"),
-    Field("certified", "boolean", "", "ends and label are verified, no crossing inside can have been missed"),
-    Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
-    Field("doubt", "string", "", f"why the row is not certified: {', '.join(OF_INTERVALS)}; empty where it is"),
-)
-FELT = tuple(
-    Field(f"felt_{end}", "number", OF_WALL, f"static stiffness that the hand feels at {end}; missing without an interval")
-    for end in ("low", "high")
-)
-LINES = tuple(
-    Field(f"{end}_hz", "number", "Hz", f"strongest line that a spectrum shows, of all images of {end}_omega; missing without")
-    for end in ("low", "high")
-)
-HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
-ABOUT_ENDS = (
-    *(
-        Field(f"{end}_hand_{part}", "number", unit, f"{part} of the hand that sets {end}; missing where none does", True)
-        for end in ("low", "high")
-        for part, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"))
-    ),
-    Field(
-        "settled",
-        "boolean",
-        "",
-        "the interval holds for every hand that the row is for: for a box proved but for a thousandth of the interval at "
-        "either end, where a search found no hand that it does not hold for; else as certified",
-        optional=True,
-    ),
-)
-
-
-FOR_ALL = (
-    Field(
-        "guarantee",
-        "string",
-        "",
-        "spec: of the spec's own numbers; for_all: proved for all numbers of [for_all], from low to high",
-        optional=True,
-    ),
-    Field("fails_below", "number", OF_ALONG, "nearest value below low that numbers of [for_all] refute; missing without", True),
-    Field(
-        "fails_from", "number", OF_ALONG, "nearest value beyond high that numbers of [for_all] refute; missing without", True
-    ),
-    Field(
-        "settled",
-        "boolean",
-        "",
-        "what is proved comes within 1 % of what is refuted, or of the swept range, at both ends; near an end of 0 within a "
-        "ten-thousandth of the other end",
-        True,
-    ),
-    Field(
-        "counterexample", "string", "", "the numbers with which it is unstable beyond fails_from, and below fails_below", True
-    ),
-)
-
 
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 
@@ -302,10 +238,9 @@ def _kind(name: str, along: str | None, fields: tuple[Field, ...]) -> Kind:
     return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), interval_lines, "intervals.zwidth", again)
 
 
-COLUMNS, WITH_HANDS = (ALONG, *FOUND, *FELT, *FOR_ALL, *LINES), (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT, *LINES)
 KINDS = (
-    _kind("zwidth", "K_VE", COLUMNS),
-    _kind("stability-region", None, COLUMNS),
-    _kind("zwidth-hands", "K_VE", WITH_HANDS),
-    _kind("stability-region-hands", None, WITH_HANDS),
+    _kind("zwidth", "K_VE", INTERVALS),
+    _kind("stability-region", None, INTERVALS),
+    _kind("zwidth-hands", "K_VE", INTERVALS_FOR_HANDS),
+    _kind("stability-region-hands", None, INTERVALS_FOR_HANDS),
 )

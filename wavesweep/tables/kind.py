@@ -7,35 +7,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-import numpy as np
-
-from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
+from wavesweep.tables.fields import Field
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from wavesweep.analyses.proved_again import ProvedAgain
+    from wavesweep.columns import Columns
     from wavesweep.tables.table import Table
 
-FieldKind = Literal["number", "integer", "boolean", "string"]
 Line = tuple[str, bool]  # a line of a summary, and whether it is a warning
 Numbers = Mapping[str, Any]  # of a summary, JSON-able
-OF_ALONG, OF_WALL = "that of along", "that of the wall"  # units that the run decides
-
-
-@dataclass(frozen=True)
-class Field:
-    """One column.
-
-    unit: "1" if dimensionless, "" if none applies, `OF_ALONG` or `OF_WALL`. optional: only some tables of the kind have it.
-    derived: computes the column from the others, `(rows,)`, if it does not come with them.
-    """
-
-    name: str
-    kind: FieldKind
-    unit: str
-    description: str
-    optional: bool = False
-    derived: Callable[[Columns], np.ndarray] | None = None
 
 
 class Tally(Protocol):

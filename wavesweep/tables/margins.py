@@ -10,8 +10,9 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
-from wavesweep.stability.certificate import OF_MARGINS, words
-from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, from_spec
+from wavesweep.stability.certificate import words
+from wavesweep.tables.fields import MARGINS
+from wavesweep.tables.kind import Kind, Line, Numbers, Whole, from_spec
 from wavesweep.tables.table import Table, facts_of, held
 
 METHOD = (
@@ -31,36 +32,6 @@ SAID = {
     "sensitivity": "peak sensitivity Ms",
     "complementary": "peak complementary sensitivity Mt",
 }
-
-MARGINS = (
-    Field(
-        "cut",
-        "string",
-        "",
-        "signal at which the loop is broken; L is the loop from it back to it, over a frame: that of the lifted signal if it "
-        "is made several times in one, with the same factor on all of its samples",
-    ),
-    Field(
-        "margin",
-        "string",
-        "",
-        "gain_up, gain_down: factors of the signal at which stability ends; phase; delay: whole frames that last less leave "
-        "the loop stable; disk, disk_gain, disk_phase: gain and phase together; sensitivity: the largest |1/(1 + L)|; "
-        "complementary: the largest |L/(1 + L)|; of a lifted signal singular values, and no delay",
-    ),
-    Field(
-        "value",
-        "number",
-        "",
-        "the margin, in its unit; without a limit 0 for gain_down, 1e6 for other gains, 180 deg, 1e6 frames; missing in doubt",
-    ),
-    Field("unit", "string", "", "unit of the value"),
-    Field("omega", "number", "rad/s", "its frequency, up to half the rate of the frame"),
-    Field("bound", "number", "1", "bound on the relative error of the value, to first order"),
-    Field("certified", "boolean", "", "nothing was missed, and the bound is at most 1e-6"),
-    Field("doubt", "string", "", f"why it is not certified: {', '.join(OF_MARGINS)}; empty if it is"),
-    Field("limited", "boolean", "", "there is a limit; otherwise the value is the end of what was looked at"),
-)
 
 
 def margins(spec: Spec, cut: str) -> Table:

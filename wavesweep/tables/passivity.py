@@ -16,7 +16,8 @@ from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
 from wavesweep.tables.columns import at_port
-from wavesweep.tables.kind import Field, Kind, Line, Numbers, Whole, count, from_spec
+from wavesweep.tables.fields import PASSIVITY, PASSIVITY_FILTERS
+from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count, from_spec
 from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -29,40 +30,6 @@ METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
     "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
 }
-
-PASSIVITY = (
-    Field("channel_norm", "number", "1", "H-infinity norm of the wave channel; passive where it is at most 1"),
-    Field("channel_omega", "number", "rad/s", "frequency of that norm"),
-    Field("port_margin", "number", "m/N", "smallest eigenvalue of the Hermitian part, force to displacement"),
-    Field("port_omega", "number", "rad/s", "frequency of that margin"),
-    Field("channel_passive", "boolean", "", "the wave channel gives out no more energy than it takes in"),
-    Field("port_passive", "boolean", "", "the whole loop gives the hand no more energy than it takes in"),
-    Field("stable", "boolean", "", "the loop is stable with the spec's own operator"),
-    Field("damping_needed", "number", "N*s/m", "further device damping that makes the port passive; missing if none is enough"),
-)
-
-PASSIVITY_FILTERS = (
-    Field("lp1_order", "integer", "1", "Butterworth order of LP1, and of the high-pass to the local model"),
-    Field("lp1_cutoff_hz", "number", "Hz", "-3 dB frequency of both"),
-    *PASSIVITY[:2],
-    Field(
-        "excess",
-        "number",
-        "1",
-        "channel_norm less 1: how far pmw is from passive",
-        derived=lambda columns: columns["channel_norm"] - 1,
-    ),
-    Field(
-        "energy_gain",
-        "number",
-        "1",
-        "channel_norm^2 - 1: energy that aliasing can add to a wave, J per J, at most",
-        derived=lambda columns: columns["channel_norm"] ** 2 - 1,
-    ),
-    Field("bank_norm", "number", "1", "norm of the way out of pmw-lm, with a high-pass of the same order and cutoff"),
-    Field("certified", "boolean", "", "no frequency exceeds either norm by more than 1e-10, relative"),
-    Field("sufficient_order", "number", "1", "least order at this cutoff within the run's tolerance; missing where none is"),
-)
 
 
 def passivity(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.stability.certificate import INCOMPLETE
+from wavesweep.doubts import INCOMPLETE
 from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures

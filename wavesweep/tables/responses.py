@@ -14,9 +14,10 @@ import numpy as np
 from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.stability.certificate import OF_RESPONSES, SPARED
+from wavesweep.stability.certificate import SPARED
 from wavesweep.tables import kind_named
-from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, count
+from wavesweep.tables.fields import BODE, BODE_PORTS
+from wavesweep.tables.kind import Again, Kind, Line, Numbers, count
 from wavesweep.tables.table import Table, digest_of, facts_of, with_unlike_units
 
 if TYPE_CHECKING:
@@ -24,43 +25,6 @@ if TYPE_CHECKING:
     from wavesweep.sweep.job import Job
     from wavesweep.sweep.running import Options, Run
 
-DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
-BODE = (
-    Field("spec", "string", "", "file stem of the spec"),
-    Field("controller", "string", "", "controller kind"),
-    Field("frequency_hz", "number", "Hz", "frequency of the hand force"),
-    Field("omega_Ts", "number", "rad", "normalised frequency, radians per sample of the slow rate, or of the slowest block"),
-    Field("admittance_re", "number", "m/N", "transmitted admittance, real part"),
-    Field("admittance_im", "number", "m/N", "transmitted admittance, imaginary part"),
-    Field("admittance_abs", "number", "m/N", "transmitted admittance, magnitude"),
-    Field("admittance_deg", "number", "deg", "transmitted admittance, phase"),
-    Field("impedance_re", "number", "N/m", "transmitted impedance, real part"),
-    Field("impedance_im", "number", "N/m", "transmitted impedance, imaginary part"),
-    Field("impedance_abs", "number", "N/m", "transmitted impedance, magnitude"),
-    Field("impedance_deg", "number", "deg", "transmitted impedance, phase"),
-    Field("worst_gain", "number", "m/N", "largest singular value of the lifted response"),
-    Field("stable", "boolean", "", "every eigenvalue but drift is inside the unit circle"),
-    Field("admittance_error", "number", "1", "bound on the relative error of the admittance; missing with it"),
-    Field("impedance_error", "number", "1", "bound on the relative error of the impedance; missing with it"),
-    Field("worst_gain_error", "number", "1", "bound on the relative error of worst_gain; missing with it"),
-    DOUBT,
-)
-_IN_UNIT = "in the unit of the row"
-BODE_PORTS = (
-    BODE[0],
-    Field("from_input", "string", "", "input of the drawn loop"),
-    Field("to_output", "string", "", "output of the drawn loop"),
-    Field("unit", "string", "", "unit of the response, that of the output over that of the input; empty if one is not known"),
-    replace(BODE[2], description="frequency of the input, which is held over each tick"),
-    BODE[3],
-    Field("response_re", "number", "", f"component of the output at this frequency over the input, real part, {_IN_UNIT}"),
-    Field("response_im", "number", "", f"response, imaginary part, {_IN_UNIT}"),
-    Field("response_abs", "number", "", f"response, magnitude, {_IN_UNIT}"),
-    Field("response_deg", "number", "deg", "response, phase"),
-    BODE[13],
-    Field("response_error", "number", "1", "bound on the relative error of the response; missing with it"),
-    DOUBT,
-)
 UNITS = {
     **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
     **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),

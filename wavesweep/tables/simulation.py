@@ -13,8 +13,8 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.spec.devices import DEVICES
-from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole
-from wavesweep.tables.responses import BODE, DOUBT
+from wavesweep.tables.fields import SIMULATE, SIMULATE_RESPONSE, TICKS
+from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table, facts_of
 
 if TYPE_CHECKING:
@@ -29,56 +29,6 @@ RESPONSE_METHODS = {
     "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
     "linear_admittance": "resolvent of the frame, component at the force's own frequency",
 }
-
-_TICKS = (
-    Field("tick", "integer", "tick", "number of the fast tick, from 0"),
-    Field("frame", "integer", "1", "number of the slow frame, from 0; for dc, whose frame is one tick, the tick"),
-    Field("phase", "integer", "tick", "tick in the frame; the slow event happens at 0"),
-    Field("time_s", "number", "s", "when the tick starts"),
-)
-_SIGNALS = (
-    Field("f_h", "number", "N", "force of the hand, held over the tick"),
-    Field("x", "number", "m", "position of the device at the start of the tick"),
-    Field("v", "number", "m/s", "velocity of the device at the start of the tick"),
-    Field("x_hat", "number", "m", "position as the encoder gives it"),
-    Field("v_hat", "number", "m/s", "velocity as it is measured"),
-    Field("f_m", "number", "N", "force that the controller asks for"),
-    Field("f_device", "number", "N", "force that the motors exert, held over the tick"),
-    Field("touching", "boolean", "", "the slow result that the fast loop holds is of a contact with the wall"),
-    Field("late", "integer", "tick", "by how much the slow result of this frame comes late; -1 where it never comes"),
-    Field("u_m", "number", "W^(1/2)", "wave that leaves the user's side; NaN without waves"),
-    Field("v_m", "number", "W^(1/2)", "wave that reaches the user's side; NaN without waves"),
-    Field("u_s", "number", "W^(1/2)", "wave at the slow environment, held from its event on; NaN without waves"),
-    Field("v_s", "number", "W^(1/2)", "wave that the slow environment returns, held likewise; NaN without waves"),
-    Field("x_s", "number", "m", "position of the avatar, held likewise; NaN without waves"),
-    Field("x_dot_s", "number", "m/s", "velocity of the avatar, held likewise; NaN without waves"),
-    Field("F_s", "number", "N", "force of the virtual environment, held from its event on"),
-    Field("u_h", "number", "W^(1/2)", "wave at the local model; NaN but for pmw-lm"),
-    Field("v_l", "number", "W^(1/2)", "wave that the local model returns; NaN but for pmw-lm"),
-    Field("v_2", "number", "W^(1/2)", "the local model's part of v_m; NaN but for pmw-lm"),
-    Field("energy_hand", "number", "J", "work of the hand on the device up to the end of the tick"),
-    Field("energy_device", "number", "J", "work that the motors took up, up to the end of the tick"),
-    Field("energy_user", "number", "J", "energy that went into the wave channel at the user's side; NaN without waves"),
-    Field("energy_slow", "number", "J", "energy that came out at the slow environment; NaN without waves"),
-    Field("energy_local", "number", "J", "energy that came out at the local model; NaN without waves"),
-    Field("energy_channel", "number", "J", "energy_user - energy_slow - energy_local; NaN without waves"),
-)
-# A drawn loop has those of its hand, if any, and its inputs, outputs and named signals behind the time.
-SIMULATE = (*_TICKS, *(replace(field, optional=True) for field in _SIGNALS))
-
-_RESPONSE = tuple(field for field in BODE if not field.name.endswith(("worst_gain", "stable", "error", "doubt")))
-_BOUNDS = tuple(field for field in BODE if field.name in ("admittance_error", "impedance_error"))
-
-# As seen in the simulation, beside what the linear analysis says of the same loop.
-SIMULATE_RESPONSE = (
-    *_RESPONSE,
-    *(
-        replace(field, name=f"linear_{field.name}", description=f"{field.description}, of the linear loop")
-        for field in (*_RESPONSE, *_BOUNDS)
-        if field.name.startswith(("admittance", "impedance"))
-    ),
-    replace(DOUBT, description="why the linear response is not vouched for, or missing (unstable); empty where it is"),
-)
 
 
 def simulate(spec: Spec) -> list[Table]:
@@ -362,7 +312,7 @@ KINDS = (
         _run_lines,
         figure="simulation.simulate",
         again=_again(0),
-        before=len(_TICKS),
+        before=len(TICKS),
     ),
     Kind(
         "simulate-response",

@@ -13,9 +13,8 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
-from wavesweep.stability.certificate import OF_DERIVATIVES
-from wavesweep.tables.intervals import ALONG
-from wavesweep.tables.kind import Again, Field, Kind, Line, Numbers, Whole, counted_doubts
+from wavesweep.tables.fields import WHY
+from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole, counted_doubts
 from wavesweep.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -24,34 +23,6 @@ if TYPE_CHECKING:
 METHOD = (
     "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
     "rates.fast_hz or rates.tick_hz all rates change"
-)
-
-WHY = (
-    ALONG,
-    Field("interval", "integer", "1", "number of the stable interval, from 0"),
-    Field("side", "string", "", "end of the interval: low or high; only ends that stability sets, and not the range"),
-    Field(
-        "crossing",
-        "integer",
-        "1",
-        "number of the crossing at this end, from 0; the first one is the column low_omega or high_omega",
-    ),
-    Field("corner", "boolean", "", "several crossings lie within 1e-6 of this end, which moves with one of them"),
-    Field("quantity", "string", "", "the limit: end, or felt, the static stiffness that the hand feels at this end"),
-    Field("limit_value", "number", "", "value of the limit, in its unit"),
-    Field("unit", "string", "", "unit of the limit"),
-    Field("omega", "number", "rad/s", "frequency of the mode that crosses there, from frame to frame"),
-    Field("damping_ratio", "number", "1", "its damping ratio a tenth of the end inside, half-way into a narrow interval"),
-    Field("states", "string", "", "states that take part in this mode most, with their participation"),
-    Field("number", "string", "", "name of a number that the loop reads"),
-    Field("value", "number", "", "value of the number, in its unit"),
-    Field("number_unit", "string", "", "unit of the number"),
-    Field("elasticity", "number", "1", "per cent by which the limit moves for one per cent of the number; 0 if this is 0"),
-    Field("slope", "number", "", "derivative of the limit by the number, in their units; missing if the number is 0"),
-    Field("certified", "boolean", "", "the interval is certified, and rounding cannot change the derivatives by 1e-8"),
-    Field("doubt", "string", "", f"why the derivatives are missing: {', '.join(OF_DERIVATIVES)}; empty if they are given"),
-    Field("hz", "number", "Hz", "strongest line that a spectrum of the states shows of that mode, of all images of omega"),
-    Field("second_hz", "number", "Hz", "the next line, if it has more than a third of the energy; missing without"),
 )
 
 
