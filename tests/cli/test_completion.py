@@ -130,7 +130,8 @@ def test_the_numbers_and_blocks_of_a_drawn_loop_are_completed(words, found, comp
 
 
 def test_controllers_devices_and_keys_are_completed(complete):
-    assert complete("init", "") == list(CONTROLLERS)
+    assert complete("init", "")[: len(CONTROLLERS)] == list(CONTROLLERS)
+    assert complete("init", "dr") == ["drive"]
     assert complete("init", "pmw", "--device", "") == list(DEVICES)
     assert complete("keys", "environment.i") == ["environment.integration"]
     assert complete("keys", "sweep.dev") == ["sweep.device.mass", "sweep.device.damping"]

@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 import wavesweep as package
-from wavesweep.cli.init import starter
+from wavesweep.cli.init import STARTING_RECIPES, starter
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
 from wavesweep.spec.devices import DEVICES
 
+SWEEPS = Path(__file__).parents[2] / "sweeps"
 KINDS = list(CONTROLLERS)
 KEY_LINE = re.compile(r"^(#?)(\w+) = (.+)$")
 
@@ -104,13 +105,67 @@ def test_wall_and_velocity_are_those_of_an_ordinary_engine(kind, written):
 def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert wavesweep("init", "--example", "first-hour") == (0, "", "first-hour.toml\n")
-    shipped = Path(__file__).parents[2] / "sweeps" / "examples" / "first-hour.toml"
-    assert Path("first-hour.toml").read_text() == shipped.read_text()
-    code, _, said = wavesweep("init", "--example", "first-our")
+    assert Path("first-hour.toml").read_text() == (SWEEPS / "examples" / "first-hour.toml").read_text()
+    code, _, said = wavesweep("init", "first-our")
     assert code == 2
     assert "did you mean first-hour?" in said
     assert wavesweep("check", "first-hour.toml", "--exit-code", "-q")[0] == 0
     assert wavesweep("check", "first-hour.toml", "--exit-code", "-q", "--set", "K_VE=1000")[0] == 1
+
+
+TO_BEGIN_WITH = sorted(path.stem for path in (SWEEPS / "templates").glob("*.toml")) + list(STARTING_RECIPES)
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TO_BEGIN_WITH)
+def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_path, monkeypatch):
+    """It needs no change for the questions that its comment asks, and is not at its limit; each number has a meaning."""
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", name) == (0, "", f"{name}.toml\n")
+    text = Path(f"{name}.toml").read_text()
+    assert "sweeps/" not in text
+    code, said, _ = wavesweep("check", f"{name}.toml", "--exit-code")
+    assert (code, "not proved" in said) == (0, False)
+    for words in re.findall(r"^#     wavesweep (.*)$", text, re.MULTILINE):
+        assert wavesweep(*words.split(), "-q")[0] == 0
+    assert wavesweep("simulate", f"{name}.toml", "-q")[0] == 0
+    spec = load(f"{name}.toml")
+    assert all(description for _, _, description in spec.drawing.numbers)
+    along, _ = sweep_axes(spec, spec.along)
+    (row,) = package.compile(spec).stable_intervals(along.name, (along.start, along.stop)).itertuples()
+    assert row.low <= spec.values[along.path] / 1.04  # the recipe of an arm is at 1.045 times its limit
+    assert spec.values[along.path] * 1.04 <= row.high
+
+
+def test_numbers_are_put_into_a_drawn_loop(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "drive", "--set", "J=0.01", "--set", "numbers.kp=2e1")[0] == 0
+    mine, shipped = load("drive.toml"), load(SWEEPS / "templates" / "drive.toml")
+    assert dict(mine.values) == {**shipped.values, "numbers.J": 0.01, "numbers.kp": 20.0}
+    for setting, said in (("j=1", "did you mean J?"), ("J=-1", "expected a number > 0"), ("J", "found no `=`")):
+        code, _, err = wavesweep("init", "drive", "--set", setting, "--out", "other.toml")
+        assert (code, said in err, Path("other.toml").exists()) == (2, True, False)
+    assert wavesweep("init", "drive", "--device", "touch", "--out", "-")[0] == 2
+
+
+def test_numbers_are_put_into_the_loop_of_a_controller(wavesweep, tmp_path, monkeypatch):
+    """Where the rates change, results come with the next frame, as late as those of the defaults."""
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "pmw", "--set", "device.mass=0.045", "--set", "b=40", "--set", "rates.ratio=33")[0] == 0
+    spec = load("pmw.toml")
+    assert [spec.values[path] for path in ("device.mass", "controller.b", "rates.ratio")] == [0.045, 40, 33]
+    assert spec.values["environment.delay"] == 33
+    assert wavesweep("init", "dc", "--set", "b=40", "--out", "-")[:2] == (2, "")
+    assert wavesweep("init", "pmw", "--set", "b=-40", "--out", "-")[:2] == (2, "")
+
+
+def test_all_names_are_listed(wavesweep):
+    code, out, _ = wavesweep("init", "--list")
+    named = [line.split()[0] for line in out.splitlines() if line.startswith("  ")]
+    shipped = {path.stem for folder in ("templates", "recipes", "examples") for path in (SWEEPS / folder).glob("*.toml")}
+    assert (code, sorted(named)) == (0, sorted({*CONTROLLERS, *shipped}))
+    assert max(map(len, out.splitlines())) < 130
 
 
 def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeypatch):

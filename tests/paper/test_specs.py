@@ -50,7 +50,8 @@ def test_the_wheel_has_every_spec_and_example_and_both_programs():
     included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     files = [*ROOT.glob("sweeps/paper/*.toml"), *ROOT.glob("sweeps/examples/*.toml")]
     files += ROOT.glob("sweeps/examples/bench-*.csv")  # which one of them names
-    names = {"benchmarks/bench", "sweeps/paper/reproduce", *(path.relative_to(ROOT).as_posix() for path in files)}
+    folders = ["benchmarks/bench", "sweeps/paper/reproduce", "sweeps/recipes", "sweeps/templates"]
+    names = {*folders, *(path.relative_to(ROOT).as_posix() for path in files)}
     assert included == {name: f"wavesweep/_bundled/{name}" for name in names}
 
 

@@ -79,7 +79,7 @@ def test_effects_of_a_device_need_a_hand():
 @pytest.mark.parametrize("source", ["ref", "load"])
 def test_a_settled_sine_has_the_components_of_the_response(source):
     """Of a plant of several blocks, whose current acts on it continuously, behind a controller of every tenth tick."""
-    path = Path(__file__).parents[2] / "sweeps" / "examples" / "motor.toml"
+    path = Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml"
     own = wavesweep.compile(load(path, [f"simulate.from={source}"]))
     k, f = np.arange(24_000), 170.0
     parts = [own.simulate(wave(2 * np.pi * f * k / 10_000)).iloc[-1000:] for wave in (np.cos, np.sin)]

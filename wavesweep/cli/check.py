@@ -47,7 +47,7 @@ def command(spec: str, plot: bool, locus: str | None, out: str | None, exit_code
       wavesweep check mine.toml --set environment.delay=20
       wavesweep check mine.toml --exit-code --quiet
       wavesweep check mine.toml --plot --out loop.svg
-      wavesweep check sweeps/examples/motor.toml --root-locus kp
+      wavesweep check sweeps/templates/drive.toml --root-locus kp
     """
     from wavesweep import spec as specs
     from wavesweep.analyses.assumptions import over_preset, unusual

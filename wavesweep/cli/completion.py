@@ -153,6 +153,13 @@ def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
     return lambda incomplete: commands(meanings.items(), incomplete)
 
 
+def _loops(incomplete: str) -> list[CompletionItem]:
+    from wavesweep.cli.init import drawn_loops
+
+    known = {kind: each.description for kind, each in CONTROLLERS.items()} | dict.fromkeys(drawn_loops(), "")
+    return commands(known.items(), incomplete)
+
+
 def _files(incomplete: str) -> list[CompletionItem]:
     return [CompletionItem(incomplete, type="file")]
 
@@ -164,7 +171,7 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "overrides": settings,
     "along": axes,
     "name": keys,
-    "kind": _among({kind: each.description for kind, each in CONTROLLERS.items()}),
+    "kind": _loops,
     "for_hands": _among(
         {
             "passive": "stable with every passive hand",

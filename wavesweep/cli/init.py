@@ -1,8 +1,11 @@
 """`wavesweep init`."""
 
-from collections.abc import Iterable, Iterator
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from textwrap import wrap
+from textwrap import shorten, wrap
 
 import click
 
@@ -11,9 +14,11 @@ from wavesweep.cli.options import overwriting
 from wavesweep.cli.output import refuse_no_folder, write_whole
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
+from wavesweep.spec import load
 from wavesweep.spec.checking import nearest, show
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
+from wavesweep.spec.reading import read_override, scan
 from wavesweep.spec.studies import DEFAULT_FREQUENCIES
 
 DEFAULT = "pmw"
@@ -45,34 +50,59 @@ AXES = {
     "b": "[10, 20, 40, 80]",
 }
 
-_KINDS = [f"{kind} (the default)" if kind == DEFAULT else kind for kind in CONTROLLERS]
-HELP = f"""Write a commented spec to begin with.
+# Folder of drawn loops -> its heading in --list. The named recipes are loops that one begins with, too.
+DRAWN = {
+    "templates": "Drawn loops of drives, robots and haptic devices:",
+    "recipes": "Loops that somebody asked about in public, with question, answer and source:",
+    "examples": "Examples of the documents:",
+}
+STARTING_RECIPES = ("admittance", "current-loop")
 
-KIND is the controller: {", ".join(_KINDS[:-1])} or {_KINDS[-1]}. Each key that its loop reads is in the file with
-its unit and meaning; keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
-an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
-"""
 
-
-@click.command("init", help=HELP)
+@click.command("init")
 @click.argument("kind", required=False, default=DEFAULT)
-@click.option("--device", metavar="NAME", help=f"A device by name: {', '.join(DEVICES)}.")
-@click.option("--example", metavar="NAME", help="Write an example of the documents in place of KIND, e.g. first-hour.")
+@click.option("--list", "listed", is_flag=True, help="List all names, each with a line that says what it is.")
+@click.option("--set", "settings", metavar="NAME=NUMBER", multiple=True, help="Put a number of your own in, e.g. J=0.01.")
+@click.option("--device", metavar="NAME", help=f"With a built-in controller, a device by name: {', '.join(DEVICES)}.")
+@click.option("--example", metavar="NAME", help="The same as KIND: an example of the documents, e.g. first-hour.")
 @click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
 @overwriting("Replace an existing file.")
-def command(kind: str, device: str | None, example: str | None, out: str | None, overwrite: bool) -> None:
-    """Write the spec to a file or to stdout."""
-    if example is not None:
-        kind, text = example, _example(example)
-    else:
-        _known(kind, CONTROLLERS, "controller")
-    if device is not None:
-        _known(device, DEVICES, "device")
+def command(
+    kind: str,
+    listed: bool,
+    settings: tuple[str, ...],
+    device: str | None,
+    example: str | None,
+    out: str | None,
+    overwrite: bool,
+) -> None:
+    """Write a commented spec to begin with.
+
+    KIND names a drawn loop, e.g. drive, position-loop or haptic, or one of the built-in controllers; pmw is the default, and
+    `wavesweep init --list` shows all names. Each number is in the file with its unit and meaning.
+    With a controller, keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
+    an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
+
+    \b
+      wavesweep init drive --set J=0.01 --set kp=5
+      wavesweep init pmw --device touch --set rates.slow_hz=30
+    """
+    if listed:
+        click.echo("\n".join(_listed()))
+        return
+    kind, drawn = example or kind, drawn_loops()
+    _known(kind, [*CONTROLLERS, *drawn], "loop to begin with", "`wavesweep init --list` lists all")
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected the name of a file, found an empty text; leave the option out for the default")
-    target = Path(out or f"{kind}.toml")
-    if example is None:
-        text = starter(kind, device, out if out not in (None, "-") else f"{kind}.toml")
+    target, shown = Path(out or f"{kind}.toml"), out if out not in (None, "-") else f"{kind}.toml"
+    if kind in CONTROLLERS:
+        if device is not None:
+            _known(device, DEVICES, "device")
+        text = starter(kind, device, shown, settings)
+    elif device is not None:
+        raise click.UsageError(f"--device: expected a built-in controller, found {kind}, a drawn loop; its numbers take --set")
+    else:
+        text = _filled(drawn[kind], shown, settings)
     if out == "-":
         click.echo(text, nl=False)
         return
@@ -83,28 +113,69 @@ def command(kind: str, device: str | None, example: str | None, out: str | None,
     click.echo(str(target), err=True)
 
 
-def _example(name: str) -> str:
-    """The text of an example."""
-    found = {path.stem: path for path in sorted(bundled("sweeps/examples").glob("*.toml"))}
-    _known(name, found, "example")
-    return found[name].read_text(encoding="utf-8")
+def drawn_loops() -> dict[str, Path]:
+    """The files of drawn loops by name: templates first, and those recipes that one begins with."""
+    found = {path.stem: path for folder in DRAWN for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))}
+    return dict(sorted(found.items(), key=lambda item: item[1].parent.name != "templates" and item[0] not in STARTING_RECIPES))
 
 
-def _known(name: str, names: Iterable[str], what: str) -> None:
+def _listed() -> Iterator[str]:
+    """Lines with every name and the first sentence about it, by folder."""
+    drawn = drawn_loops()
+    width = max(map(len, drawn))
+    yield "A hand, a wall and one of the built-in controllers:"
+    yield from (f"  {kind:{width}}  {each.description}" for kind, each in CONTROLLERS.items())
+    for folder, heading in DRAWN.items():
+        yield from ("", heading)
+        for name, path in drawn.items():
+            if folder == ("templates" if name in STARTING_RECIPES else path.parent.name):
+                yield f"  {name:{width}}  {_first_sentence(path)}"
+
+
+def _first_sentence(path: Path) -> str:
+    """The first sentence of the comment at the head of a file."""
+    comment = path.read_text(encoding="utf-8").partition("\n#\n")[0].replace("\n# ", " ").removeprefix("# ")
+    return shorten(re.split(r"(?<=[.?])\s", comment, maxsplit=1)[0], WIDTH, placeholder=" ...")
+
+
+def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> None:
     if name not in names:
         meant = nearest(name, names)
         hint = f"; did you mean {meant}?" if meant else ""
-        raise UsageError(f"{name} is no {what}; expected one of {', '.join(names)}{hint}")
+        raise UsageError(f"{name} is no {what}; {instead or 'expected one of ' + ', '.join(names)}{hint}")
 
 
-def starter(kind: str, device: str | None, path: str) -> str:
-    """The text of a spec with a controller of that kind; with a device, its numbers.
+def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
+    """The text of a drawn loop with numbers of the user's own, and with the name of its file in the commands that it shows."""
+    text = path.read_text(encoding="utf-8").replace(f"sweeps/{path.parent.name}/{path.name}", shown)
+    numbers = {place[1]: place for place in scan(text) if place[0] == "numbers" and len(place) == 2}
+    numbers = {name: (*place, "value") if (*place, "value") in scan(text) else place for name, place in numbers.items()}
+    for name in (typed.partition("=")[0].strip().removeprefix("numbers.") for typed in settings):
+        _known(name, numbers, f"number of {path.stem}")
+    load(tomllib.loads(text), settings)  # refuses values that a spec refuses
+    for typed in settings:
+        (*_, name), value, _ = read_override(typed)
+        at = scan(text)[numbers[name]].value
+        text = text[:at] + json.dumps(value) + text[at + len(re.match(r"[^,}\]\s]+", text[at:])[0]) :]
+    return text
 
-    path: the file's name in the commands that the text shows. Errors: KeyError if there is no such kind or device.
+
+def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = ()) -> str:
+    """The text of a spec with a controller of that kind; with a device, its numbers; settings: as for --set.
+
+    path: the file's name in the commands that the text shows. Errors: KeyError if there is no such kind or device, UsageError
+    for a setting of a key that the loop does not read, SpecError for a value that a spec refuses.
     """
     read = _read(kind)
-    parts = (_head(kind, path), _loop(kind, device, read), _sweep(read), _bode(), _simulate(device))
-    return "\n".join(line for part in parts for line in part) + "\n"
+    given = {".".join(name): value for name, value, _ in map(read_override, settings)}
+    for name in given:
+        _known(name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all")
+    if {"rates.ratio", "rates.slow_hz", "rates.fast_hz"} & given.keys() and "environment.delay" in read:
+        given = {"environment.delay": "frame"} | given
+    parts = (_head(kind, path), _loop(kind, device, read, given), _sweep(read), _bode(), _simulate(device))
+    text = "\n".join(line for part in parts for line in part) + "\n"
+    load(tomllib.loads(text))
+    return text
 
 
 def _read(kind: str) -> frozenset[str]:
@@ -127,11 +198,13 @@ def _head(kind: str, path: str) -> Iterator[str]:
     )
 
 
-def _loop(kind: str, device: str | None, read: frozenset[str]) -> Iterator[str]:
-    """The tables of the loop: keys that a design begins with, and the others that the loop reads as comments."""
+def _loop(kind: str, device: str | None, read: frozenset[str], given: Mapping[str, object]) -> Iterator[str]:
+    """The tables of the loop: keys that a design begins with or that are given, and the others that it reads as comments."""
     numbers = DEVICES[device].numbers if device else {}
-    active = {path: value for path, value in CHOSEN.items() if path not in numbers} | {"controller.kind": kind}
+    active = {path: value for path, value in CHOSEN.items() if path not in numbers} | {"controller.kind": kind} | given
     shown = read - {"rates.ratio"} | ({"rates.slow_hz"} if "rates.ratio" in read else set())
+    if "rates.ratio" in given:
+        shown = shown - {"rates.slow_hz"} | {"rates.ratio"}
     notes = NOTES | _origins(device)
     if device:
         active["device.preset"], shown = device, shown | {"device.preset"}

@@ -106,7 +106,7 @@ def bode(specs: tuple[str, ...], options: Options) -> None:
     Examples:
       wavesweep bode sweeps/paper/fig6.toml
       wavesweep bode mine.toml other.toml --set 'bode.b=[20, 40]'
-      wavesweep bode sweeps/examples/motor.toml --set bode.from=ref
+      wavesweep bode sweeps/templates/drive.toml --set bode.from=ref
     """
     from wavesweep.cli.output import produce
     from wavesweep.tables.responses import responses
@@ -175,7 +175,7 @@ def simulate(spec: str, options: Options) -> None:
     Examples:
       wavesweep simulate sweeps/examples/rig.toml
       wavesweep simulate mine.toml --set simulate.input=step --set device.preset=omni
-      wavesweep simulate sweeps/examples/motor.toml --set simulate.from=load
+      wavesweep simulate sweeps/templates/drive.toml --set simulate.from=load
     """
     from wavesweep.cli.output import produce
     from wavesweep.spec import Spec
