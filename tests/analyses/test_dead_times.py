@@ -6,10 +6,12 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
+from wavesweep.analyses.proving import settling
 from wavesweep.export.source import exported
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.spec import load
+from wavesweep.sweep.grid import loops_of
 
 T = 1e-3
 
@@ -43,6 +45,22 @@ def test_intervals_are_those_of_a_tick_of_which_the_dead_times_are_multiples(see
     found, fine = (wavesweep.compile(drawn(order, each, q, act, sensor, seed)).stable_intervals() for each in (False, True))
     assert found.certified.all()
     np.testing.assert_allclose(found[["low", "high"]], fine[["low", "high"]], rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.thorough] * (seed > 1)) for seed in range(10)])
+def test_balls_settle_loops_with_dead_times(seed):
+    """Ends against the eigenvalues of the same loop at a tick of which its dead time is a multiple."""
+    rng = np.random.default_rng(seed + 50)
+    q, order = int(rng.choice([3, 4, 5])), int(rng.integers(1, 4))
+    act = int(rng.integers(1, 2 * q))
+    spec = wavesweep.compile(drawn(order, False, q, act, None, seed)).spec
+    found = settling(loops_of(spec, spec.values), "numbers.k", np.array([T]), 1e7)(0, 1e-3, 1e4)
+    fine = wavesweep.compile(drawn(order, True, q, act, None, seed))
+    ends = [end for row in found for end in row[:2] if 1e-3 < end < 1e4]
+    for low, high, *_ in found:
+        assert fine.spectral_radius(k=[low + (high - low) * share for share in (1e-6, 0.5, 1 - 1e-6)]).max() < 1
+    for end in ends:
+        assert fine.spectral_radius(k=[end]) == pytest.approx(1, abs=1e-9)
 
 
 def held_over(A, B, t):

@@ -1,19 +1,16 @@
 """Certified slices of a table proved again on demand, in ball arithmetic, whatever certified them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from itertools import pairwise
-from math import isnan, lcm, nan
+from math import isnan, nan
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from wavesweep.analyses.loops import drift_of
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.loops.dead_time import ROUNDED, timing
-from wavesweep.spec.drawing import name_of, scalars
-from wavesweep.spec.expressions import value_of
+from wavesweep.loops.dead_time import in_whole_ticks
 from wavesweep.sweep.grid import Loops
 
 if TYPE_CHECKING:
@@ -23,7 +20,6 @@ OPERATIONS = 1e8  # of ball arithmetic for a slice, at most: up to some twenty s
 CLOSE = 1e-9  # relative difference that two proofs of an end may have
 LEAST = 1e-5  # share of the range: ends that are nearer to 0 are compared as if they were there
 NEAR = 1e-6  # of an end, the distance to both sides in which it is proved alone
-FINEST = 64  # parts of a tick, of which dead times are made
 Claim = tuple[float, float, float, float]  # an interval: low, high, low_omega, high_omega
 Verdict = Literal["whole", "ends", "refuted", "unsettled"]
 
@@ -49,10 +45,12 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
     """
     from wavesweep.prove import prove_column
 
-    loop = _without_dead_times(search.groups[0][1].one(0), search.along)
-    if search.bound or loop is None:
+    loop = search.groups[0][1].one(0)
+    drawing = in_whole_ticks(*loop, search.along)
+    if search.bound or drawing is None:
         why = "[sweep] require asks for more than stability" if search.bound else "ball arithmetic has no such dead time"
         return ProvedAgain("unsettled", why)
+    loop = Loops(drawing, loop.values)
     span = search.span
     if not all(span[0] <= low < high <= span[1] for low, high, *_ in claims):
         return ProvedAgain("refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}")
@@ -74,44 +72,6 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
     if refuted := next(filter(None, of_parts), ""):
         return ProvedAgain("refuted", refuted)
     return ProvedAgain("unsettled", f"more than {operations:g} operations") if None in of_parts else ProvedAgain("ends")
-
-
-def _without_dead_times(loop, along):
-    """The loop at a faster tick, of which its dead times are whole numbers; None if it cannot be given so.
-
-    A plant that runs more often with the same inputs is the same plant. So no plant may be sampled for another one, which would
-    happen more often as well, and no dead time for another. Dead times are meant to be simple parts of a tick, from which they
-    differ by rounding.
-    """
-    drawing, values = loop
-    if not drawing.dead_times:
-        return loop
-    known, plants = scalars(values), {block.name for block in drawing.blocks if block.plant}
-    ratio = {name: value_of(tree, known) * drawing.rate(values) for name, tree in drawing.dead_times.items()}
-    exact = {name: Fraction(each).limit_denominator(FINEST) for name, each in ratio.items()}
-    finer = lcm(*(each.denominator for each in exact.values()))
-    inexact = finer > FINEST or any(abs(exact[name] - each) > ROUNDED * max(each, 1) for name, each in ratio.items())
-    slower = any(value_of(block.every, known) != 1 for block in drawing.blocks if block.name in exact)
-    pairs = [(port.rpartition(".")[0], signal.rpartition(".")[0]) for port, terms in drawing.wires for signal, _ in terms]
-    pairs = [(reader, source) for reader, source in pairs if {reader, source} <= plants | exact.keys()]
-    sensing = {reader for reader, source in pairs if source in plants}
-    sampled = any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
-    if name_of(along) in timing(drawing) or inexact or slower or sampled:
-        return None
-
-    def number(value):
-        return "number", float(value), 0
-
-    def at_faster_tick(block):
-        if block.name in exact:
-            return replace(block, keys=(("steps", number(exact[block.name] * finer)),))
-        if block.plant:
-            return block
-        every, phase = (("*", number(finer), tree, 0) for tree in (block.every, block.phase))
-        return replace(block, every=every, phase=phase, phases=tuple(each * finer for each in block.phases))
-
-    tick_hz = ("*", number(finer), drawing.tick_hz, 0)
-    return Loops(replace(drawing, tick_hz=tick_hz, blocks=tuple(map(at_faster_tick, drawing.blocks))), values)
 
 
 def _pieces(claims, span, least):

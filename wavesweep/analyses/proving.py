@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.analyses.loops import drift_of
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.dead_time import in_whole_ticks
 from wavesweep.loops.from_drawing import rate_of
 from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.grid import Loops
@@ -29,7 +30,10 @@ def settling(loops: Loops, along: str, period: np.ndarray, operations: float) ->
         from wavesweep.prove import Budget, prove_column
 
         loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
-        budget = budgets.setdefault(column, Budget(operations))
+        drawing, budget = in_whole_ticks(*loop, along), budgets.setdefault(column, Budget(operations))
+        if drawing is None:
+            return None
+        loop = Loops(drawing, loop.values)
         with suppress(IllPosedLoopError):
             drift = drift_of(loop.changed({along: np.array(span)}))
             proof = prove_column(*loop, along, span, len(drift.states) - len(drift.kept), operations=budget)

@@ -6,13 +6,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing
 from wavesweep.stability import Intervals
 from wavesweep.stability.certificate import NONE
-
-SETTLING = (  # types of blocks that come to rest by themselves
-    *("gain", "spring", "hold", "delay", "difference", "butterworth", "lowpass", "lead", "notch", "mean"),
-)
 
 
 @lru_cache(maxsize=64)
@@ -34,9 +31,8 @@ def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(),
                 feeds[source].add(port.rpartition(".")[0])
     reached = {name: _reached(feeds, name) for name in feeds}
     parts = dict.fromkeys(frozenset({name, *(each for each in reached[name] if name in reached[each])}) for name in feeds)
-    rests = {
-        frozenset({block.name}) for block in drawing.blocks if block.type in SETTLING and block.name not in reached[block.name]
-    }
+    alone = [block for block in drawing.blocks if block.name not in reached[block.name]]
+    rests = {frozenset({block.name}) for block in alone if TYPES[block.type].settles}
     return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (drawing,)
 
 

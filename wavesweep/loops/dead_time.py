@@ -12,16 +12,19 @@ So m, and which comes first, decide how a loop is built, and s is a number of it
 
 from collections.abc import Mapping
 from dataclasses import replace
+from fractions import Fraction
+from math import lcm
 
 import numpy as np
 
 from wavesweep.loops.block import Block, concatenated
 from wavesweep.loops.blocks import held
 from wavesweep.loops.values import values_of
-from wavesweep.spec.drawing import AT, Drawing, Plant, scalars
-from wavesweep.spec.expressions import names_in
+from wavesweep.spec.drawing import AT, Drawing, Plant, name_of, scalars
+from wavesweep.spec.expressions import names_in, value_of
 
 SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+FINEST = 64  # parts of a tick, of which a finer tick is made
 ROUNDED = 1e-12  # relative distance from a whole number of ticks up to which a dead time is meant to be one
 
 
@@ -49,6 +52,45 @@ def built(drawing: Drawing, known: Mapping[str, object]) -> dict[str, object]:
     if known.keys() >= drawing.building.keys():
         return dict(known)
     return {path: int(np.ravel(each)[0]) for path, each in structure(drawing, known).items()} | {**known}
+
+
+def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
+    """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it cannot be given so.
+
+    values: of one loop. along: path of a number whose value may change.
+
+    A plant that runs more often with the same inputs is the same plant. So no plant may be sampled for another one, which would
+    happen more often as well, and no dead time for another. Dead times are meant to be simple parts of a tick, from which they
+    differ by rounding.
+    """
+    if not drawing.dead_times:
+        return drawing
+    known, plants = scalars(values), {block.name for block in drawing.blocks if block.plant}
+    ratio = {name: value_of(tree, known) * drawing.rate(values) for name, tree in drawing.dead_times.items()}
+    exact = {name: Fraction(each).limit_denominator(FINEST) for name, each in ratio.items()}
+    finer = lcm(*(each.denominator for each in exact.values()))
+    inexact = finer > FINEST or any(abs(exact[name] - each) > ROUNDED * max(each, 1) for name, each in ratio.items())
+    slower = any(value_of(block.every, known) != 1 for block in drawing.blocks if block.name in exact)
+    pairs = [(port.rpartition(".")[0], signal.rpartition(".")[0]) for port, terms in drawing.wires for signal, _ in terms]
+    pairs = [(reader, source) for reader, source in pairs if {reader, source} <= plants | exact.keys()]
+    sensing = {reader for reader, source in pairs if source in plants}
+    sampled = any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
+    if name_of(along) in timing(drawing) or inexact or slower or sampled:
+        return None
+
+    def number(value):
+        return "number", float(value), 0
+
+    def at_finer_tick(block):
+        if block.name in exact:
+            return replace(block, keys=(("steps", number(exact[block.name] * finer)),))
+        if block.plant:
+            return block
+        every, phase = (("*", number(finer), tree, 0) for tree in (block.every, block.phase))
+        return replace(block, every=every, phase=phase, phases=tuple(each * finer for each in block.phases))
+
+    tick_hz = ("*", number(finer), drawing.tick_hz, 0)
+    return replace(drawing, tick_hz=tick_hz, blocks=tuple(map(at_finer_tick, drawing.blocks)))
 
 
 def shares(drawing: Drawing, known: Mapping[str, object], rate) -> dict[str, object]:

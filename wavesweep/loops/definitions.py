@@ -8,7 +8,7 @@ alone has others, since it is the witness against them. Filters (`filters`) are 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from wavesweep.spec.block_types import BODIES
+from wavesweep.spec.block_types import TYPES
 
 Rows = list[list[Any]]
 Root = Callable[[Any], Any]  # the square root of numbers of a kind
@@ -66,8 +66,8 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
 
 def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
     """Return the rates of a continuous block; of a discrete `ss` the matrices as they are."""
-    if kind in BODIES:
-        m, d, k = keys[BODIES[kind]], keys["damping"], keys["stiffness"]
+    if TYPES[kind].body:
+        m, d, k = keys[TYPES[kind].body], keys["damping"], keys["stiffness"]
         return Equations(("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]])
     if kind == "spring":
         k, d = keys["k"], keys["d"]
@@ -85,7 +85,7 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     D alone if y follows u whatever the states are. None: what it does in a run is all that is known. For example, a wave comes
     back from an avatar at rest with the other sign, which its entries in a run show only up to rounding.
     """
-    if kind in BODIES:
+    if TYPES[kind].body:
         return [[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]]
     match kind:
         case "spring":

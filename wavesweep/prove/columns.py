@@ -51,9 +51,12 @@ def prove_column(
 ) -> Proof | None:
     """The stable intervals of a drawn loop along the number with the path `along` within `span`; None if they stay in doubt.
 
+    They do if the operations are used up, or if no precision tells crossings apart.
+
     drawing, values: of one loop, the values flat. integrators: the count of eigenvalues that are 1 for every value of the
     number by the structure of the loop, which do not decide stability; if there are more, no value is stable. precisions:
     bits, tried one after the other. operations: at most, of all precisions together, or what is left of them.
+    Errors: ValueError for a loop with dead times in seconds.
     """
     budget, loop, crowded = operations if isinstance(operations, Budget) else Budget(operations), None, 0
     for bits in precisions:

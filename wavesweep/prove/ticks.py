@@ -38,11 +38,12 @@ class Loop:
     """A drawn loop along one of its numbers; values: flat, as a spec has them.
 
     A frame maps states and outputs that something may read while their block does not run.
+    Errors: ValueError for a dead time in seconds, which `loops.dead_time.in_whole_ticks` gives in ticks.
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
         if drawing.dead_times:
-            raise UndecidedError
+            raise ValueError(f"dead times in seconds: {', '.join(drawing.dead_times)}")
         self.drawing, self.number, self._kept = drawing, number, {}
         self.blocks = [*(block.core(drawing.tick_hz) for block in drawing.alone), *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}

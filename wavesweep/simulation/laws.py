@@ -15,7 +15,7 @@ import numpy as np
 
 from wavesweep.simulation.body import exponential_minus_one, zero_order_hold
 from wavesweep.simulation.named import root
-from wavesweep.spec.block_types import BODIES
+from wavesweep.spec.block_types import TYPES
 
 Sum = tuple[tuple[float, str], ...]
 """A sum of products: the factor and the name of each term."""
@@ -123,7 +123,7 @@ def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
 
 def _matrices(kind, keys, inputs, outputs):
     """A, B, C and D of a continuous block with so many ports."""
-    if kind in BODIES:
+    if TYPES[kind].body:
         m, d, k = keys.values()
         rows = [[0.0, 1.0], [-k / m, -d / m]], [[0.0], [1 / m]], [[1.0, 0.0], [0.0, 1.0]], [[0.0], [0.0]]
     elif kind == "spring":

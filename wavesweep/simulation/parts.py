@@ -12,7 +12,7 @@ from typing import Any
 
 from wavesweep.errors import UsageError
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
-from wavesweep.spec.block_types import BODIES, RUN_COLUMNS, TYPES, without_rule
+from wavesweep.spec.block_types import RUN_COLUMNS, TYPES, without_rule
 from wavesweep.spec.drawing import AT, Drawing, scalars
 from wavesweep.spec.expressions import degree, names_in, value_of
 
@@ -263,7 +263,7 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
     if (end := own.only("wave", "force")) and own.only("local_model"):
         others = {f"{part.name}.{port}" for part in parts if not (part.rhythm.slow or part.plant) for port in part.outputs}
         wires[LOCAL_WAVE] = away[LOCAL_WAVE] = tuple(term for term in wires[f"{end}.in"] if term[1] in others)
-    masses = [block.name for block in drawing.blocks if block.type in BODIES]
+    masses = [block.name for block in drawing.blocks if TYPES[block.type].body]
     speeds = {inside.get(f"{mass}.x", f"{mass}.x"): inside.get(f"{mass}.v", f"{mass}.v") for mass in masses}
     if hand and wires[POSITION] and all(name in speeds for _, name in wires[POSITION]):
         wires[VELOCITY] = away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in wires[POSITION])

@@ -11,7 +11,6 @@ from typing import Any
 
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key, number, whole, word
 
-BODIES = MappingProxyType({"mass": "mass", "inertia": "inertia"})  # types with a position x and a velocity v -> key of the mass
 LONGEST_DELAY = 1000  # steps of a delay, each of them a state
 
 
@@ -20,13 +19,14 @@ class BlockType:
     """A type of block: its keys by name, its ports, and its meaning.
 
     ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it is
-    continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`. steps: what it does where
-    the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and then
-    neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate, unless
-    its order is 0. either: two keys, of which a block has one. formula: numerator and denominator of the transfer function
-    that a block of firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks. stepwise: rows of its
-    matrices A and B, then those of C and D, in states that mean the same at every period, if its own do not. The names in both
-    are explained in `wavesweep.spec.firmware_blocks`.
+    continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`. steps: what it does
+    where the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and
+    then neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate,
+    unless its order is 0. body: the key of the mass, of a type with a position x and a velocity v. settles: whether it comes
+    to rest by itself, whatever its keys are. either: two keys, of which a block has one. formula: numerator and denominator of
+    the transfer function that a block of firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks.
+    stepwise: rows of its matrices A and B, then those of C and D, in states that mean the same at every period, if its own do
+    not. The names in both are explained in `wavesweep.spec.firmware_blocks`.
     """
 
     keys: Mapping[str, Key]
@@ -35,6 +35,8 @@ class BlockType:
     by: str = ""
     plant: bool | str = False
     steps: str = ""
+    body: str = ""
+    settles: bool = False
     below_half: tuple[str, ...] = ()
     either: tuple[str, ...] = ()
     formula: tuple[tuple[str, ...], ...] = ()
@@ -97,6 +99,7 @@ TYPES = MappingProxyType(
             _number("damping", "N*s/m", "viscous damping d", 0.0),
             _number("stiffness", "N/m", "stiffness k of a spring to the ground", 0.0),
             plant=True,
+            body="mass",
         ),
         "inertia": _type(
             "I x'' + d x' + k x = f, a mass that turns: f is a torque, x an angle; exact",
@@ -105,6 +108,7 @@ TYPES = MappingProxyType(
             _number("damping", "N*m*s/rad", "viscous damping d", 0.0),
             _number("stiffness", "N*m/rad", "stiffness k of a spring to the ground", 0.0),
             plant=True,
+            body="inertia",
         ),
         "spring": _type(
             "spring and damper between two ends, continuous where these are plants: f1 = k (x2 - x1) + d (v2 - v1), f2 = -f1; "
@@ -113,6 +117,7 @@ TYPES = MappingProxyType(
             _number("k", "N/m", "stiffness"),
             _number("d", "N*s/m", "damping", 0.0),
             plant=True,
+            settles=True,
         ),
         "ss": _type(
             "state-space model",
@@ -136,7 +141,7 @@ TYPES = MappingProxyType(
             plant="continuous",
             steps=f"if discrete, {_SAME}",
         ),
-        "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0), steps=_SAME),
+        "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0), steps=_SAME, settles=True),
         "delay": _type(
             "u of so many runs of the block ago, or of a dead time of so many seconds ago, to any fraction of a tick: held "
             "signals then arrive at plants between two ticks, and what a plant does is read between two ticks",
@@ -144,11 +149,15 @@ TYPES = MappingProxyType(
             whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
             number("seconds", None, "s", "in place of steps: dead time", low=0.0),
             steps=_SAME,
+            settles=True,
             either=("steps", "seconds"),
         ),
-        "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME),
+        "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME, settles=True),
         "difference": _type(
-            "change of u since the last run, over the block's own period", _U_Y, steps="y[j] = (u[j] - u[j-1])/h[j]"
+            "change of u since the last run, over the block's own period",
+            _U_Y,
+            steps="y[j] = (u[j] - u[j-1])/h[j]",
+            settles=True,
         ),
         "integrator": _type(
             "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
@@ -165,6 +174,7 @@ TYPES = MappingProxyType(
             _number("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate", positive=True),
             word("pass", "low", "which side passes", ("low", "high")),
             below_half=("cutoff_hz",),
+            settles=True,
         ),
         "lowpass": _type(
             "y += a (u - y); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz times the block's period, as firmware has it",
@@ -173,6 +183,7 @@ TYPES = MappingProxyType(
             number("cutoff_hz", None, "Hz", "in place of a: 1/(2 pi time constant)", positive=True),
             steps="y[j] = y[j-1] + a (u[j] - y[j-1]); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz h[j]",
             either=("a", "cutoff_hz"),
+            settles=True,
             formula=(("a", "a"), ("1", "a")),
             stepwise=("1 - a; a", "1 - a; a"),
         ),
@@ -204,6 +215,7 @@ TYPES = MappingProxyType(
             _number("zero_hz", "Hz", "corner of the numerator, below half the block's own rate", positive=True),
             _number("pole_hz", "Hz", "corner of the denominator, below half the block's own rate", positive=True),
             below_half=("zero_hz", "pole_hz"),
+            settles=True,
             formula=(("1 + 1/tan(pi*zero_hz*T)", "2"), ("1 + 1/tan(pi*pole_hz*T)", "2")),
         ),
         "notch": _type(
@@ -213,6 +225,7 @@ TYPES = MappingProxyType(
             _number("q", "", "quality: the frequency over the width between the -3 dB points", positive=True),
             _number("depth", "", "gain that is left at the frequency", 0.0, low=0.0),
             below_half=("frequency_hz",),
+            settles=True,
             formula=(
                 ("(1 + 1/K**2)/4 + depth/(4*q*K)", "1 + depth/(2*q*K)", "1"),
                 ("(1 + 1/K**2)/4 + 1/(4*q*K)", "1 + 1/(2*q*K)", "1"),
@@ -231,6 +244,7 @@ TYPES = MappingProxyType(
             _U_Y,
             whole("n", None, "runs of the block", 1, LONGEST_DELAY, required=True),
             steps=_SAME,
+            settles=True,
         ),
         "wave": _type(
             "end of a wave line: force = b v - sqrt(2b) in, out = sqrt(2b) v - in; "

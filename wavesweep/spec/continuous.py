@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 
-from wavesweep.spec.block_types import BODIES
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.expressions import Fault, Terms, Tree, evaluate, linear, names_in, text_of
 
 Wires = tuple[tuple[str, Terms], ...]
@@ -37,10 +37,9 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
             alone.remove(twin)
             halves.remove(half)
             continuous += [half, twin]
-    for port in (f".{port}" for port in ("x", "v") if plants[own] in BODIES):
-        one, other = (
-            [each for each in some if each[0].endswith(port) and plants.get(each[0][:-2]) in BODIES] for some in (alone, halves)
-        )
+    for port in (f".{port}" for port in ("x", "v") if TYPES[plants[own]].body):
+        of_bodies = {f"{name}{port}" for name, kind in plants.items() if TYPES[kind].body}
+        one, other = ([each for each in some if each[0] in of_bodies] for some in (alone, halves))
         if one and other and not _balance([*one, *other]):
             (signal, gain), (far, _) = one[0], other[0]
             raise Fault(

@@ -10,7 +10,7 @@ from itertools import product
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.block_types import BODIES, EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.firmware_blocks import stepwise, transfer_function
@@ -362,7 +362,7 @@ class Drawing:
         """Yield path, expected and found text for each part of the hand's displacement that is known to be no such position."""
         force, terms, _ = self.hand or ("", (), None)
         every, numbers = {block.name: block.every for block in self.blocks if not block.plant}, scalars(values)
-        velocities = [f"{block.name}.v" for block in self.blocks if block.type in BODIES]
+        velocities = [f"{block.name}.v" for block in self.blocks if TYPES[block.type].body]
         for signal, gain in terms:
             name = signal.rpartition(".")[0] or signal
             if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
