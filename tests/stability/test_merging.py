@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from support import exact
 from support.intervals import cut_of, intervals_of, mislabelled, pairs
-from support.specs import random_values, values_of
+from support.specs import nested, random_values, values_of
 
+import wavesweep
 from wavesweep.stability import stable
 
 pytestmark = pytest.mark.slow
@@ -112,9 +113,9 @@ def test_a_crossing_that_polynomials_miss_is_found(monkeypatch):
         kept = np.abs(found.value - 4449) > 100
         return replace(found, **{name: getattr(found, name)[kept] for name in ("column", "value", "theta", "jump", "inverse")})
 
-    values = values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57)
-    expected = intervals_of(values)
+    loop = wavesweep.compile(nested(values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57)))
+    expected = loop.stable_intervals()
     monkeypatch.setattr(stable, "crossings", partial(one_less, stable.crossings))
-    found = intervals_of(values)
-    assert (found.count.tolist(), found.certified.tolist()) == ([2, 2], [True, True])
-    np.testing.assert_allclose([found.low, found.high], [expected.low, expected.high], rtol=1e-9)
+    found = loop.stable_intervals()
+    assert (found.intervals.tolist(), found.certified.tolist()) == ([2, 2], [True, True])
+    np.testing.assert_allclose(found[["low", "high"]], expected[["low", "high"]], rtol=1e-9)

@@ -31,7 +31,7 @@ from wavesweep.spec.drawing import name_of
 from wavesweep.stability import Circle, Intervals, Spiral, along_by_discs, joined, stable_along_any
 from wavesweep.stability.along_any import BENT, FROM_ZERO
 from wavesweep.stability.by_lines import LONG, unstable_counts
-from wavesweep.stability.certificate import COUNTS, CROWDED, NONE
+from wavesweep.stability.certificate import NONE
 from wavesweep.stability.crossings import SLIVER
 from wavesweep.stability.frames import Frames
 from wavesweep.stability.intervals import without_seams
@@ -302,11 +302,7 @@ class Search:
                 few = loops.some(columns)
                 found = in_place(found, columns, self.connected(few, columns.size, self._alone(few, columns.size)))
             return found
-        again = np.unique(found.column[found.doubt != NONE if self.prove else np.isin(found.doubt, (COUNTS, CROWDED))])
-        if not again.size:
-            return found
-        other = self._by_panels(loops.some(again), again.size)
-        return in_place(found, again, other, np.setdiff1d(np.arange(again.size), other.column[other.doubt != NONE]))
+        return in_place(found, doubtful, self._by_panels(loops.some(doubtful), doubtful.size))
 
     def _by_lines(self, loops, size):
         """The intervals by panels, but in columns with long dead times in which nothing crosses."""

@@ -1,26 +1,23 @@
 """Stable intervals along a wall parameter, for a whole batch of loops at once."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V, close, errors_of_closed
+from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
 from wavesweep.monodromy.periodic import size_of
 from wavesweep.monodromy.radius import cut_within
-from wavesweep.stability.along_any import BENT, UNEVEN, regions_along_any, uneven_units
+from wavesweep.stability.along_any import UNEVEN, uneven_units
 from wavesweep.stability.arcs import arc_crossings
 from wavesweep.stability.boundary import K_VE
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.stability.crossings import crossings, sampled_polynomial, warp_scale
-from wavesweep.stability.frames import Frames
 from wavesweep.stability.intervals import Intervals, doubts_of, intervals_of, without_any
 from wavesweep.stability.regions import Regions, cut_span, regions
 from wavesweep.stability.spectrum import count_outside
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of its terms, what a trace has to exceed
-TINY = 1e-300  # in place of a stiffness of 0, at which the integrator is none
 ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
@@ -37,9 +34,9 @@ def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Interval
     ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
     (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
     from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
-    unstable for every wall are certified so from their trace. Columns that fail are computed again as along any number
-    (`along_any`), those of loops with more than MOST_STATES states on arcs (`arcs`). If they fail again, they are in doubt, and
-    the regions whose label is not known are left out. If the frame of a loop overflows, nothing is known of it.
+    unstable for every wall are certified so from their trace. Loops with more than MOST_STATES states are followed on arcs of
+    the circle instead (`arcs`). Columns that fail are in doubt, and the regions whose label is not known are left out: they
+    may be computed again as along any number (`along_any`). If the frame of a loop overflows, nothing is known of it.
     Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or more; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
     """
@@ -92,23 +89,20 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, _by_arcs) if cut.order > MOST_STATES else METHODS:
-        some = pending[_suit(method, cut, fixed[pending])]
+    divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
+    for method in (_by_trace, _by_arcs) if cut.order > MOST_STATES else (_by_trace, _by_polynomial, _by_polynomial_alone):
+        some = pending[divided[pending]] if method is _by_polynomial_alone else pending
         if not some.size:
             continue
         parts, doubt = method(cut, owner[some], along, fixed[some], span)
         lost = overflown[owner[some]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
-        kept = (doubt == NONE) | lost | (method in (_by_dominance, _by_arcs))
+        last = ~divided[some] if method is _by_polynomial else method is not _by_trace
+        kept = (doubt == NONE) | lost | last
         done.append((_select(parts, kept, some), some[kept], doubt[kept]))
         pending = np.setdiff1d(pending, some[kept], assume_unique=True)
     return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
-
-
-def _suit(method, cut, fixed):
-    """Which columns a method is for."""
-    return (fixed == 0) & (cut.poles_at_one > 0) if method is _by_polynomial_alone else np.full(fixed.size, True)
 
 
 def _finite(cut) -> tuple[Cut, np.ndarray]:
@@ -142,31 +136,6 @@ def _by_polynomial_alone(*columns):
 def _by_arcs(cut, owner, along, fixed, span):
     """The same for loops with long delays, from interpolants on arcs of the circle."""
     return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
-
-
-def _by_dominance(cut, owner, along, fixed, span):
-    """Return regions and doubts from the frames of the closed loops, as along any number."""
-
-    def closed(function, column, p):
-        column, p = (part.ravel() for part in np.broadcast_arrays(column, p))
-        p = np.where(p == 0, TINY, p)
-        loops, wall = cut.at(owner[column]), (p, fixed[column]) if along == K_VE else (fixed[column], p)
-        return function(loops, *wall)
-
-    def frames(loops, K, B):
-        direct = loops.D[..., OFFSET, 0] * K + loops.D[..., V, 0] * B
-        return Frames(close(loops, K, B), 1 - direct[:, None], np.ones(K.size))
-
-    def errors(loops, K, B):
-        return close(loops, K, B), errors_of_closed(loops, K, B)
-
-    found = regions_along_any(
-        partial(closed, frames), span, fixed.size, variable=BENT if span[0] >= 0 else "", errors=partial(closed, errors)
-    )
-    return found, doubts_of(found, np.full(fixed.size, NONE))
-
-
-METHODS = (_by_trace, _by_polynomial, _by_polynomial_alone, _by_dominance)  # each for the columns that those before leave
 
 
 def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
