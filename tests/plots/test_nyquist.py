@@ -12,6 +12,7 @@ from wavesweep.tables.margins import margins
 pytestmark = pytest.mark.slow
 FRAME, MASS, DAMPING, SPRING = 5e-3, 0.1, 0.02, 250.0
 KP, KD = 20.0, 0.4
+PANELS = ("nyquist", "gain", "phase", "step")
 
 
 def drive(kp=KP):
@@ -53,7 +54,7 @@ def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     table = margins(wavesweep.load(drive()), "s.y")
     with as_asked(width):
         figure = plots.margins(table.columns, table.facts)
-    axes, gain, phase = figure.axes
+    axes, gain, phase, step = (next(each for each in figure.axes if each.get_label() == name) for name in PANELS)
     curve = max(axes.lines, key=lambda line: len(line.get_xdata())).get_xydata()
     pixel = np.ptp(axes.get_xlim()) / axes.get_window_extent().width
     theta = np.concatenate([np.linspace(1e-4, np.pi, 4000), 0.25 + np.linspace(-1e-3, 1e-3, 4000)])
@@ -81,6 +82,13 @@ def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     assert (disk.min(0) > limits[:, 0]).all()
     assert (disk.max(0) < limits[:, 1]).all()
+    times, values = step.lines[0].get_data()
+    frames = np.floor(times * (1e-3 if "ms" in step.get_xlabel() else 1.0) / FRAME + 1e-6).astype(int)
+    (A, b), state, closed = sampled(), np.zeros(2), []
+    for _ in range(frames[-1] + 1):
+        closed.append(state @ [KP, KD])
+        state = A @ state + b * (1 - closed[-1])
+    np.testing.assert_allclose(values, np.array(closed)[frames], atol=1e-9)
     texts = [*figure.legends[0].get_texts(), axes.xaxis.label, gain.yaxis.label, phase.xaxis.label]
     boxes = [text.get_window_extent() for text in texts]
     assert min(box.x0 for box in boxes) >= 0

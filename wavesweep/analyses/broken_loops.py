@@ -42,6 +42,21 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
 
 
+def cuts_of(spec: Spec) -> list[str]:
+    """The signals at which the spec's own loop can be broken, first those of controllers that a plant reads and rare ones."""
+    loop = own_loop(spec)
+    plants = {block.name for block in loop.drawing.blocks if block.plant}
+    wires = [(port.rpartition(".")[0], name) for port, terms in loop.drawing.wires for name, _ in terms]
+    joined = [*loop.drawing.wires, *loop.drawing.couplings]
+    pairs = {(port.rpartition(".")[0], name.rpartition(".")[0]) for port, terms in joined for name, _ in terms}
+    for through in [block.name for block in loop.drawing.blocks]:  # what depends on what, by S. Warshall's method
+        pairs |= {(reader, source) for reader, a in pairs if a == through for b, source in pairs if b == through}
+    acting = {name for reader, name in wires if reader in plants}
+    found = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
+    found = {name: times for name, times in found.items() if (name.rpartition(".")[0],) * 2 in pairs}
+    return sorted(found, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, found[name]))
+
+
 def lifted_at(loop: Loops) -> LiftedLoop:
     """The loop without the gain of the cut, as often as it is read in a frame."""
     with np.errstate(all="ignore"):

@@ -1,0 +1,99 @@
+"""Step responses with their rise time, overshoot and settling time marked."""
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.plots.simulation import extremes
+from wavesweep.plots.style import (
+    GRID,
+    NOTE,
+    TWO_COLUMNS,
+    assumption,
+    distinct_colour,
+    figure,
+    is_narrow,
+    note_below,
+    printed,
+    wide,
+    with_unit,
+)
+from wavesweep.response.step import BAND, Step
+from wavesweep.spec import Spec
+
+LONGER = 1.4  # times the time to settle: the end of what is shown
+FEW = 60  # samples, up to which each has a dot
+MARK = "0.2"
+_MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
+
+
+def step_responses(spec: Spec, routes: Sequence[tuple[str, str]] = ()) -> Any:
+    """Draw the responses of outputs to steps of inputs, a panel for each pair, with the numbers above it: a `Figure`.
+
+    routes: pairs of an input and an output of [ports], by default all. Errors: UsageError for a spec without such pairs, and as
+    for `step_of`, such as of a loop that is not stable.
+    """
+    from wavesweep.analyses.assumptions import assumes
+    from wavesweep.analyses.steps import routes_of, step_between
+
+    routes = routes or routes_of(spec)
+    if not routes:
+        raise UsageError("step: expected [ports.inputs] and [ports.outputs], found none; the figure of margins needs neither")
+    steps, across = [step_between(spec, route) for route in routes], 1 if is_narrow() or len(routes) == 1 else 2
+    down, letters = -(-len(routes) // across), int(NOTE * wide(TWO_COLUMNS) / across) - 8
+    with figure(TWO_COLUMNS, 0.5 + 2.2 * down) as canvas:
+        grid, handles = canvas.subplots(down, across, squeeze=False), {}
+        for axes, route, step in zip(grid.flat, routes, steps, strict=False):
+            marks = draw_step(axes, step, with_unit(route[1], printed([spec.unit_between(*route)])))
+            axes.set_title(
+                fill(f"step of {route[0]}: {', '.join(words for _, words in marks)}".rstrip(": "), letters), fontsize=7
+            )
+            handles |= {handle.get_marker(): handle for handle, _ in marks}
+        for axes in grid.flat[len(routes) :]:
+            axes.set_visible(False)
+        entries = {handles[marker]: words for marker, words in _MARKS.values() if marker in handles}
+        if entries:
+            canvas.legend([*entries], [*entries.values()], loc="outside upper center", ncols=len(entries), fontsize=7)
+        note_below(canvas, assumption({"assumes": assumes(spec)}))
+    return canvas
+
+
+def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
+    """Draw a step response over time, with the name of its axis; gives the marks for a legend, each with its words."""
+    final, size = (step.final if np.isfinite(step.final) else 0.0), np.abs(step.value).max(initial=0.0)
+    moving = np.flatnonzero(np.abs(step.value - final) > BAND * size)
+    last = step.settling_s if step.settling_s > 0 else step.time_s[moving[-1]] if moving.size else step.time_s[-1]
+    shown = step.time_s <= max(LONGER * last, 10 * step.period)
+    unit, scale = ("ms", 1e3) if step.time_s[shown][-1] < 1 else ("s", 1.0)
+    dots = {"marker": ".", "markersize": 3} if shown.sum() <= FEW else {}
+    line = extremes(scale * step.time_s[shown], step.value[shown])
+    axes.plot(*line, color=distinct_colour(0), drawstyle="steps-post", **dots)
+    axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")
+    axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * step.time_s[shown][-1]))
+    axes.grid(**GRID)
+    first, second = step.rise_s
+    rise = f"rise time {_in_time(second - first)}" if second > first else f"rise time < {_in_time(step.period)}"
+    points = {"rise": ((first, second), rise)} if second > 0 else {}
+    if step.overshoot > 0:
+        points["peak"] = (step.peak_s,), f"overshoot {100 * step.overshoot:.4g}\N{NO-BREAK SPACE}% at {_in_time(step.peak_s)}"
+    elif not step.known:
+        points["peak"] = (step.peak_s,), f"farthest {step.value_at(step.peak_s):.4g} at {_in_time(step.peak_s)}"
+    if step.settling_s > 0:
+        axes.axhspan(final * (1 - BAND), final * (1 + BAND), color="0.85", linewidth=0, zorder=0.5)
+        points["settled"] = (step.settling_s,), f"within 2\N{NO-BREAK SPACE}% after {_in_time(step.settling_s)}"
+    marks = []
+    for kind, (times, words) in points.items():
+        style = {"marker": _MARKS[kind][0], "color": MARK, "markersize": 4.5, "linestyle": "none"}
+        style |= {"markerfacecolor": "none" if kind == "rise" else MARK}
+        (handle,) = axes.plot([scale * time for time in times], [step.value_at(time) for time in times], zorder=4, **style)
+        marks.append((handle, words))
+        if kind == "peak":
+            axes.plot([scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0)
+    return marks
+
+
+def _in_time(seconds: float) -> str:
+    return f"{seconds:.4g}\N{NO-BREAK SPACE}s" if seconds >= 1 else f"{1e3 * seconds:.4g}\N{NO-BREAK SPACE}ms"
