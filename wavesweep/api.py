@@ -20,7 +20,7 @@ from wavesweep.loops.from_drawing import OUTPUT, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.spec import Axis, Require, Spec, load
-from wavesweep.spec.loading import naming
+from wavesweep.spec.loading import naming, showing
 from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.sweep.running import Options
 from wavesweep.tables import identify as of_identify
@@ -180,7 +180,8 @@ class Loop:
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
         frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
-        from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None.
+        from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In
+        place of an output any signal of the loop, "block.port", does.
         If both are, it is the response that the spec's [bode] asks for: of a loop without a hand those between all of them,
         with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for names that are none, SpecError for
         a drawn loop without a hand that has no such ports.
@@ -188,7 +189,7 @@ class Loop:
         """
         from wavesweep.analyses.responses import one_spec
 
-        spec, frequency = naming(self.spec, axes), frequencies_asked(self.spec, frequency_hz)
+        spec, frequency = showing(naming(self.spec, axes), to), frequencies_asked(self.spec, frequency_hz)
         routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
         asked = axes_asked(spec, axes)
         found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])

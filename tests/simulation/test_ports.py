@@ -88,3 +88,17 @@ def test_a_settled_sine_has_the_components_of_the_response(source):
         tick = (parts[0][name] + 1j * parts[1][name]).to_numpy() * np.exp(-2j * np.pi * f * k[-1000:] / 10_000)
         wanted = tick.mean()  # of a hundred frames
         assert found.response_re[name] + 1j * found.response_im[name] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_inner_signals_are_those_of_declared_outputs():
+    spec = load(tables(show=["motor.v", "control.u", "motor.x"]))
+    (found,) = wavesweep.simulate(spec)
+    assert found.columns.tolist() == [*NAMES, "motor.v", "control.u", "motor.x"]
+    for name, same in (("motor.v", "speed"), ("motor.x", "angle"), ("control.u", "error")):
+        assert (found[name] == found[same]).all()
+    assert found.attrs["units"]["motor.v"] == "rad/s"
+    loop = wavesweep.compile(tables())
+    shown, declared = (loop.response([0, 1, 100], from_="ref", to=name) for name in ("motor.v", "speed"))
+    assert (shown.response_re == declared.response_re).all()
+    with pytest.raises(wavesweep.UsageError, match=r"did you mean `motor\.v`"):
+        loop.response(to="moter.v")

@@ -34,7 +34,7 @@ def test_all_pairs_are_asked_for_unless_bode_names_an_end():
     assert len(spec.routes) == 8
     assert load(tables(bode={"from": "load", "to": "speed"})).routes == (("load", "speed"),)
     assert load(tables(), ["bode.to=angle"]).routes == (("ref", "angle"), ("load", "angle"))
-    with pytest.raises(UsageError, match=r"to: expected a name in \[ports\] \(speed, .*\), found 'spede'"):
+    with pytest.raises(UsageError, match=r"to: expected a name in \[ports\] .*, found 'spede'; did you mean `speed`"):
         spec.routes_between(None, "spede")
 
 
@@ -60,3 +60,26 @@ def test_a_loop_that_nothing_reaches_is_not_simulated():
 
 def test_no_port_has_the_name_of_a_column_of_a_simulation():
     assert {field.name for field in kind_named("simulate").fields} == RUN_COLUMNS
+
+
+def test_a_signal_that_is_asked_for_is_an_output_like_a_declared_one():
+    """Outputs and inputs of blocks and named signals, with the units that are known; the resolved spec declares them."""
+    spec = load(tables(bode={"to": "motor.f"}, simulate={"show": ["motor.x", "control.u", "error"]}))
+    asked = {name: unit for name, _, unit in spec.drawing.outputs[4:]}
+    assert asked == {"motor.f": "N*m", "motor.x": "rad", "control.u": "", "error": ""}
+    assert spec.routes == (("ref", "motor.f"), ("load", "motor.f"))
+    again = load(spec.as_simulated().tables()).as_simulated()
+    assert (again.sha256, again.drawing.outputs[4:] != ()) == (spec.as_simulated().sha256, True)
+    for name in ("torque.y", "spedd"):
+        with pytest.raises(SpecError, match=r"simulate.show: expected an output in \[ports\] .* or a signal BLOCK.PORT"):
+            load(tables(simulate={"show": [name]}))
+    with pytest.raises(SpecError, match=r"it has none"):
+        load({"controller": {"kind": "pmw"}}, ["simulate.show=avatar.out"])
+
+
+def test_a_mass_has_the_units_of_its_number():
+    """It may turn, so that its unit is known only if that of its mass is."""
+    for unit, force in (("kg", "N"), ("kg*m^2", "N*m"), ("", "")):
+        text = WALL.replace("mass = 0.1", 'mass = "M"').replace("n = 3", f'n = 3\nM = {{ value = 0.1, unit = "{unit}" }}')
+        spec = load(tomllib.loads(text), ["bode.to=m.f"])
+        assert spec.drawing.outputs[-1][::2] == ("m.f", force)

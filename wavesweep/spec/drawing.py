@@ -12,7 +12,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.block_types import EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
-from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
+from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, text_of, value_of
 from wavesweep.spec.firmware_blocks import stepwise, transfer_function
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
@@ -227,6 +227,12 @@ class Drawing:
     def outside(self) -> tuple[str, ...]:
         """The signals from outside: the hand's force first, then those of the inputs."""
         return tuple(dict.fromkeys([*(self.hand or ())[:1], *(signal for _, signal, _ in self.inputs)]))
+
+    @property
+    def signals(self) -> list[str]:
+        """The signals that can be looked at: ports of blocks as BLOCK.PORT, outputs first, and the names in [signals]."""
+        ports = (f"{block.name}.{port}" for side in (1, 0) for block in self.blocks for port in block.ports[side])
+        return [*ports, *(name for name, _ in self.named)]
 
     @_remembered
     def plants(self) -> tuple[Plant, ...]:
@@ -497,25 +503,35 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     for name, unit, description in drawing.numbers:
         tables["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
     for block in (each for each in drawing.blocks if f"block.{each.name}.type" in given.leaves):  # others are of `prev(...)`
-        tables["block", block.name, "type"] = block.type
-        for name, key in keys_of_block(block.type).items():
-            path = f"block.{block.name}.{name}"
-            leaf = given.leaves.get(path)
-            value = values.get(path, leaf.value if leaf else key.default)
-            if value is not None and not (name == "steps" and block.dead_time):
-                tables["block", block.name, name] = list(value) if isinstance(value, tuple) else value
+        tables |= _written_block(block, values, given)
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
         if path.startswith(("ports.inputs.", "ports.outputs.")):
             if not path.endswith(".unit"):
-                word = given.leaves.get(f"{path}.unit")
-                tables[*path.split("."), "signal"], tables[*path.split("."), "unit"] = leaf.value, word.value if word else ""
+                word, place = given.leaves.get(f"{path}.unit"), tuple(path.split(".", 2))
+                tables[*place, "signal"], tables[*place, "unit"] = leaf.value, word.value if word else ""
         elif table in ("wire", "signals", "ports"):
             tables[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
         elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
             words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
             unit, description = (word.value if word else "" for word in words)
             tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
+    asked = [each for each in drawing.outputs if f"ports.outputs.{each[0]}" not in given.leaves]
+    for name, terms, unit in asked:  # by [bode] or [simulate], see `Drawing.signals`
+        text = " + ".join(f"({text_of(gain)})*{signal}" for signal, gain in terms)
+        tables |= {("ports", "outputs", name, "signal"): text, ("ports", "outputs", name, "unit"): unit}
+    return tables
+
+
+def _written_block(block, values, given):
+    """The keys of a block, as `written` gives them."""
+    tables = {("block", block.name, "type"): block.type}
+    for name, key in keys_of_block(block.type).items():
+        path = f"block.{block.name}.{name}"
+        leaf = given.leaves.get(path)
+        value = values.get(path, leaf.value if leaf else key.default)
+        if value is not None and not (name == "steps" and block.dead_time):
+            tables["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     return tables
 
 

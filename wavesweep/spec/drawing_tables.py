@@ -1,7 +1,7 @@
 """Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
 
@@ -11,9 +11,9 @@ from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, names_in
-from wavesweep.spec.keys import Key
+from wavesweep.spec.keys import TURNED, Key
 from wavesweep.spec.reading import Leaf, Place
-from wavesweep.spec.sorting import normal_path
+from wavesweep.spec.sorting import names_in_list, normal_path
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 STUDIES = ("sweep", "bode", "for_all", "simulate", "measured", "design")  # tables that are left to others
@@ -25,6 +25,7 @@ OPTIONAL = ("reaction", "turns")
 TURNS = Key("ports.hand.turns", "boolean", False, "", "whether force and displacement of the hand are a torque and an angle")
 NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
 PORT_PARTS = ("signal", "unit")
+NAMED_PARTS = (".signal", ".unit")
 LISTED = 8  # ports that a message lists
 WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
 
@@ -53,6 +54,8 @@ def read_drawing(
     """
     reader = _TableReader(source, own_axes(leaves) | {RATE})
     tables = reader.grouped(leaves)
+    asked = (leaves[path] for path in (("bode", "to"), ("simulate", "show")) if path in leaves)
+    reader.asked = {name: leaf for leaf in asked for name in names_in_list(leaf)}
     drawing, values = reader.drawing(tables)
     for path, expected, found in (*drawing.faults(values), *drawing.displaced(values)):
         leaf = reader.leaf(path)
@@ -127,7 +130,9 @@ class _TableReader(KeyReader):
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
         hand, wall = self.read_ports(tables["ports"])
-        inputs, outputs = self.read_inputs(given["inputs"]), self.read_outputs(given["outputs"], given["inputs"])
+        inputs = self.read_inputs(given["inputs"])
+        outputs = self.read_outputs(given["outputs"], given["inputs"])
+        outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, given))
         named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
         named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
@@ -264,7 +269,7 @@ class _TableReader(KeyReader):
         """Sort leaves of inputs or outputs: for each name `signal`, and perhaps `unit`; those without a signal are left out."""
         ports: dict[str, dict[str, Leaf]] = {}
         for key, leaf in table.items():
-            name, _, part = key.partition(".")
+            name, _, part = key.rpartition(".") if key.endswith(NAMED_PARTS) else key.partition(".")
             path = f"ports.{side}.{name}".rstrip(".")
             if name and not part:
                 ports.setdefault(name, {})["signal"] = leaf
@@ -277,7 +282,7 @@ class _TableReader(KeyReader):
             self.leaves |= {path if part == "signal" else f"{path}.unit": leaf for part, leaf in parts.items()}
             if name in (*COLUMNS, *RUN_COLUMNS):
                 self.refuse(first, path, *_column("ports", name))
-            elif not is_name(name) or name in (*RESERVED, *self.numbers):
+            elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
                 self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
             if "signal" not in parts:
                 self.refuse(first.place.parent(), path, f"a signal, {NAMED[side]}", "none")
@@ -317,6 +322,33 @@ class _TableReader(KeyReader):
                 outputs.append((name, terms, self.word(f"{path}.unit", parts.get("unit"))))
         return tuple(outputs)
 
+    def read_asked(
+        self, blocks: Iterable[DrawnBlock], wires: Mapping[str, Leaf], numbers: Iterable[tuple], given: Mapping[str, dict]
+    ) -> Iterator[tuple[str, Terms, str]]:
+        """Yield an output for each signal that [bode] or [simulate] names and [ports] does not declare; see `Drawing.signals`.
+
+        Its unit is that of a port with the same signal. Names of no signal are left to `unknown_ends`.
+        """
+        ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
+        units = {name: unit for name, unit, _ in numbers}
+        declared = (parts for side in NAMED for parts in given[side].values() if "unit" in parts)
+        units |= {str(parts["signal"].value): str(parts["unit"].value) for parts in declared}
+        for name, leaf in self.asked.items():
+            terms, block = None, ports.get(name)
+            if name in given["outputs"]:
+                continue
+            if block and name in wires:
+                self.period = ("/", block.every, self.tick_hz, 0)
+                terms = self.read_terms(f"wire.{name}", wires[name])
+                self.period = None
+            elif block and name in self.signals:
+                terms = ((name, ONE),)
+            elif name in self.meanings and name in self.signals:
+                self.read.add(name)
+                terms = self.terms_of(f"signals.{name}", leaf, self.meanings[name])
+            if terms is not None:
+                yield name, terms, units.get(name) or (_unit_of(name, block, units) if block else "")
+
     def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
         force = parts.get("force")
         if force:
@@ -351,6 +383,14 @@ class _TableReader(KeyReader):
             if name not in self.read:
                 kind = "number" if name in self.numbers else "signal"
                 self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")
+
+
+def _unit_of(signal: str, block: DrawnBlock, units: Mapping[str, str]) -> str:
+    """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which the unit of its number shows."""
+    mass = dict(block.keys).get("mass", ONE)
+    known = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
+    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if known in ("kg", "kg*m^2") else ""
+    return TURNED[unit] if unit and known == "kg*m^2" else unit
 
 
 def _column(table: str, name: str) -> tuple[str, str]:

@@ -15,13 +15,13 @@ from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import HIGHEST_RATIO, INPUTS, LONGEST_FRAME, SIMULATE_KEYS, Key, whole
 from wavesweep.spec.reading import Leaf, Place
-from wavesweep.spec.sorting import FREQUENCIES, Sorted
+from wavesweep.spec.sorting import FREQUENCIES, Sorted, names_in_list
 
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 SECONDS = 10.0  # of an input that has no length of its own
 
 
-FRAMES = "simulate.frames"
+FRAMES, SHOW = "simulate.frames", "simulate.show"
 FRAME_KEYS = {
     "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
     "delay": whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
@@ -98,7 +98,8 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
 class Experiment:
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
-    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`.
+    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, `show`
+    are names.
     """
 
     values: dict[str, float | int | str | tuple | None]
@@ -110,7 +111,8 @@ class Experiment:
         present = {name: value for name, value in self.values.items() if value is not None}
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
         frames = {"frames": [each.written() for each in present["frames"]]} if "frames" in present else {}
-        return present | frequencies | frames
+        shown = {"show": list(present["show"])} if "show" in present else {}
+        return present | frequencies | frames | shown
 
     def on(self, device: HapticDevice) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
@@ -165,9 +167,13 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
     usual: the input if none is given.
     """
     given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
-    checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path != FRAMES})
+    checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path not in (FRAMES, SHOW)})
     if FRAMES in given:
         checked[FRAMES] = build_frames(given[FRAMES], mistakes)
+    if SHOW in given:
+        checked[SHOW] = names_in_list(given[SHOW]) or None
+        if not checked[SHOW]:
+            mistakes.refuse(given[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(given[SHOW].value), of_key=False)
     defaults = {path: key.default for path, key in SIMULATE_KEYS.items()} | {"simulate.input": usual}
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
     parts, before = belongs.axes["simulate"].get("frequency_hz", {}), len(mistakes)

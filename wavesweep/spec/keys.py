@@ -60,7 +60,8 @@ SYMBOLS = MappingProxyType(
 class Key:
     """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
 
-    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); [simulate] frames is a "list".
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); [simulate] frames and show are
+    of type "list".
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
@@ -83,7 +84,7 @@ class Key:
     @property
     def numeric(self) -> bool:
         """Whether the key may be an axis of a sweep."""
-        return self.type not in ("string", "boolean")
+        return self.type in ("number", "integer")
 
     @property
     def structural(self) -> bool:
@@ -198,6 +199,13 @@ _SIMULATE = [
     whole("simulate.late", 0, "most ticks by which a slow result comes late", 0, 1_000_000, "tick"),
     _gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
     Key(
+        "simulate.show",
+        "list",
+        None,
+        "",
+        "signals of a drawn loop that the table has in addition to its outputs: BLOCK.PORT, an output or an input of a block",
+    ),
+    Key(
         "simulate.frames",
         "list",
         None,
@@ -282,7 +290,7 @@ STUDY_KEYS = _by_path(
         *_REQUIRE,
         _gain("bode.frequency_hz", None, "Hz", "frequencies of the responses; 0 for the static limit"),
         word("bode.from", None, "input of a drawn loop whose responses are wanted; by default all"),
-        word("bode.to", None, "output of a drawn loop that they are of; by default all"),
+        word("bode.to", None, "output of a drawn loop that they are of, or any signal, BLOCK.PORT; by default all outputs"),
         *_SIMULATE,
         *_MEASURED,
     ]

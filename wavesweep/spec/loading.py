@@ -68,6 +68,19 @@ def naming(spec: Spec, names: Iterable[object]) -> Spec:
 
 
 @lru_cache(maxsize=64)
+def showing(spec: Spec, signal: str | None) -> Spec:
+    """Return the spec in which a signal of a drawn loop is an output too, as those are that [bode] names.
+
+    Other names are left to the caller.
+    """
+    if spec.drawing is None or signal not in spec.drawing.signals:
+        return spec
+    tables = spec.tables()
+    shown = load(tables | {"bode": tables["bode"] | {"to": signal}})
+    return replace(shown, name=spec.name, source=spec.source)
+
+
+@lru_cache(maxsize=64)
 def _naming(spec, names):
     tables = spec.tables()
     written = {f"block.{block}.{key}": value for block, keys in tables["block"].items() for key, value in keys.items()}

@@ -113,6 +113,7 @@ def _runs() -> Schema:
     frame = _named(OF_FRAME) | {"required": ["ticks"]}
     several = [_value(frequency), _axis(frequency), {"type": "array", "maxItems": 0}]
     simulate["properties"]["frequency_hz"] = {"anyOf": several}
+    simulate["properties"]["show"]["items"] = {"type": "string"}
     simulate["properties"]["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
     return {"simulate": simulate, "measured": _named(MEASURED_KEYS)}
 

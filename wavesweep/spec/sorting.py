@@ -38,6 +38,12 @@ class Sorted:
         return {path[len(table) + 1 :]: leaf for path, leaf in inside.items()}
 
 
+def names_in_list(leaf: Leaf) -> tuple[str, ...]:
+    """Return the names of a text or of a list of texts; none of any other value."""
+    names = leaf.value if isinstance(leaf.value, list) else [leaf.value]
+    return tuple(names) if all(isinstance(name, str) for name in names) else ()
+
+
 def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[Path, Leaf]]:
     """Yield path and leaf of every value that is not a table with something in it."""
     for name, value in tables.items():

@@ -115,7 +115,10 @@ class Spec:
         for end, name, ports in (("from", source, drawing.inputs), ("to", output, drawing.outputs)):
             names = [each[0] for each in ports]
             if name is not None and name not in names:
-                raise UsageError(f"{end}: expected a name in [ports] ({', '.join(names) or 'it has none'}), found {name!r:.60}")
+                hint = nearest(name, (*names, *(drawing.signals if end == "to" else ()))) if isinstance(name, str) else ""
+                hint = hint and f"; did you mean `{hint}`?"
+                known = ", ".join(names) or "it has none"
+                raise UsageError(f"{end}: expected a name in [ports] ({known}), found {name!r:.60}{hint}")
             chosen.append(names if name is None else [name])
         return tuple(product(*chosen))
 

@@ -10,13 +10,13 @@ from wavesweep.spec.axes import Axis, axis_place, build_axis, logarithmic
 from wavesweep.spec.checking import Mistakes, apart, nearest, show
 from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.drawing import Drawing
-from wavesweep.spec.experiment import Experiment, build_experiment
+from wavesweep.spec.experiment import SHOW, Experiment, build_experiment
 from wavesweep.spec.for_all import ForAll, build_for_all, refuse_swept
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, MEASURED_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.require import Require, build_require
 from wavesweep.spec.resolving import LIMITS, Given, exceeds_limit
-from wavesweep.spec.sorting import Sorted
+from wavesweep.spec.sorting import Sorted, names_in_list
 
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
 OF_PORTS = 1e-5, 0.49  # of the tick's rate, the usual frequencies of responses between inputs and outputs
@@ -100,14 +100,17 @@ def unknown_ends(belongs: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
 
     drawing: None of a controller, which has a hand alone.
     """
-    for path in ("bode.from", "bode.to", "simulate.from"):
-        if leaf := belongs.keys.get(path):
-            what, ports = ("an output", "outputs") if path == "bode.to" else ("an input", "inputs")
-            known = [name for name, *_ in getattr(drawing, ports, ())]
-            if leaf.value not in known:
+    for path in ("bode.from", "bode.to", "simulate.from", SHOW):
+        leaf = belongs.keys.get(path)
+        what, ports = ("an input", "inputs") if path.endswith(".from") else ("an output", "outputs")
+        known = [name for name, *_ in getattr(drawing, ports, ())]
+        signals = drawing.signals if drawing and ports == "outputs" else ()
+        for name in (names_in_list(leaf) if path == SHOW else [leaf.value]) if leaf else ():
+            if name not in known:
                 expected = f"{what} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
-                hint = nearest(leaf.value, known) if isinstance(leaf.value, str) else ""
-                yield leaf.mistake(path, expected, show(leaf.value), hint)
+                expected += " or a signal BLOCK.PORT" if signals else ""
+                hint = nearest(name, (*known, *signals)) if isinstance(name, str) else ""
+                yield leaf.mistake(path, expected, show(name), hint)
 
 
 def unmeasurable(belongs: Sorted, drawing: Drawing) -> Iterator[Mistake]:

@@ -164,7 +164,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
     """What an output does after a step at `start` (s): where it settles, its peak, and when it has settled, after the step."""
-    values, after = columns[name], columns["time_s"] - start
+    values, after = columns[name], np.round(columns["time_s"] - start, 12)
     peak = int(np.argmax(np.abs(values)))
     outside = np.flatnonzero(np.abs(values - final) > WITHIN * abs(final))
     settled = int(outside[-1]) + 1 if outside.size else 0
