@@ -9,7 +9,7 @@ from support.tables import same
 from wavesweep.analyses import unknown
 from wavesweep.analyses.hands import hands_of
 from wavesweep.errors import UsageError
-from wavesweep.passive import HandBox
+from wavesweep.passive.hand import HandBox
 from wavesweep.spec import load
 from wavesweep.tables.interval_tally import HandTally, interval_lines
 from wavesweep.tables.intervals import intervals

@@ -7,8 +7,8 @@ import pytest
 from support.held import channel_norm, port_margin
 
 import wavesweep
-from wavesweep import passive
 from wavesweep.analyses import passivity as analysis
+from wavesweep.passive import channel
 from wavesweep.spec import find_key, load
 from wavesweep.tables.passivity import passivity
 
@@ -46,7 +46,7 @@ def test_a_channel_is_computed_once_for_all_loops_around_it(monkeypatch):
 
     def watched(drawing, values):
         seen.append(np.size(values["filters.lp1.cutoff_hz"]))
-        return passive.channel_norm(drawing, values)
+        return channel.channel_norm(drawing, values)
 
     monkeypatch.setattr(analysis, "channel_norm", watched)
     passivity(spec_of("pmw-lm", b=[10.0, 25.0, 40.0], **{"filters.lp1.cutoff_hz": [5.0, 10.0]}, B_VE=[0.0, 1.0]))

@@ -7,7 +7,7 @@ import wavesweep
 from wavesweep.analyses.subloops import common, subloops
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.stability import Intervals
+from wavesweep.stability.intervals import Intervals
 
 
 def joints(first=(0.1, 0.5, 4), second=(0.1, 0.5, 4), gain="p*hb.y", **numbers):

@@ -13,7 +13,7 @@ from wavesweep.analyses.hands import Guarantee
 from wavesweep.analyses.interval_records import HAND_RECORD
 from wavesweep.cli import main
 from wavesweep.errors import WavesweepError
-from wavesweep.passive import HandBox
+from wavesweep.passive.hand import HandBox
 from wavesweep.results import read
 from wavesweep.search import study
 from wavesweep.search.best import miss

@@ -19,7 +19,8 @@ from wavesweep.monodromy.product import product_with_errors
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.port import Ports, port_of
 from wavesweep.response.steady import respond
-from wavesweep.stability import stable_along_any, stable_intervals
+from wavesweep.stability.along_any import stable_along_any
+from wavesweep.stability.stable import stable_intervals
 
 
 def along_any(draw, span):

@@ -6,8 +6,7 @@ from scipy.signal import butter, sosfilt
 from support.held import channel_norm
 
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.passive import filter_table, sufficient_order
-from wavesweep.passive.channel import channel_of
+from wavesweep.passive.channel import channel_of, filter_table, sufficient_order
 
 
 def worst_wave(values, frames: int) -> np.ndarray:

@@ -12,8 +12,7 @@ from wavesweep import UsageError, load
 from wavesweep.analyses.broken_loops import GAIN, _with_gain, broken_at
 from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.cli.studies import margins as command
-from wavesweep.passive import LiftedLoop, margins_of
-from wavesweep.passive.lifted_margins import lifted_margins
+from wavesweep.passive.lifted_margins import LiftedLoop, lifted_margins, margins_of
 from wavesweep.spec.drawing import path_of
 from wavesweep.sweep.grid import Loops, own_loop
 

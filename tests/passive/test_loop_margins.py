@@ -15,7 +15,7 @@ from support.drawn import ARM
 from wavesweep import UsageError, load
 from wavesweep.analyses.broken_loops import broken_at
 from wavesweep.api import compile as compiled
-from wavesweep.passive import margins_of
+from wavesweep.passive.lifted_margins import margins_of
 from wavesweep.stability.certificate import words
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])

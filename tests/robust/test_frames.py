@@ -17,7 +17,7 @@ from wavesweep.robust.joint import bracket
 from wavesweep.robust.loop_frames import Symbol
 from wavesweep.robust.words import growth
 from wavesweep.spec import load
-from wavesweep.stability import stable_intervals
+from wavesweep.stability.stable import stable_intervals
 
 LENGTHS = 16, 20, 25, 33
 

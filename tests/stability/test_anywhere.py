@@ -10,8 +10,9 @@ from support.specs import values_of
 
 import wavesweep
 from wavesweep.errors import UsageError
-from wavesweep.stability import guardian_maps, stable_intervals
+from wavesweep.stability import guardian_maps
 from wavesweep.stability.along_any import BENT, stable_along_any
+from wavesweep.stability.stable import stable_intervals
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}

@@ -9,8 +9,8 @@ from support.specs import KINDS, values_of
 
 import wavesweep
 from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.stability import stable_intervals
 from wavesweep.stability.crossings import poles_at_one
+from wavesweep.stability.stable import stable_intervals
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 

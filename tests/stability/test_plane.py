@@ -6,8 +6,8 @@ import pytest
 from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.monodromy.cut import close
 from wavesweep.spec import load
-from wavesweep.stability import stable_intervals
 from wavesweep.stability.plane import plane_curve, plane_lines, quick_columns, refined_curve
+from wavesweep.stability.stable import stable_intervals
 
 LOOPS = {
     "direct": {"controller": {"kind": "dc"}},

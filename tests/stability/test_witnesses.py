@@ -8,7 +8,7 @@ from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
 from wavesweep.analyses.interval_search import Search
-from wavesweep.stability import stable_intervals
+from wavesweep.stability.stable import stable_intervals
 
 pytestmark = pytest.mark.slow
 

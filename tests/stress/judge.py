@@ -7,8 +7,11 @@ import numpy as np
 from support import certified
 from support.intervals import cut_of
 
+from wavesweep.analyses.interval_search import Search
+from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.stability import stable_intervals
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.sweep.grid import Loops
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5
@@ -39,10 +42,19 @@ def judge(question, witness=None) -> list[Verdict]:
             cut = cut_of(question.values)
         except IllPosedLoopError:
             return [Verdict("refused", False) for _ in question.fixed]
-        found = stable_intervals(cut, question.along, question.span, np.array(question.fixed)[None])
+        found = _intervals(question)
     _must_be_numbers(found)
     witness = witness or certified.Witness(question.values)
     return [_column(question, cut, found, witness, index) for index in range(len(question.fixed))]
+
+
+def _intervals(question):
+    """The stable intervals of the question's columns, by every way that doubles have."""
+    along, other = WALL if question.along == "K_VE" else WALL[::-1]
+    loops = Loops(loop_drawing(question.values), question.values | {other: np.array(question.fixed, float)}).read
+    size = len(question.fixed)
+    search = Search(along, question.span, ((np.arange(size), loops),), felt=False)
+    return search.between_breaks(loops, size, search.opened(loops, size))
 
 
 def _must_be_numbers(found):

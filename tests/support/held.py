@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from wavesweep import passive as passivity
 from wavesweep.analyses.hands import Guarantee
 from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.passive import HAND, HeldLoop
+from wavesweep.passive import any_hand, channel, margin
+from wavesweep.passive.held_loop import HAND, HeldLoop
 from wavesweep.sweep.grid import Loops, distinct, selected
 
 WALL = "environment.K_VE"
@@ -19,27 +19,27 @@ def held(values, along=""):
 
 
 def port_margin(values):
-    return passivity.port_margin(held(values))
+    return margin.port_margin(held(values))
 
 
 def more_damping(values):
-    return passivity.more_damping(held(values))
+    return margin.more_damping(held(values))
 
 
 def damping_needed(values):
-    return passivity.damping_needed(held(values))
+    return any_hand.damping_needed(held(values))
 
 
 def channel_norm(values):
-    return passivity.channel_norm(loop_drawing(values), values)
+    return channel.channel_norm(loop_drawing(values), values)
 
 
 def any_hand_walls(values, span, hand_damping=0.0, path=WALL):
-    return passivity.any_hand_walls(held(values, path), span, path, hand_damping)
+    return any_hand.any_hand_walls(held(values, path), span, path, hand_damping)
 
 
 def port_passive_walls(values, span, path=WALL):
-    return passivity.port_passive_walls(held(values, path), span, path)
+    return any_hand.port_passive_walls(held(values, path), span, path)
 
 
 def ends_of(box):

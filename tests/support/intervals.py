@@ -5,7 +5,7 @@ import numpy as np
 from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.monodromy.cut import close
-from wavesweep.stability import stable_intervals
+from wavesweep.stability.stable import stable_intervals
 
 
 def cut_of(values):

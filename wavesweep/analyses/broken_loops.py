@@ -9,7 +9,8 @@ from wavesweep.analyses.open_loops import open_loops
 from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.monodromy.open_ticks import OpenTicks
-from wavesweep.passive import BrokenLoop, LiftedLoop
+from wavesweep.passive.lifted_margins import LiftedLoop
+from wavesweep.passive.loop_margins import BrokenLoop
 from wavesweep.spec import Spec
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.drawing import Drawing, DrawnBlock, path_of

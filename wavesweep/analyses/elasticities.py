@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analyses.interval_search import TINY
+from wavesweep.analyses.interval_records import TINY
 from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, feels, felt_of, frames
 from wavesweep.columns import Columns

@@ -10,17 +10,10 @@ from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
 from wavesweep.analyses.loops import held_loop
 from wavesweep.analyses.unknown import Case, proofs
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.passive import (
-    HOLDING_A_DEVICE,
-    HandBox,
-    HeldLoop,
-    any_hand_walls,
-    damping_needed,
-    port_margin,
-    port_passive_walls,
-    reads_velocity,
-)
-from wavesweep.passive.held_loop import HAND, is_affine
+from wavesweep.passive.any_hand import any_hand_walls, damping_needed, port_passive_walls, reads_velocity
+from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
+from wavesweep.passive.held_loop import HAND, HeldLoop, is_affine
+from wavesweep.passive.margin import port_margin
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.grid import Loops, own_loop

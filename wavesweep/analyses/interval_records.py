@@ -1,10 +1,24 @@
-"""Records of intervals, and what the hand feels at their ends."""
+"""Records of intervals, what the hand feels at their ends, and the lines that a spectrum shows there."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.stability import Intervals
+from wavesweep.analyses.bound import Bound
+from wavesweep.analyses.lines import lines_in_loops, strongest_in_cut
+from wavesweep.analyses.loops import feels, felt_of, hand_of, watched_drift
+from wavesweep.analyses.open_loops import Opened, by_zeros
+from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
+from wavesweep.response.resting import Resting, resting
+from wavesweep.stability.intervals import Intervals
+from wavesweep.sweep.grid import Loops
+
+if TYPE_CHECKING:
+    from wavesweep.analyses.interval_search import Search
 
 FIELDS = (
     ("slice", "<i4"),
@@ -37,6 +51,8 @@ def records_of(found: Intervals) -> np.ndarray:
     return records
 
 
+BATCH = 256  # modes that are followed through their frames at once
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
 AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
 
@@ -64,3 +80,93 @@ def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> 
             found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
     for name, part in zip(FELT, np.split(found, 2), strict=True):
         records[name][rows] = part
+
+
+def fill_in_felt(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
+    """Fill in the stiffness felt at both ends of the intervals of the loops `members`; opened: these without the number."""
+    rows = np.flatnonzero(records["intervals"] > 0)
+    rows = rows[np.isin(records["slice"][rows], members)] if len(search.groups) > 1 else rows
+    at = np.searchsorted(members, records["slice"][rows])
+    known = opened if opened and opened.loops.at_rest else _resting(search, loops)
+    if known is not None:
+        ends, twice = np.concatenate([records[end][rows] for end in ("low", "high")]), np.tile(at, 2)
+        both = known.stiffness(twice, ends)
+        if known is opened and opened.loops.beside:
+            unknown = np.flatnonzero(np.isnan(both) & ~np.isnan(ends))
+            of = np.unique(twice[unknown])
+            for columns in (of[part] for part in by_zeros(loops, of)) if unknown.size else ():
+                alone = Opened.of_each(loops.some(columns), search.number, columns.size, felt=True)
+                some = unknown[np.isin(twice[unknown], columns)]
+                if alone and alone.loops.at_rest:
+                    both[some] = alone.stiffness(np.searchsorted(columns, twice[some]), ends[some])
+        for name, part in zip(FELT, np.split(both, 2), strict=True):
+            records[name][rows] = part
+        unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
+        rows, at = rows[unknown], at[unknown]
+
+    def stiffness(some, p):
+        found, columns, varied = np.empty(p.size), at[some], _buildable(search, loops)
+        for part in np.arange(p.size)[:, None] if search.in_pieces else by_zeros(loops, columns):
+            found[part] = felt_of(varied.some(columns[part]).changed({search.along: p[part]}), part.size)
+        return found
+
+    if rows.size:
+        felt_at_ends(records, rows, stiffness)
+
+
+def _buildable(search, loops):
+    """The loops at any value of the number: without the whole numbers of ticks of dead times, which follow from it."""
+    building = loops.drawing.building if search.in_pieces else ()
+    return Loops(loops.drawing, {path: v for path, v in loops.values.items() if path not in building})
+
+
+def _resting(search, loops) -> Resting | None:
+    """The loops at rest, if the number is one scalar gain of them."""
+    if not scalar_place(loops.drawing, search.number) or seen_by_hand(loops.drawing, search.number):
+        return None
+    with suppress(IllPosedLoopError):
+        drift = watched_drift(loops.changed({search.along: np.array(search.span)}))
+        if not (drift.moved or drift.folded):
+            one = loops.changed({search.along: 1.0})
+            return resting(one.drawn(search.number), hand_of(loops.drawing), PRODUCT, FACTOR)
+    return None
+
+
+def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
+    """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
+    few, bound = 1 if search.in_pieces else BATCH, search.bound or Bound()
+    for end, name in zip(("low", "high"), LINES, strict=True):
+        rows = np.flatnonzero(~np.isnan(records[f"{end}_omega"]) & np.isin(records["slice"], members))
+        at, p, omega = np.searchsorted(members, records["slice"][rows]), records[end][rows], records[f"{end}_omega"][rows]
+        if opened and opened.loops.cut and not bound.damping_ratio:
+            records[name][rows] = strongest_in_cut(loops.drawing, opened, at, omega, bound)
+            continue
+        records[name][rows] = omega / (2 * np.pi)  # if the tick is the whole frame, or the loop has no solution
+        for part in (slice(first, first + few) for first in range(0, rows.size, few)):
+            varied = _buildable(search, loops).some(at[part])
+            varied = varied.changed({search.along: np.where(p[part] == 0, TINY, p[part])})
+            with suppress(IllPosedLoopError):
+                drawn = varied.drawn()
+                period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[part].shape)
+                if drawn.ticks > 1:
+                    records[name][rows[part]] = lines_in_loops(varied, bound.logarithms(period, omega[part]))[:, 0]
+
+
+def loop_by_loop(parts, along: str, of_loop: Callable[[Loops], np.ndarray]) -> np.ndarray:
+    """Records of intervals along a number, sorted by slice, with what the hand feels at their ends.
+
+    parts: (members, loops) pairs. of_loop: gives the records of one loop.
+    """
+    found = {}
+    for members, loops in parts:
+        for place, number in enumerate(members.tolist()):
+            loop = loops.one(place)
+            found[number] = records = of_loop(loop)
+            records["slice"] = number
+            if feels(loop.drawing) and records["intervals"][0]:
+                felt_at_ends(records, np.arange(records.size), partial(_felt_along, loop, along))
+    return np.concatenate([found[number] for number in sorted(found)])
+
+
+def _felt_along(loop, along, _, p):
+    return felt_of(loop.changed({along: p}), p.size)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.analyses.bound import Bound
-from wavesweep.analyses.interval_records import RECORD
-from wavesweep.analyses.interval_search import Search, Searches, loop_by_loop
+from wavesweep.analyses.interval_records import RECORD, loop_by_loop
+from wavesweep.analyses.interval_search import Search, Searches
 from wavesweep.analyses.loops import drift_of, frames, frames_of, refuse_singular
 from wavesweep.analyses.open_loops import exact_cut
 from wavesweep.analyses.proving import ALL, OPERATIONS

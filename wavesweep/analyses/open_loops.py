@@ -21,9 +21,10 @@ from wavesweep.response.port import Ports
 from wavesweep.response.resting import Resting
 from wavesweep.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.spec.drawing import name_of, path_of
-from wavesweep.stability import Intervals, stable_intervals
+from wavesweep.stability.intervals import Intervals
+from wavesweep.stability.stable import stable_intervals
 from wavesweep.stability.together import each_in_one_call, may_join
-from wavesweep.sweep.grid import Loops, distinct_rows
+from wavesweep.sweep.grid import Loops, distinct, distinct_rows
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 
@@ -199,6 +200,11 @@ def in_place(found: Intervals, columns: np.ndarray, new: Intervals, some: np.nda
         columns, new = columns[some], new.take(np.isin(new.column, some))
         new = replace(new, column=np.searchsorted(some, new.column))
     return by_slice([found.take(~np.isin(found.column, columns)), replace(new, column=columns[new.column])])
+
+
+def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
+    """Places of the columns whose numbers are zero alike, together."""
+    return distinct([v[columns] == 0 for v in loops.values.values() if np.ndim(v)], columns.size)
 
 
 def with_intervals(opened: Sequence[Opened | None], order: int, span) -> list[Opened | None]:

@@ -9,10 +9,9 @@ import numpy as np
 from wavesweep.analyses.loops import held_loop, named_loops, port_at_hand
 from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import refuse_unsuitable
-from wavesweep.passive import channel_norm, has_waves, more_damping, port_margin
-from wavesweep.passive.channel import numbers_of_channel
+from wavesweep.passive.channel import channel_norm, has_waves, numbers_of_channel
 from wavesweep.passive.held_loop import device_of
-from wavesweep.passive.margin import LONGEST
+from wavesweep.passive.margin import LONGEST, more_damping, port_margin
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Grid, drawn_groups, loops_of, make_grid, own_loop, refuse_rows
 from wavesweep.sweep.job import Chunks, Job, Kind, resolve_all

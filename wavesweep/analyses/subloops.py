@@ -8,8 +8,8 @@ import numpy as np
 
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing
-from wavesweep.stability import Intervals
 from wavesweep.stability.certificate import NONE
+from wavesweep.stability.intervals import Intervals
 
 
 @lru_cache(maxsize=64)

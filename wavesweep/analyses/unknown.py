@@ -8,7 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.analyses.interval_search import TINY, Search, frames_where_solvable
+from wavesweep.analyses.by_frames import frames_where_solvable
+from wavesweep.analyses.interval_records import TINY
+from wavesweep.analyses.interval_search import Search
 from wavesweep.analyses.loops import drift_of, radii_of
 from wavesweep.loops.domain import domain
 from wavesweep.robust.boxes import Cover, cover

@@ -190,11 +190,13 @@ def produce_intervals(
     loop itself into a table KIND-hands.
     """
     from wavesweep import results
-    from wavesweep.analyses.hands import hands_of
     from wavesweep.tables.intervals import intervals
 
-    hands = hands_of(for_hands)
-    kind += HANDS if hands else ""
+    hands = None
+    if for_hands:
+        from wavesweep.analyses.hands import hands_of
+
+        hands, kind = hands_of(for_hands), kind + HANDS
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if hands and not options.to_stdout and not options.overwrite:

@@ -15,6 +15,8 @@ ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, rel
 ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 BALANCING = 3  # sweeps
+UNEVEN, MORE = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
+HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 NEAREST = 4  # number of eigenvalues that are examined
 
 
@@ -91,6 +93,21 @@ def balance(E, sweeps: int = BALANCING):
         if not changed:
             break
     return E * (units[:, None, :] / units[:, :, None]), units
+
+
+def uneven_units(sizes):
+    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
+
+    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
+    by powers of its poles; entries of a frame that grows are large in any units.
+    """
+    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
+    some = np.flatnonzero(largest > UNEVEN)
+    if some.size:
+        better, found = balance(sizes[some], MORE)
+        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[some]
+        units[some[helps]] = found[helps]
+    return units
 
 
 def may_have(E, dE, points) -> np.ndarray:

@@ -12,9 +12,9 @@ from wavesweep.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
 from wavesweep.passive.channel import TOLERANCE, peak_of
 from wavesweep.passive.hinf import SOFT, START, angles, with_middles
 from wavesweep.passive.lifted_map import TickMaps
-from wavesweep.stability import stable_intervals
 from wavesweep.stability.boundary import K_VE
 from wavesweep.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
+from wavesweep.stability.stable import stable_intervals
 
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better

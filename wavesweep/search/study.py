@@ -15,8 +15,8 @@ from wavesweep.analyses.loops import held_loop
 from wavesweep.analyses.planning import duration
 from wavesweep.analyses.varying import Rules
 from wavesweep.errors import SpecError, UsageError, WavesweepError
-from wavesweep.passive import HAND as OPERATOR
-from wavesweep.passive import HandBox
+from wavesweep.passive.hand import HandBox
+from wavesweep.passive.held_loop import HAND as OPERATOR
 from wavesweep.search.best import judged, miss
 from wavesweep.search.family import Scenario, count_of, described, scenarios_of
 from wavesweep.search.search import Judged, designs_of, differing, generations, genes_of, spread, undominated

@@ -320,7 +320,7 @@ def _channel(spec, wish, points):
 
     It depends on filters and rates alone; repeated values are computed once.
     """
-    from wavesweep.passive import channel_norm
+    from wavesweep.passive.channel import channel_norm
 
     del wish
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
@@ -356,7 +356,7 @@ def _port(spec, wish, loops, size):
 
     The map of an unstable loop may have a positive real part on the whole circle.
     """
-    from wavesweep.passive import port_margin
+    from wavesweep.passive.margin import port_margin
 
     del wish, size
     if spec.drawing:

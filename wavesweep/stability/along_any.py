@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.monodromy.rounding import balance
+from wavesweep.monodromy.rounding import uneven_units
 from wavesweep.stability.certificate import NONE
 from wavesweep.stability.covering import ATTACHED, Tiles, regions_of, settled, tiles_of
 from wavesweep.stability.entries import DEGREES, EPS, panels_of
@@ -24,8 +24,6 @@ TYPICAL = (
     0.013,
     0.987,
 )  # of the span, where the units of the states are found; not the middle, which may be 0
-UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
-HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
 
 
@@ -159,18 +157,3 @@ def _regions(frames, errors, span, names, bounds, slack, settle) -> Regions:
         tiles, lost = settled(tiles, lost, span, names.size, attached, lambda at, *part: settle(int(names[at]), *part))
     found = regions_of(tiles, lost, span, names.size, attached)
     return replace(found, column=names[found.column])
-
-
-def uneven_units(sizes):
-    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
-
-    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
-    by powers of its poles; entries of a frame that grows are large in any units.
-    """
-    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
-    some = np.flatnonzero(largest > UNEVEN)
-    if some.size:
-        better, found = balance(sizes[some], SWEEPS)
-        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[some]
-        units[some[helps]] = found[helps]
-    return units

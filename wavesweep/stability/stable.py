@@ -7,8 +7,7 @@ import numpy as np
 from wavesweep.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
 from wavesweep.monodromy.periodic import size_of
 from wavesweep.monodromy.radius import cut_within
-from wavesweep.stability.along_any import UNEVEN, uneven_units
-from wavesweep.stability.arcs import arc_crossings
+from wavesweep.monodromy.rounding import UNEVEN, uneven_units
 from wavesweep.stability.boundary import K_VE
 from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.stability.crossings import crossings, sampled_polynomial, warp_scale
@@ -135,6 +134,8 @@ def _by_polynomial_alone(*columns):
 
 def _by_arcs(cut, owner, along, fixed, span):
     """The same for loops with long delays, from interpolants on arcs of the circle."""
+    from wavesweep.stability.arcs import arc_crossings
+
     return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
 
 

@@ -42,7 +42,7 @@ def margins(spec: Spec, cut: str) -> Table:
     """
     from wavesweep.analyses.assumptions import over_preset
     from wavesweep.analyses.broken_loops import broken_at
-    from wavesweep.passive import margins_of
+    from wavesweep.passive.lifted_margins import margins_of
 
     started = time.perf_counter()
     loop = broken_at(spec, cut)

@@ -97,8 +97,7 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
     that aliasing may add for an order to be enough.
     """
-    from wavesweep.passive import filter_table, sufficient_order
-    from wavesweep.passive.channel import CUTOFFS_HZ
+    from wavesweep.passive.channel import CUTOFFS_HZ, filter_table, sufficient_order
 
     if spec.drawing or spec.uneven:
         found = "a drawn loop" if spec.drawing else "rates that do not divide"

@@ -14,10 +14,10 @@ from wavesweep import Spec
 from wavesweep.analyses.open_loops import wall_cut
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.monodromy.cut import with_batch
-from wavesweep.passive import ChannelNorm, channel_norm
+from wavesweep.passive.channel import ChannelNorm, channel_norm
 from wavesweep.spec import find_key
 from wavesweep.spec.spec import K_VE_SPAN
-from wavesweep.stability import stable_intervals
+from wavesweep.stability.stable import stable_intervals
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]

@@ -13,8 +13,7 @@ from reproduce.resolvent import solved_response
 from reproduce.verdicts import Answer, Finding, Statement, over
 from wavesweep.loops.filters import butterworth
 from wavesweep.monodromy.circle import on_circle
-from wavesweep.passive import ChannelNorm
-from wavesweep.passive.channel import TOLERANCE
+from wavesweep.passive.channel import TOLERANCE, ChannelNorm
 
 HIGHEST_HZ = 24.0
 LP1 = readings(ANTI_ALIASING)
