@@ -29,6 +29,7 @@ CASES = [
     ("delay", {"steps": 2}),
     ("delay", {"steps": 0}),
     ("hold", {}),
+    ("channel", {"late": 1, "lost": 1, "missing": "zero"}),
     ("difference", {}),
     *(("integrator", {"method": method}) for method in METHODS),
     ("butterworth", {"order": 3, "cutoff_hz": 30.0}),

@@ -181,7 +181,12 @@ RULED = {name for name, kind in TYPES.items() if kind.steps}
 
 def test_every_type_has_a_march_or_runs_in_every_tick_or_is_refused():
     assert {kind for kind, *_ in CASES} == RULED
-    assert {name for name, kind in TYPES.items() if not (kind.steps or kind.plant)} == {"butterworth", "lead", "notch"}
+    assert {name for name, kind in TYPES.items() if not (kind.steps or kind.plant)} == {
+        "butterworth",
+        "channel",
+        "lead",
+        "notch",
+    }
 
 
 VARYING = {"for_all": {"n": {"values": [16, 33], "varying": True}}, "sweep": {"along": "K", "K": {"start": 0, "stop": 5}}}

@@ -33,6 +33,13 @@ def policy(f, zeta, I, g, n):
     return np.array([x, v, observation, target, torque])
 
 
+def lost_commands(kp, kd, I, n):
+    """Without losses; n is how many there might be."""
+    del n
+    step, (x, v) = plant(1e-3, I), np.eye(2)
+    return np.array(step(x, v, -kp * x - kd * v))
+
+
 def teleoperation(c, kp, kd, Fv, J, n):
     """Positions are relative to the leader's, which nothing holds."""
     step = plant(1e-4, J, Fv)
@@ -222,6 +229,7 @@ def exposure(T, g, n):
 
 
 FRAMES = {
+    "lost-commands": lost_commands,
     "physics-joint": physics_joint,
     "policy": policy,
     "teleoperation": teleoperation,

@@ -53,8 +53,8 @@ class ForAllGuarantee:
         """How the intervals are found, in a line."""
         if self.rules.vary:
             return (
-                "quadratic norms on a graph of frames, in which all shrink, checked by Cholesky with bounds on rounding; "
-                "refuted by a pattern of frames that grows"
+                "quadratic norms on a graph of frames, or of messages, in which all shrink, checked by Cholesky with bounds on "
+                "rounding; refuted by a pattern of frames, or of messages, that grows"
             )
         return (
             "guardian maps of all numbers at once, interpolated with a bound and proved positive by Bernstein coefficients; "

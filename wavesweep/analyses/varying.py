@@ -1,6 +1,8 @@
-"""Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results."""
+"""Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results, or whose
+messages may be late or lost, by what their channels say."""
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -8,9 +10,11 @@ from wavesweep.errors import UsageError
 from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, frames_of_controller, frames_of_drawing
 from wavesweep.robust.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.robust.loop_frames import LoopFrames
+from wavesweep.robust.messages import Sent, frames_with_messages
 from wavesweep.robust.norms import WORK
 from wavesweep.robust.words import is_refuted
 from wavesweep.spec import Spec
+from wavesweep.spec.block_types import without_rule
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.for_all import ForAll, values_of_range
@@ -26,22 +30,24 @@ class Rules:
     """How a spec says that its frames vary.
 
     with_frame: whether results are in place with the next frame. elapsed: whether the slow environment integrates over the
-    time since its last frame.
+    time since its last frame. messages: whether the loop has channels.
     """
 
     for_all: ForAll
     with_frame: bool = False
     elapsed: bool = True
+    messages: bool = False
 
     @staticmethod
     def of(spec: Spec) -> "Rules":
         """The rules of a spec with [for_all]."""
-        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed")
+        messages = bool(spec.drawing and spec.drawing.channels)
+        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed", messages)
 
     @property
     def vary(self) -> bool:
         """Whether anything varies."""
-        return bool(self.for_all.changing or self.for_all.lost)
+        return bool(self.for_all.changing or self.for_all.lost or self.messages)
 
     def family(self, loop: Loops, along: str) -> LoopFrames:
         """The frames of a loop along a number, empty for the loop at its own values.
@@ -60,6 +66,12 @@ class Rules:
             return frames_of_controller(values, frames, along)
         if self.for_all.lost:
             raise UsageError("[for_all] lost: expected a built-in controller, whose results may be lost, found a drawn loop")
+        if self.messages:
+            if axes:
+                found = ", ".join(without_rule(drawing.channels))
+                expected = "blocks whose types have a rule for steps that vary (`wavesweep keys block`)"
+                raise UsageError(f"[for_all] varying: expected {expected}, found {found}")
+            return frames_with_messages(drawing, values, along)
         running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
         wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
         if wrong or len(axes) != 1:
@@ -99,7 +111,10 @@ def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tu
 
 
 def text_of(family: LoopFrames, word: tuple[int, ...]) -> str:
-    """A pattern of frames as a text; empty without one."""
+    """A pattern of frames, or of messages, as a text; empty without one."""
+    symbols = [family.symbols[each] for each in word]
+    if symbols and isinstance(symbols[0], Sent):
+        return "messages " + "; ".join(f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items())
     return f"frames {', '.join(_frame(family.symbols[each], family) for each in word)}" if word else ""
 
 
@@ -108,3 +123,10 @@ def _frame(symbol, family):
     if symbol.delay == LOST:
         return f"{symbol.ticks} (lost)"
     return f"{symbol.ticks} (delay {symbol.delay})" if several else f"{symbol.ticks}"
+
+
+def _messages(late):
+    """What happens to the messages of a channel, as [simulate] takes it: those that are lost in a row are counted."""
+    runs = [(each, len(list(run))) for each, run in groupby(late)]
+    texts = ([f"{count} lost" if count > 1 else "lost"] if each is None else [f"{each}"] * count for each, count in runs)
+    return ", ".join(text for some in texts for text in some)

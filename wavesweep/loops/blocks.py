@@ -145,6 +145,12 @@ def hold(name, period) -> Block:
     return _defined("hold", name, period)
 
 
+def channel(name, period, late=0, lost=0, missing="held") -> Block:
+    """A `hold`, whose messages are all in time; see `wavesweep.robust.messages` for others."""
+    del late, lost, missing
+    return _defined("channel", name, period)
+
+
 def delay(name, period, steps=1) -> Block:
     """`u` of `steps` runs ago."""
     return _defined("delay", name, period, steps=steps)

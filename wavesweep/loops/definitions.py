@@ -32,7 +32,7 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
     match kind:
         case "gain":
             return _static([[keys["k"]]])
-        case "hold":
+        case "hold" | "channel":
             return _static([[1]])
         case "wave":
             b, r = keys["b"], root(2 * keys["b"])
@@ -90,7 +90,7 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     match kind:
         case "spring":
             return (continuous(kind, keys).D,)
-        case "gain" | "hold":
+        case "gain" | "hold" | "channel":
             return (running(kind, 1, keys, root).D,)
         case "wave":  # with an impedance whose root is exact, since waves that meet cancel whatever it is
             return (running(kind, 1, {**keys, "b": root(2 * keys["b"]) ** 2 / 2}, root).D,)

@@ -26,7 +26,8 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     """
     effects, units = changed(effects_of(spec), changes), (spec.at_port("m"), spec.at_port("N"))
     force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
-    return simulate(spec.values, force, effects, drawing=spec.drawing, units=units, entry=spec.entry, frames=frames_of(spec))
+    own = {"drawing": spec.drawing, "units": units, "entry": spec.entry}
+    return simulate(spec.values, force, effects, **own, frames=frames_of(spec), messages=spec.simulate["messages"])
 
 
 def frames_of(spec: Spec) -> Frames | None:

@@ -169,6 +169,12 @@ def hold(period: float) -> Law:
     return gain(period, 1.0)
 
 
+def channel(period: float, late: int, lost: int, missing: str) -> Law:
+    """A hold; what happens to its messages is of `messages`."""
+    del late, lost, missing
+    return hold(period)
+
+
 def delay(period: float, steps: int) -> Law:
     """`u` of so many runs ago."""
     past = tuple(f"u{i}" for i in range(1, steps + 1))
@@ -351,7 +357,23 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
     {
         each.__name__: each
         for each in (
-            *(mass, inertia, spring, ss, tf, gain, hold, delay, difference, integrator, butterworth, wave, avatar, local_model),
+            *(
+                mass,
+                inertia,
+                spring,
+                ss,
+                tf,
+                gain,
+                hold,
+                channel,
+                delay,
+                difference,
+                integrator,
+                butterworth,
+                wave,
+                avatar,
+                local_model,
+            ),
             *(lowpass, pi, pid, lead, notch, biquad, mean),
         )
     }

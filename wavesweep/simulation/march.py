@@ -2,13 +2,15 @@
 
 All blocks that run in a tick read each other's outputs of that tick, then they keep their states. The device moves by a law of
 its own, which has friction and real lengths of ticks. Effects of the device need one: a single block of type `mass` that the
-hand's force acts on. Results of slow blocks, those with another `every` than 1, may come late to the blocks of every tick.
+hand's force acts on. Results of slow blocks, those with another `every` than 1, may come late to the blocks of every tick, and
+messages of channels to all blocks.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import cycle, repeat
+from itertools import cycle, islice, repeat
 from operator import itemgetter
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,7 @@ from wavesweep.simulation.record import Simulation, energies
 from wavesweep.simulation.ticks import Ticks, actual, arrived, besides, keep, run
 from wavesweep.spec.drawing import Drawing
 
+Messages = Mapping[str, Sequence[int | None]]
 FARTHEST = 1e3  # m
 STRONGEST = 1e6  # N
 """A simulation stops before the first tick in which the hand is farther away, or a force is larger: it means nothing there."""
@@ -48,13 +51,15 @@ def simulate(
     units: tuple[str, str] = ("m", "N"),
     entry: str = "",
     frames: Frames | None = None,
+    messages: Messages | None = None,
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
 
     values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick, `(ticks,)`. effects: see
     `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages. entry: the signal from
     outside that the record is of, if not of the hand's force; all others are 0. frames: of the slow blocks, in place of the
-    rate and the delay of the slow environment.
+    rate and the delay of the slow environment. messages: the ticks by which those of each channel are late in turn, repeated
+    for ever, None for one that is lost; those of other channels are in time.
 
     The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
     `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
@@ -67,7 +72,9 @@ def simulate(
     if frames and drawing is None:
         values = {**values, "rates.ratio": 2, "environment.delay": 0}  # any that draw a slow environment alone
     loop = loop_of(loop_drawing(values) if drawing is None else drawing, values, frames)
-    return March(loop, effects, entry=entry, drawn=drawing is not None).under(np.asarray(force, dtype=float), x, units)
+    return March(loop, effects, entry=entry, drawn=drawing is not None, messages=messages or {}).under(
+        np.asarray(force, dtype=float), x, units
+    )
 
 
 @dataclass
@@ -76,11 +83,14 @@ class Results:
 
     chain: when each block runs, and how many of its runs it is late, from the last one back to that which computes the result,
     behind all that only hold or delay it. late: of each result, in ticks, None if it is lost. waiting: the tick from which each
-    of those under way is there, the numbers, and whether the wall was touched.
+    of those under way is there, the numbers, and whether the wall was touched. channel: that they are the messages of; empty
+    without. zero: whether they are zero from a run on in which none arrives.
     """
 
     chain: tuple[tuple[Rhythm, int], ...]
     touches: bool
+    channel: str = ""
+    zero: bool = False
     signals: list[str] = field(default_factory=list)
     late: list[int | None] = field(default_factory=list)
     waiting: list[tuple[int, list[float], bool]] = field(default_factory=list)
@@ -111,13 +121,22 @@ class Results:
 
 
 def results_of(loop: Loop) -> list[Results]:
-    """The slow results that blocks of every tick read; the wall's force if no block is slow."""
+    """The messages of channels, and the slow results that blocks of every tick read; the wall's force if no block is slow."""
+    sent = [
+        Results(((part.rhythm, 0),), False, part.name, loop.channels[part.name]["missing"] == "zero", [f"{part.name}.y"])
+        for part in loop.parts
+        if part.name in loop.channels
+    ]
+    return [*sent, *_slow_results(loop)]
+
+
+def _slow_results(loop: Loop) -> list[Results]:
     slow = {f"{part.name}.{port}": part for part in loop.parts if part.rhythm.slow for port in part.outputs}
     if not slow and loop.wall:
         return [Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
     found: dict[tuple, Results] = {}
     for signal, part in slow.items():
-        if all(rhythm.slow for rhythm in loop.readers(signal)):
+        if part.name in loop.channels or all(rhythm.slow for rhythm in loop.readers(signal)):
             continue
         chain, at = [], part
         while (
@@ -136,18 +155,25 @@ def results_of(loop: Loop) -> list[Results]:
 class March:
     """A loop with effects, ready to run once.
 
-    watched: names of numbers of `Ticks` that are recorded besides its signals. entry: see `simulate`. drawn: whether a spec
-    draws the loop.
+    watched: names of numbers of `Ticks` that are recorded besides its signals. entry, messages: see `simulate`. drawn: whether
+    a spec draws the loop.
     """
 
     def __init__(
-        self, loop: Loop, effects: Effects, watched: Sequence[str] = (), entry: str = "", *, drawn: bool = False
+        self,
+        loop: Loop,
+        effects: Effects,
+        watched: Sequence[str] = (),
+        entry: str = "",
+        *,
+        drawn: bool = False,
+        messages: Messages = MappingProxyType({}),
     ) -> None:
         refuse(loop, effects)
         self.loop = loop = loop.behind(effects.wall) if effects.wall is not None else loop
         self.entry, self.drawn = entry or loop.hand, drawn
-        self.effects, self.watched, self.results = effects, tuple(watched), results_of(loop)
-        self.late = bool(effects.late or effects.dropped or loop.waits)
+        self.effects, self.watched, self.results, self.messages = effects, tuple(watched), results_of(loop), messages
+        self.late = bool(effects.late or effects.dropped or loop.waits or loop.channels)
         delayed = [signal for each in self.results for signal in each.signals] if self.late else ()
         self.ticks = Ticks(loop, {loop.device} - {""}, delayed)
 
@@ -190,6 +216,11 @@ class March:
         drawn: dict[Rhythm, list[int | None]] = {}
         for each in self.results:
             origin, others = each.origin, (len(drawn),) * bool(drawn)
+            if each.channel:
+                sent = cycle(self.messages.get(each.channel, (0,)))
+                each.late = list(islice(sent, origin.count(count) + 1))
+                drawn.setdefault(origin, each.late)
+                continue
             if origin not in drawn:
                 found = lateness(self.effects, origin.count(count - 1) if count else 0, *others)
                 pairs = zip([*found, 0], cycle(self.loop.delays), strict=False)
@@ -297,7 +328,10 @@ class Running:
     def _arriving(self, k: int, shown: list[tuple[Results, int]]) -> frozenset[str]:
         """Put late results in place that are there by now; the signals that are shown in this tick and not late."""
         for each in self.results:
-            if each.waiting and (found := each.due(k)):
+            found = each.due(k) if each.waiting else None
+            if found is None and each.zero and each.shown(k):
+                self.z[self.places[each.signals[0]][1]] = 0.0
+            if found:
                 numbers, touched = found
                 for signal, number in zip(each.signals, numbers, strict=True):
                     self.z[self.places[signal][1]] = number
@@ -344,7 +378,7 @@ def refuse(loop: Loop, effects: Effects) -> None:
             "a wall in [ports] whose numbers only multiply signals of wires",
             "none",
         ),
-        (late, results_of(loop), "slow blocks (every > 1) that others read, or a wall", "none"),
+        (late, _slow_results(loop), "slow blocks (every > 1) that others read, or a wall", "none"),
     ):
         if names and not met:
             raise UsageError(f"option {', '.join(names)}: expected {expected}, found {found}")

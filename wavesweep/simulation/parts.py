@@ -132,7 +132,7 @@ class Loop:
     the signal of its force. device: the block that it moves, empty if it moves several, or another thing than a mass. body: of
     the device, mass (kg), damping (N s/m) and stiffness (N/m). wall: None if none is named, or if its numbers do more than
     multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand. frames:
-    of its slow blocks, None if all are alike.
+    of its slow blocks, None if all are alike. channels: the keys of each channel.
     """
 
     tick: float
@@ -148,6 +148,7 @@ class Loop:
     walled: bool = False
     entries: tuple[tuple[str, str], ...] = ()
     frames: Frames | None = None
+    channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     frame: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -273,7 +274,8 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
     device = moved[0] if len(moved) == 1 and moved[0] in alone.intersection(masses) else ""
     body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
     entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
-    own = replace(own, inputs=(hand,) * bool(hand), hand=hand, entries=entries)
+    channels = {block.name: _numbers(block, known) for block in drawing.channels}
+    own = replace(own, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
     return replace(own, device=device, body=body, wall=wall, walled=bool(drawing.wall), frames=frames)
 
 

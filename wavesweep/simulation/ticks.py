@@ -104,6 +104,7 @@ class Ticks:
 
     def __init__(self, loop: Loop, host: Collection[str] = (), late: Collection[str] = ()) -> None:
         self.loop, self.host, self.late = loop, host, frozenset(late)
+        self.sent = {f"{name}.y" for name in loop.channels}
         self.places: dict[str, int] = {}
         self.parts = [part for part in loop.parts if part.name not in host]
         for part in self.parts:  # a row that moves has its places side by side
@@ -160,8 +161,9 @@ class Ticks:
         return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves)
 
     def _read(self, terms, slow=True):
-        """A sum as a block reads it: one that is not slow has slow results as they have arrived."""
-        return tuple((factor, name if slow or name not in self.late else arrived(name)) for factor, name in terms)
+        """A sum as a block reads it: messages as they have arrived, and if the block is not slow, slow results too."""
+        late = self.late & self.sent if slow else self.late
+        return tuple((factor, arrived(name) if name in late else name) for factor, name in terms)
 
     def lines(self, sums: Iterable[tuple[str, Sum]]) -> list[Line]:
         """The sums with places in place of names, without products with zero."""

@@ -12,6 +12,7 @@ from typing import Any
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key, number, whole, word
 
 LONGEST_DELAY = 1000  # steps of a delay, each of them a state
+MOST_LATE, MOST_LOST = 1000, 100  # of the messages of a channel: ticks, and losses in a row
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +154,17 @@ TYPES = MappingProxyType(
             either=("steps", "seconds"),
         ),
         "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME, settles=True),
+        "channel": _type(
+            "hold whose runs send messages, which may come late, be overtaken and then dropped, or be lost; the loop's own "
+            "intervals and responses have all of them in time",
+            _U_Y,
+            whole(
+                "late", 0, "most ticks by which a message comes late, each by its own number from 0 on", 0, MOST_LATE, "tick"
+            ),
+            whole("lost", 0, "most messages in a row that are lost", 0, MOST_LOST),
+            word("missing", "held", "y without a message: the last one, or zero from a run of the block on", ("held", "zero")),
+            settles=True,
+        ),
         "difference": _type(
             "change of u since the last run, over the block's own period",
             _U_Y,

@@ -23,7 +23,7 @@ NUMBER_WORDS = (".unit", ".description")
 OF_NUMBERS = (
     "numbers."  # prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path
 )
-STRUCTURE = ("every", "phase", "steps", "order", "n")  # keys that decide how a loop is built
+STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")  # keys that decide how a loop is built
 
 Path = tuple[str, ...]
 
@@ -265,6 +265,11 @@ class Drawing:
         pairs = {(one, other) for plant in self.plants for _, one in plant.arriving for _, other in plant.sensed}
         ticks = {f"block.{name}.ticks": (name,) for name in self.dead_times}
         return ticks | {f"block.{one}.before.{other}": (one, other) for one, other in sorted(pairs)}
+
+    @property
+    def channels(self) -> tuple[DrawnBlock, ...]:
+        """The blocks whose messages may be late or lost."""
+        return tuple(block for block in self.blocks if block.type == "channel")
 
     @property
     def alone(self) -> list[DrawnBlock]:

@@ -1,19 +1,23 @@
 """The table [simulate]: what goes into the loop, how long, and how the rig differs from the ideal one.
 
-Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost.
+Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost; its `messages` are a
+table of lists, one for each channel of the loop.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear
+from wavesweep.spec.block_types import MOST_LATE
 from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.devices import HapticDevice
-from wavesweep.spec.keys import HIGHEST_RATIO, INPUTS, LONGEST_FRAME, SIMULATE_KEYS, Key, whole
+from wavesweep.spec.keys import HIGHEST_RATIO, INPUTS, LONGEST_FRAME, MESSAGES, SIMULATE_KEYS, Key, whole
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import FREQUENCIES, Sorted, names_in_list
 
@@ -22,6 +26,7 @@ SECONDS = 10.0  # of an input that has no length of its own
 
 
 FRAMES, SHOW = "simulate.frames", "simulate.show"
+IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
 FRAME_KEYS = {
     "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
     "delay": whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
@@ -94,12 +99,39 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
     return tuple(frames) if len(mistakes) == before else None
 
 
+def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, tuple[int | None, ...]]:
+    """Return the ticks by which each message of a channel is late, None if it is lost, by channel, and add mistakes.
+
+    given: the lists by path.
+    """
+    found: dict[str, tuple[int | None, ...]] = {}
+    for path, leaf in given.items():
+        expected = 'a list of ticks by which messages are late in turn, or "lost", or "3 lost" for so many in a row'
+        items = leaf.value if isinstance(leaf.value, list) else ()
+        late: list[int | None] = []
+        for item in items:
+            lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
+            ticks = isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
+            late += [None] * int(lost[1] or 1) if lost else [item] * ticks
+            if not (lost or ticks):
+                mistakes.refuse(leaf, path, expected, show(item), of_key=False)
+        if not items:
+            mistakes.refuse(leaf, path, expected, show(leaf.value), of_key=False)
+        found[path.removeprefix(f"{MESSAGES}.")] = tuple(late)
+    return found
+
+
+def _written_messages(late: tuple[int | None, ...]) -> list[int | str]:
+    runs = [(each, len(list(run))) for each, run in groupby(late)]
+    return [item for each, count in runs for item in ([f"{count} lost"] if each is None else [each] * count)]
+
+
 @dataclass(frozen=True, slots=True)
 class Experiment:
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
     `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, `show`
-    are names.
+    are names, `messages` those of `build_messages`.
     """
 
     values: dict[str, float | int | str | tuple | None]
@@ -112,7 +144,8 @@ class Experiment:
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
         frames = {"frames": [each.written() for each in present["frames"]]} if "frames" in present else {}
         shown = {"show": list(present["show"])} if "show" in present else {}
-        return present | frequencies | frames | shown
+        messages = {name: _written_messages(late) for name, late in present.get("messages", {}).items()}
+        return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
 
     def on(self, device: HapticDevice) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
@@ -167,7 +200,9 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
     usual: the input if none is given.
     """
     given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
+    of_messages = {path: given.pop(path) for path in list(given) if path.startswith(MESSAGES)}
     checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path not in (FRAMES, SHOW)})
+    checked[MESSAGES] = build_messages(of_messages, mistakes) or None
     if FRAMES in given:
         checked[FRAMES] = build_frames(given[FRAMES], mistakes)
     if SHOW in given:

@@ -213,6 +213,14 @@ _SIMULATE = [
         "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
         "delay, or never comes (lost = true); absent: all of the same length",
     ),
+    Key(
+        "simulate.messages",
+        "list",
+        None,
+        "tick",
+        'table: of a channel by its name, how late its messages are in turn, repeated for ever: ticks, "lost", or "3 lost" for '
+        "so many in a row; absent: all in time",
+    ),
 ]
 
 _MEASURED = [
@@ -269,6 +277,7 @@ def _by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
     return MappingProxyType({key.path: key for key in keys})
 
 
+MESSAGES = "simulate.messages"  # a table of lists
 KEYS, SIMULATE_KEYS, MEASURED_KEYS, REQUIRE_KEYS = map(_by_path, (_LOOP, _SIMULATE, _MEASURED, _REQUIRE))
 
 # Units at the port of a hand that turns, for those of one that slides.

@@ -13,7 +13,17 @@ from wavesweep.spec.drawing_tables import NUMBER_PARTS, OPTIONAL, PORT_PARTS
 from wavesweep.spec.drawing_tables import PORTS as OF_PORTS
 from wavesweep.spec.experiment import FRAME_KEYS as OF_FRAME
 from wavesweep.spec.for_all import LOST
-from wavesweep.spec.keys import AXIS_KEYS, KEYS, MEASURED_KEYS, REQUIRE_KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, Key
+from wavesweep.spec.keys import (
+    AXIS_KEYS,
+    KEYS,
+    MEASURED_KEYS,
+    MESSAGES,
+    REQUIRE_KEYS,
+    SIMULATE_KEYS,
+    STUDY_KEYS,
+    SYMBOLS,
+    Key,
+)
 
 Schema = dict[str, Any]
 TEXT = {"type": "string"}
@@ -115,6 +125,8 @@ def _runs() -> Schema:
     simulate["properties"]["frequency_hz"] = {"anyOf": several}
     simulate["properties"]["show"]["items"] = {"type": "string"}
     simulate["properties"]["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
+    late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
+    simulate["properties"]["messages"] = _tables({}, late, description=_described(SIMULATE_KEYS[MESSAGES]))
     return {"simulate": simulate, "measured": _named(MEASURED_KEYS)}
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from wavesweep.spec.checking import Mistakes, nearest, show
-from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, KEYS, MEASURED_KEYS, SIMULATE_KEYS, Names
+from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, KEYS, MEASURED_KEYS, MESSAGES, SIMULATE_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode", "for_all")
@@ -92,7 +92,7 @@ def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> Non
         if length < len(path):
             here = Leaf({}, leaf.place.under(path[:length]))
         if name in FLAT_KEYS:
-            result.keys[name] = here
+            result.keys[name if name != MESSAGES else ".".join(path)] = here if name != MESSAGES else leaf
             return
         if name not in TABLES and name not in FLAT:
             _refuse_unknown(path[:length], here, mistakes)

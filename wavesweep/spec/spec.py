@@ -191,8 +191,9 @@ class Spec:
 
     @property
     def for_all(self) -> ForAll | None:
-        """What every answer has to hold for; None if it is for the spec's own numbers alone."""
-        return self._studies.for_all
+        """What every answer has to hold for; None if it is for the spec's own numbers alone and there are no channels."""
+        messages = self.drawing and self.drawing.channels
+        return self._studies.for_all or (ForAll(()) if messages else None)
 
     @property
     def delay_of_frame(self) -> bool:
@@ -295,8 +296,8 @@ class Spec:
         along = {"along": self.along} if self.along else {}
         require = {"require": self.require.written()} if self.require else {}
         tables["sweep"] = {**along, **require, **{axis.name: axis.written() for axis in self.sweep}}
-        if self.for_all:
-            tables["for_all"] = self.for_all.written()
+        if self.for_all and (ranges := self.for_all.written()):
+            tables["for_all"] = ranges
         bode = (self._frequencies, *self.bode)
         tables["bode"] = dict(self._studies.route) | {axis.name: axis.written() for axis in bode}
         if self.measured:

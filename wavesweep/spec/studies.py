@@ -12,7 +12,7 @@ from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.experiment import SHOW, Experiment, build_experiment
 from wavesweep.spec.for_all import ForAll, build_for_all, refuse_swept
-from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, MEASURED_KEYS, STUDY_KEYS, Names
+from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, MEASURED_KEYS, MESSAGES, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.require import Require, build_require
 from wavesweep.spec.resolving import LIMITS, Given, exceeds_limit
@@ -111,6 +111,11 @@ def unknown_ends(belongs: Sorted, drawing: Drawing | None) -> Iterator[Mistake]:
                 expected += " or a signal BLOCK.PORT" if signals else ""
                 hint = nearest(name, (*known, *signals)) if isinstance(name, str) else ""
                 yield leaf.mistake(path, expected, show(name), hint)
+    channels = [block.name for block in drawing.channels] if drawing else []
+    for path, leaf in belongs.below(MESSAGES).items():
+        if path not in channels:
+            expected = f"channels of a drawn loop ({', '.join(channels) or 'it has none'}), each with a list"
+            yield leaf.mistake(f"{MESSAGES}.{path}".rstrip("."), expected, path or show(leaf.value), nearest(path, channels))
 
 
 def unmeasurable(belongs: Sorted, drawing: Drawing) -> Iterator[Mistake]:

@@ -1,0 +1,223 @@
+"""Messages that are late or lost, against closed forms and a march with queues of messages that shares no code."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import wavesweep
+from wavesweep.errors import UsageError
+from wavesweep.robust.joint import bracket, decide
+from wavesweep.robust.messages import Sent, frames_with_messages
+from wavesweep.robust.words import growth
+from wavesweep.spec import load
+
+PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
+
+
+def integrator(**channel):
+    """An integrator, `x' = -K x`, whose input is sent in every tick of 1 s."""
+    return {
+        "rates": {"tick_hz": 1.0},
+        "numbers": {"K": 0.1},
+        "block": {"plant": {"type": "tf", "num": [1], "den": [1, 0]}, "net": {"type": "channel", **channel}},
+        "wire": {"net.u": "-K*plant.y", "plant.u": "net.y"},
+        "sweep": {"along": "K", "K": {"start": 0, "stop": 3}},
+    }
+
+
+def family(spec, along=""):
+    spec = load(spec)
+    return frames_with_messages(spec.drawing, dict(spec.values), along)
+
+
+@pytest.mark.parametrize(("lost", "missing"), [(0, "held"), (1, "held"), (2, "held"), (3, "held"), (3, "zero")])
+def test_an_integrator_whose_messages_are_lost(lost, missing):
+    """2/(n + 1), by losing as many as possible; nothing is lost by losses where a missing message is zero."""
+    found = bracket(family(integrator(lost=lost, missing=missing), "K"), 0.1, (0.0, 3.0))
+    limit = 2 / (lost + 1) if missing == "held" else 2
+    assert found.low < 1e-3
+    assert 0.999 * limit < found.high < limit <= found.fails_from < limit * (1 + 1e-6)
+    assert found.settled
+
+
+def test_an_integrator_whose_messages_are_late():
+    """Kao and Lincoln's small-gain bound is 2/3; with every message a tick late the limit is 1."""
+    found = bracket(family(integrator(late=1), "K"), 0.1, (0.0, 3.0))
+    assert 0.99 <= found.high < 1 <= found.fails_from < 1 + 1e-6
+
+
+@pytest.mark.parametrize(("hz", "lost"), [(10, 16), (20, 33)])
+def test_a_mass_holds_its_input_for_no_longer_than_a_constant_interval(hz, lost):
+    """`x'' = -0.1 x' + 0.1 u`, `u = -(3.75, 11.5) x`: stable up to an interval of 1.7294 s (W. Zhang et al. 2001)."""
+    spec = {
+        "rates": {"tick_hz": float(hz)},
+        "numbers": {"n": lost},
+        "block": {"plant": PLANT, "net": {"type": "channel", "lost": "n"}},
+        "wire": {"net.u": "-3.75*plant.x - 11.5*plant.v", "plant.f": "net.y"},
+    }
+    assert decide(family(spec)).verdict == "proved"
+    found = decide(family(spec | {"numbers": {"n": lost + 1}}))
+    assert found.verdict == "refuted"
+    assert len(found.word) == lost + 2
+
+
+@pytest.mark.parametrize("ticks", [1, 4, 10])
+def test_messages_that_are_always_as_late_have_the_limit_of_that_delay(ticks):
+    """K h < min(1/r, 1/(1/2 - r)) for a delay r h, as in sweeps/recipes/network.toml."""
+    spec = integrator(every=20, late=ticks)
+    spec["rates"] = {"tick_hz": 20.0}
+    found = family(spec, "K")
+    alone = next(i for i, each in enumerate(found.symbols) if each.late == (("net", ticks),))
+    share = ticks / 20
+    limit = min(1 / share, 1 / (0.5 - share) if share < 0.5 else np.inf)
+    assert growth(found.at(limit * 0.999), (alone,)) < 1 < growth(found.at(limit * 1.001), (alone,))
+
+
+@pytest.mark.parametrize("channel", [{"lost": 1, "missing": "zero"}, {"late": 2}])
+def test_messages_that_carry_what_drifts_are_refused(channel):
+    """Two integrators that move together for ever: a message that is zero, or an empty register, would hold them back."""
+    spec = integrator(lost=1)
+    spec["block"] |= {"other": spec["block"]["plant"], "back": {"type": "channel", **channel}}
+    spec["wire"] |= {"back.u": "other.y", "net.u": "K*(back.y - plant.y)", "other.u": "net.y"}
+    with pytest.raises(UsageError, match="channels that carry nothing of what drifts"):
+        family(spec)
+    spec["block"]["back"] = {"type": "channel", "lost": 1}
+    assert decide(family(spec)).verdict == "unknown"
+
+
+def random_loop(source):
+    """A mass behind two channels, or one and a hold, of random rates, delays and losses, as numbers."""
+    every = [(1, 1), (2, 2), (3, 3), (4, 2), (2, 3)][source.integers(5)]
+    channels = [
+        {
+            "every": int(ticks),
+            "phase": int(source.integers(ticks)),
+            "late": int(source.integers(min(2 * ticks, 5) + 1)) if source.random() < 0.6 else 0,
+            "lost": int(source.integers(3)),
+            "missing": str(source.choice(["held", "zero"])),
+        }
+        for ticks in every
+    ]
+    numbers = source.uniform(0.1, 2, 5).tolist()
+    return {"tick": 10 ** source.uniform(-2, 0), "numbers": numbers, "channels": channels}
+
+
+def spec_of(loop):
+    mass, damping, stiffness, a, b = loop["numbers"]
+    up, down = ({"type": "channel", **keys} for keys in loop["channels"])
+    return {
+        "rates": {"tick_hz": 1 / loop["tick"]},
+        "numbers": {"g": 0.1},
+        "block": {
+            "plant": {"type": "mass", "mass": mass, "damping": damping, "stiffness": stiffness},
+            "up": up,
+            "down": down,
+        },
+        "wire": {"up.u": f"{a!r}*plant.x + {b!r}*plant.v", "down.u": "-g*up.y", "plant.f": "down.y + push"},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"pos": "plant.x"}},
+        "sweep": {"along": "g", "g": {"start": 0, "stop": 100}},
+    }
+
+
+def marched(loop, g, ticks, late, state, waiting, push=0.0):
+    """Signals after so many ticks, as rows over some basis: position, velocity and what both channels show; and their messages
+    under way, as (tick of arrival, number, row). push: a force in the first tick."""
+    mass, damping, stiffness, a, b = loop["numbers"]
+    flow = expm(np.array([[0, 1, 0], [-stiffness / mass, -damping / mass, 1 / mass], [0, 0, 0]]) * loop["tick"])[:2]
+    (x, v, *shown), waiting, sent = state, [list(each) for each in waiting], [0, 0]
+    for k in range(ticks):
+        for i, channel in enumerate(loop["channels"]):
+            newest = max((each for each in waiting[i] if each[0] <= k), key=lambda each: each[1], default=None)
+            runs = k % channel["every"] == channel["phase"]
+            if newest:
+                shown[i], waiting[i] = newest[2], [each for each in waiting[i] if each[1] > newest[1]]
+            elif runs and channel["missing"] == "zero":
+                shown[i] = 0 * x
+            if runs:
+                read, own = (a * x + b * v if i == 0 else -g * shown[0]), late[i][sent[i] % len(late[i])]
+                sent[i] += 1
+                if own == 0:
+                    shown[i], waiting[i] = read, []
+                elif own is not None:
+                    waiting[i].append((k + own, sent[i], read))
+        x, v = flow @ np.array([x, v, shown[1] + push * (k == 0)])
+    return [x, v, *shown], [[(at - ticks, n - sent[i], row) for at, n, row in each] for i, each in enumerate(waiting)]
+
+
+def radius(loop, g, late):
+    """The spectral radius of a pattern that is repeated for ever, over the pattern with all messages that are under way."""
+    ticks = len(late[1]) * loop["channels"][1]["every"]
+    state, waiting = [np.zeros(1)] * 4, [[], []]
+    for _ in range(4):
+        state, waiting = marched(loop, g, ticks, late, state, waiting)
+    rows = list(np.eye(4 + sum(map(len, waiting))))
+    places = iter(rows[4:])
+    begun = [[(at, n, next(places)) for at, n, _ in each] for each in waiting]
+    state, after = marched(loop, g, ticks, late, rows[:4], begun)
+    return np.abs(np.linalg.eigvals(np.array([*state, *(row for each in after for _, _, row in each)]))).max()
+
+
+def pattern(found, word):
+    """What happens to the messages of both channels in a word."""
+    late = Sent.by_channel([found.symbols[each] for each in word])
+    return late["up"], late["down"]
+
+
+def random_word(found, source):
+    """A pattern that may be repeated for ever, and that begins and ends with a frame."""
+    walk = [int(source.choice(np.flatnonzero([each.moment == 0 for each in found.symbols])))]
+    while len(walk) < 4 or not (found.follows[walk[-1], walk[0]] and source.random() < 0.3):
+        walk.append(int(source.choice(np.flatnonzero(found.follows[walk[-1]]))))
+        if len(walk) > 60:
+            return None
+    return tuple(walk)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_patterns_grow_as_they_do_tick_by_tick(seed):
+    source = np.random.default_rng(seed)
+    loop = random_loop(source)
+    found = family(spec_of(loop), "g")
+    words = [word for word in (random_word(found, source) for _ in range(60)) if word][:5]
+    assert words
+    for word in words:
+        late = pattern(found, word)
+        g = source.uniform(0, 3)
+        assert growth(found.at(g), word) == pytest.approx(radius(loop, g, late), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9))
+def test_simulate_runs_a_pattern(seed):
+    source = np.random.default_rng(200 + seed)
+    loop, spec = random_loop(source), None
+    late = [source.choice([0, 1, 2, 3, 7, None], source.integers(1, 6)).tolist() for _ in range(2)]
+    messages = {
+        name: ["lost" if each is None else each for each in row] for name, row in zip(("up", "down"), late, strict=True)
+    }
+    pulse = {"input": "pulse", "at_s": 0.0, "width_s": loop["tick"], "duration_s": 60 * loop["tick"]}
+    spec = spec_of(loop) | {"simulate": pulse | {"messages": messages}}
+    run = wavesweep.simulate(spec)[0]
+    for ticks in (20, 59):
+        state, _ = marched(loop, 0.1, ticks, late, [np.zeros(1)] * 4, [[], []], push=1.0)
+        assert run.pos[ticks] == pytest.approx(state[0][0], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9))
+def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed):
+    source = np.random.default_rng(100 + seed)
+    loop = random_loop(source)
+    found = family(spec_of(loop), "g")
+    proof = bracket(found, 0.02, (0.0, 100.0), work=1e9)
+    for g in (proof.low, proof.high, (proof.low + proof.high) / 2) if np.isfinite(proof.low) else ():
+        for word in filter(None, (random_word(found, source) for _ in range(10))):
+            late = pattern(found, word)
+            assert radius(loop, g, late) < 1
+    if proof.words[1]:
+        late = pattern(found, proof.words[1])
+        assert radius(loop, proof.fails_from, late) >= 1 - 1e-9
