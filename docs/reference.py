@@ -26,6 +26,7 @@ import click
 import wavesweep
 from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS, group
+from wavesweep.spec import describing
 
 HERE = Path(__file__).parent
 GALLERY = HERE / "gallery.md"
@@ -80,33 +81,36 @@ def _options(options) -> str:
 
 def keys() -> str:
     """Every key of a spec, by table: unit, default, values and meaning."""
-    found, parts = _printed("keys"), []
+    found, parts = {path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()}, []
     for table in dict.fromkeys(path.split(".")[0] for path in found):
-        mine = {path: key for path, key in found.items() if path.split(".")[0] == table}
-        rows = [(f"`{path}`", _plain(key["unit"]), _default(key), _takes(key), _meaning(key)) for path, key in mine.items()]
-        parts += [f"## [{table}]", _rows(("key", "unit", "default", "values", "meaning"), rows)]
+        parts += [f"## [{table}]", _keys({path: key for path, key in found.items() if path.split(".")[0] == table})]
     return "\n\n".join([*parts, *_drawing()])
+
+
+def _keys(found) -> str:
+    """A row for each key."""
+    rows = [(f"`{name}`", _plain(key["unit"]), _default(key), _values(key), _meaning(key)) for name, key in found.items()]
+    return _rows(("key", "unit", "default", "values", "meaning"), rows)
 
 
 def _drawing():
     """The tables of a drawn loop, [for_all] and those of [design], which hold names of the user's own."""
     for table in ("numbers", "wire", "ports", "for_all", "design.vary", "design.for_all", "design.wish"):
+        found = describing.named(table)[table]
         yield f"## [{table}]"
-        found = _printed("keys", table)[table]
         yield _plain(found["description"])
         if wishes := found.get("wishes"):
-            options = [(", ".join(f"`{each}`" for each in wish["options"]), wish) for wish in wishes.values()]
             rows = [
-                (f"`{name}`", _unit(wish["unit"]), f"`{wish['bound']}`", takes, _plain(wish["description"]))
-                for name, (takes, wish) in zip(wishes, options, strict=True)
+                (f"`{name}`", _unit(wish["unit"]), f"`{wish['bound']}`", _words(wish["options"]), _plain(wish["description"]))
+                for name, wish in wishes.items()
             ]
             yield _rows(("wish", "unit", "bound", "options", "meaning"), rows)
 
 
 def devices() -> str:
     """The devices of `device.preset`, each number with its source."""
-    found, rows = _printed("keys", "device.preset")["device.preset"]["devices"], []
-    for name, device in found.items():
+    rows = []
+    for name, device in describing.named("device.preset")["device.preset"]["devices"].items():
         for path, number in device["numbers"].items():
             source = _plain(number["source"])
             value = f"{number['value']:g} {_unit(number['unit'])}"
@@ -117,19 +121,15 @@ def devices() -> str:
 def blocks() -> str:
     """Every type of block with its ports and keys."""
     parts = []
-    for path, kind in _printed("keys", "block").items():
-        rows = [
-            (f"`{name}`", _unit(key["unit"]), _default(key), _takes(key), _plain(key["description"]))
-            for name, key in kind["keys"].items()
-        ]
+    for path, kind in describing.named("block").items():
         parts += [f"## {path.removeprefix('block.')}", f"{_plain(kind['description'])}. Ports: {_plain(kind['ports'])}"]
-        parts += [_rows(("key", "unit", "default", "values", "meaning"), rows)]
+        parts += [_keys(kind["keys"])]
     return "\n\n".join(parts)
 
 
 def steps() -> str:
     """What every type of block does where the steps between its runs vary."""
-    found = _printed("keys", "block").items()
+    found = describing.named("block").items()
     return _rows(("type", "run j"), [(f"`{path.removeprefix('block.')}`", _plain(kind["steps"])) for path, kind in found])
 
 
@@ -350,23 +350,21 @@ def _unit(unit):
     return "" if unit == "1" else _plain(unit)
 
 
+def _words(names):
+    return ", ".join(f"`{name}`" for name in names)
+
+
 def _default(key):
-    if key["required"]:
-        return "required"
-    return "" if key["default"] in (None, []) else f"`{json.dumps(key['default']).strip(chr(34))}`"
+    shown = describing.default_of(key)
+    return shown if shown in ("", "required") else f"`{shown.strip(chr(34))}`"
 
 
-def _takes(key):
-    if key.get("choices"):
-        return ", ".join(f"`{each}`" for each in key["choices"])
-    low, high = key.get("minimum"), key.get("maximum")
-    ends = [f"> {low:g}" if key["above_minimum"] else f"≥ {low:g}"] if low is not None else []
-    return " ".join([key["type"], ", ".join([*ends, *([f"≤ {high:g}"] if high is not None else [])])]).strip()
+def _values(key):
+    return _words(key["choices"]) if key["choices"] else _plain(key["values"])
 
 
 def _meaning(key):
     """The meaning of a key, and of its values if these have one."""
-    choices = key["choices"] if isinstance(key["choices"], dict) else {}
-    meanings = [f"`{each}`: {_plain(meaning)}" for each, meaning in choices.items() if meaning]
+    meanings = [f"`{each}`: {_plain(meaning)}" for each, meaning in (key["choices"] or {}).items() if meaning]
     symbol = [f"symbol `{key['symbol']}`"] if key["symbol"] else []
     return "; ".join([_plain(key["description"]), *symbol, *meanings])

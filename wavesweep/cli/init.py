@@ -16,6 +16,7 @@ from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.spec.checking import nearest, show
+from wavesweep.spec.describing import described, meaning_of
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
 from wavesweep.spec.reading import read_override, scan
@@ -254,9 +255,10 @@ def _simulate(device: str | None) -> Iterator[str]:
 
 def _entry(name: str, key: Key, value: object, default: object, note: str) -> Iterator[str]:
     """A comment with unit, meaning, choices and note; then the key, as a comment with its default if there is no value."""
-    unit = f"{key.unit}: " if key.unit not in ("", "1") else ""
-    choices = f" ({', '.join(map(str, key.choices))})" if key.choices else ""
-    yield from _prose(f"{unit}{key.description}{choices}{f'; {note}' if note else ''}")
+    description = described(key)
+    unit = f"{description['unit']}: " if description["unit"] else ""
+    meaning = meaning_of(description) if key.choices else key.description
+    yield from _prose(f"{unit}{meaning}{f'; {note}' if note else ''}")
     yield f"#{name} = {show(default)}" if value is None else f"{name} = {show(value)}"
 
 

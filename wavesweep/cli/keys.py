@@ -3,31 +3,28 @@
 import json
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from shutil import get_terminal_size
 from textwrap import wrap
-from typing import Any
 
 import click
 
-from wavesweep.cli import block_keys
 from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
-from wavesweep.spec.checking import expectation, nearest, show
-from wavesweep.spec.design import DESIGN_KEYS
-from wavesweep.spec.devices import DEVICES, HapticDevice
-from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.spec import describing
+from wavesweep.spec.checking import show
+from wavesweep.spec.describing import Description, default_of, meaning_of
+from wavesweep.spec.keys import SYMBOLS
 
 NARROWEST = 24  # letters of a meaning in a line
-STUDIES = ("sweep", "bode")
-AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
-TABLES = ("sweep", "bode", "simulate", "measured")
-EVERY = KEYS | {path: key for table in TABLES for path, key in (STUDY_KEYS | AXES).items() if path.startswith(f"{table}.")}
-EVERY |= {key.path: key for key in DESIGN_KEYS.values()}
 EACH_AXIS = (
     f"AXIS is one of {' '.join(SYMBOLS)} or the path of any other number, such as device.damping. It takes a list of\n"
     "values, or { start, stop, num, scale }."
 )
+MORE = """
+[design] has the tables vary, wish and for_all besides: `wavesweep keys design.vary` and so on.
+What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.
+A spec can draw its loop without [controller]: `wavesweep keys block`, numbers, signals, wire, ports, rates.tick_hz.
+Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."""
 
 
 @click.command("keys")
@@ -40,143 +37,105 @@ def command(name: str | None, schema: bool) -> None:
     `wavesweep keys device.preset` lists the devices with their numbers and the sources of these, `wavesweep keys block` the
     types of blocks of drawn loops. With --json the keys are printed as one JSON object.
     """
-    as_json = talk().as_json
     if schema:
         from wavesweep.spec.schema import schema as of_specs
 
         click.echo(json.dumps(of_specs(), indent=1))
         return
-    if name is not None and block_keys.is_drawn(name):
-        click.echo(json.dumps(block_keys.record(name), indent=2) if as_json else "\n".join(block_keys.lines(name)))
-        return
-    found = _select(name)
-    if as_json:
-        click.echo(json.dumps({path: _record(path, key) for path, key in found.items()}, indent=2))
-    elif len(found) == 1:
-        click.echo("\n".join(_details(*next(iter(found.items())))))
-    else:
-        click.echo("\n".join(_table(found)))
-
-
-def _select(name: str | None) -> dict[str, Key]:
-    """The keys of that name, of its table, or of its axis; all of them if there is no name. Errors: UsageError."""
     if name is None:
-        return EVERY
-    path = SYMBOLS.get(name, name)
-    if path in EVERY:
-        return {path: EVERY[path]}
-    found = {other: key for other, key in EVERY.items() if other.startswith(f"{path}.")}
-    study, _, axis = path.partition(".")
-    key = find_key(axis)
-    if study in STUDIES and key is not None and key.numeric:
-        whole = replace(
-            key, default=None, description=f"axis over {key.path}, {key.description}: a list of values, or the parts below"
-        )
-        found = {path: whole, **{f"{path}.{part}": of_axis for part, of_axis in AXIS_KEYS.items()}}
-    if not found:
-        meant = nearest(name, SYMBOLS) or nearest(name, (*EVERY, *(other.rpartition(".")[0] for other in EVERY)))
+        found = {path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()}
+    elif not (found := describing.named(name)):
+        meant = describing.meant(name)
         hint = f"; did you mean {meant}?" if meant else "; `wavesweep keys` lists all"
-        raise UsageError(f"{name} is no key of a spec{hint}")
-    return found
+        raise UsageError(f"{name} is no key, table or type of block of a spec{hint}")
+    click.echo(json.dumps(found, indent=2) if talk().as_json else "\n".join(_lines(found)))
 
 
-def _takes(key: Key) -> str:
-    """The values of a key in words."""
-    if key.choices:
-        return ", ".join(map(str, key.choices))
-    text = expectation(key).removeprefix("a ")
-    return f"{text} and <= {key.high:g}" if key.high is not None else text
+def _lines(found: Mapping[str, Description]) -> Iterator[str]:
+    path, first = next(iter(found.items()))
+    if "ports" in first:
+        return _type(path, first) if len(found) == 1 else _types(found)
+    if "type" not in first:
+        return _own_names(path, first)
+    return _details(path, first) if len(found) == 1 else _table(found)
 
 
-def _default(key: Key) -> str:
-    return "required" if key.required else "" if key.default is None else show(key.default)
-
-
-def _unit(key: Key) -> str:
-    return "" if key.unit == "1" else key.unit
-
-
-def _table(keys: Mapping[str, Key]) -> Iterator[str]:
+def _table(keys: Mapping[str, Description]) -> Iterator[str]:
     """Lines with a row for each key under the name of its table."""
-    rows = [(path, _unit(key), _default(key)) for path, key in keys.items()]
+    rows = [(path, key["unit"], default_of(key)) for path, key in keys.items()]
     widths = [max(len(row[column]) for row in rows) for column in range(3)]
     table, indent = None, sum(widths) + 6
     across = get_terminal_size((sys.maxsize, 0)).columns  # what is no terminal has lines of any length
     room = max(across - indent, NARROWEST)
     for (path, key), row in zip(keys.items(), rows, strict=True):
         if path.partition(".")[0] != table:
-            if table is not None:
-                yield ""
+            yield from [""] * (table is not None)
             table = path.partition(".")[0]
             yield f"[{table}]"
             if any(".AXIS." in other for other in keys if other.startswith(f"{table}.")):
                 yield EACH_AXIS
-        values = "" if _takes(key) in ("number", "string") else f" ({_takes(key)})"
-        words = wrap(f"{key.description}{values}", room, break_on_hyphens=False)
+        words = wrap(meaning_of(key), room, break_on_hyphens=False)
         yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {words[0]}"
         yield from (" " * indent + line for line in words[1:])
-    yield ""
-    yield "[design] has the tables vary, wish and for_all besides: `wavesweep keys design.vary` and so on."
-    yield "What every answer has to hold for is in [for_all]: `wavesweep keys for_all`."
-    yield "A spec can draw its loop without [controller]: `wavesweep keys block`, numbers, signals, wire, ports, rates.tick_hz."
-    yield "Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."
+    yield MORE
 
 
-def _details(path: str, key: Key) -> Iterator[str]:
+def _details(path: str, key: Description) -> Iterator[str]:
     """Lines about one key."""
-    yield f"{path}{f' ({_unit(key)})' if _unit(key) else ''}: {key.description}"
-    yield f"  values: {_takes(key)}"
-    yield f"  default: {_default(key) or 'none'}"
-    symbol = _symbol(path)
+    symbol, unit = key["symbol"], f" ({key['unit']})" if key["unit"] else ""
+    yield f"{path}{unit}: {key['description']}"
+    yield f"  values: {key['values']}"
+    yield f"  default: {default_of(key) or 'none'}"
     if symbol:
         yield f"  symbol: {symbol}, as in --set {symbol}=... and as an axis"
-    if path in KEYS and key.numeric:
+    if key["axis"]:
         yield f"  may be an axis of [sweep] and [bode]: {symbol or show(path)} = [...] or {{ start, stop, num, scale }}"
-    for choice in key.choices if key.meanings else ():
-        yield f"  {choice}: {key.meanings.get(choice, '')}".rstrip(": ")
-        if path == "device.preset":
-            yield from (f"    {line}" for line in _device(DEVICES[choice]))
+    choices = key["choices"] or {}
+    for choice, meaning in choices.items() if any(choices.values()) else ():
+        yield f"  {choice}: {meaning}".rstrip(": ")
+        if "devices" in key:
+            yield from (f"    {line}" for line in _device(key["devices"][choice]))
 
 
-def _device(device: HapticDevice) -> Iterator[str]:
+def _device(device: Description) -> Iterator[str]:
     """Lines with the numbers of a device and their sources."""
-    for path, number in device.numbers.items():
-        mark = "assumed" if number.assumed else "source"
-        yield f"{path} = {number.value:g} {EVERY[path].unit}; {mark}: {number.source}"
-    yield from (f"{path}: not known, the spec has to give it" for path in device.unknown())
-    if device.wall:
-        stiffness, damping, source = device.wall
-        yield f"recommended at 1 kHz: walls up to {stiffness:g} N/m, damping up to {damping:g} N*s/m; source: {source}"
+    for path, number in device["numbers"].items():
+        mark = "assumed" if number["assumed"] else "source"
+        yield f"{path} = {number['value']:g} {number['unit']}; {mark}: {number['source']}"
+    yield from (f"{path}: not known, the spec has to give it" for path in device["not_known"])
+    if wall := device["recommended_wall"]:
+        limits = f"walls up to {wall['stiffness']:g} N/m, damping up to {wall['damping']:g} N*s/m"
+        yield f"recommended at 1 kHz: {limits}; source: {wall['source']}"
 
 
-def _symbol(path: str) -> str:
-    return next((symbol for symbol, full in SYMBOLS.items() if full == path), "")
+def _own_names(name: str, table: Description) -> Iterator[str]:
+    """Lines about a table with names of the user's own."""
+    yield f"{name}: {table['description']}" if name.startswith("rates") else f"[{name}]  {table['description']}"
+    for wish, kind in table.get("wishes", {}).items():
+        unit = "without unit" if kind["unit"] == "1" else kind["unit"]
+        options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
+        yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
+    if taken := describing.TAKEN.get(name):
+        yield f"  names of columns of tables, which none may have: {', '.join(sorted(taken))}"
 
 
-def _record(path: str, key: Key) -> dict[str, Any]:
-    """A key as JSON; `choices` maps each value to its description."""
-    record = {
-        "type": key.type,
-        "unit": _unit(key),
-        "default": key.default,
-        "required": key.required,
-        "minimum": key.low,
-        "above_minimum": key.above_low,
-        "maximum": key.high,
-        "choices": {str(choice): key.meanings.get(choice, "") for choice in key.choices} or None,
-        "symbol": _symbol(path) or None,
-        "axis": path in KEYS and key.numeric,
-        "description": key.description,
-    }
-    return record | (
-        {"devices": {name: _device_record(device) for name, device in DEVICES.items()}} if path == "device.preset" else {}
-    )
+def _types(types: Mapping[str, Description]) -> Iterator[str]:
+    """Lines about all types of blocks."""
+    width = max(map(len, types)) - len("block.")
+    yield "[block.NAME]  type = one of"
+    for path, kind in types.items():
+        yield f"  {path.removeprefix('block.'):{width}}  {kind['ports']}"
+        yield f"  {'':{width}}    {kind['description']}"
+    yield "Each has every and phase too. `wavesweep keys block.TYPE` lists the keys of a type."
 
 
-def _device_record(device: HapticDevice) -> dict[str, Any]:
-    wall = device.wall and dict(zip(("stiffness", "damping", "source"), device.wall, strict=True))
-    numbers = {
-        path: {"value": number.value, "unit": EVERY[path].unit, "source": number.source, "assumed": number.assumed}
-        for path, number in device.numbers.items()
-    }
-    return {"title": device.title, "numbers": numbers, "not_known": list(device.unknown()), "recommended_wall": wall}
+def _type(path: str, kind: Description) -> Iterator[str]:
+    """Lines about one type of block."""
+    yield f'type = "{path.removeprefix("block.")}": {kind["description"]}'
+    yield f"  ports: {kind['ports']}"
+    yield f"  where steps vary: {kind['steps']}"
+    for name, key in kind["keys"].items():
+        unit, default = f" {key['unit']}" if key["unit"] else "", default_of(key)
+        default = default if default == "required" else f"by default {default}" if default else "absent by default"
+        yield f"  {name}: {key['description']} ({key['values']}{unit}; {default})"
+    yield "  every key that is a number takes an expression in numbers, as text"
