@@ -110,7 +110,7 @@ def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
     """As an editor does: the README's example has no fault, and its names have types, so that each misspelling is found."""
     mypy = pytest.importorskip("mypy.api")
     example = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
-    slips = ["wavesweep.zwidht(loop.spec)", "wavesweep.zwidth(loop.spec, jbos=3)", "loop.plot_zwith()", "loop.margins()"]
+    slips = ["wavesweep.zwidht(loop.spec)", "wavesweep.zwidth(loop.spec, jbos=3)", "loop.plot_zwith()", "loop.margins(cuts=1)"]
     (tmp_path / "right.py").write_text(example, encoding="utf-8")
     (tmp_path / "slips.py").write_text(example + "\n".join(slips), encoding="utf-8")
     options = ["--python-executable", sys.executable, "--cache-dir", str(tmp_path), "--follow-imports=silent"]

@@ -205,11 +205,12 @@ class Loop:
         spec = naming(self.spec, axes)
         return self._frame("passivity", in_memory(spec, axes_asked(spec, axes)))
 
-    def margins(self, cut: str) -> DataFrame:
+    def margins(self, cut: str = "") -> DataFrame:
         """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
 
-        cut: an output of a block that a wire reads, "block.port". Errors: UsageError for another signal, or if the loop
-        is not stable. Accuracy: every row has a bound on its relative error, or a reason of doubt.
+        cut: an output of a block that a wire reads, "block.port"; by default the only one that acts on the plant. Errors:
+        UsageError for another signal, or if the loop is not stable. Accuracy: every row has a bound on its relative error, or
+        a reason of doubt.
         """
         return framed(of_margins.margins(self.spec, cut))
 
@@ -450,6 +451,23 @@ def verdict(source: Source) -> dict[str, Any]:
     from wavesweep.analyses.verdict import verdict as found
 
     return found(_spec(source))
+
+
+def report(source: Source, path: str | Path | None = None, cut: str = "", for_hands: str | Iterable[str] = ()) -> str:
+    """The report of `source` as `wavesweep report` writes it: the text of an HTML file, which is written to `path` too.
+
+    source: a spec, a path, or nested tables. path: of the file; an earlier one is replaced. cut: the signal for the margins,
+    "block.port"; by default the one that acts on the plant. for_hands: words for guarantees, as for `zwidth`. What the spec
+    does not allow is named in the report. Errors: UsageError for other words, OSError for a file that cannot be written.
+    """
+    from wavesweep.atomic_files import write_file
+    from wavesweep.reports.content import Request
+    from wavesweep.reports.content import report as written
+
+    text = written(_spec(source), Request(cut, (for_hands,) if isinstance(for_hands, str) else tuple(for_hands)))
+    if path is not None:
+        write_file(Path(path), text.encode())
+    return text
 
 
 def why(source: Source, along: str | None = None) -> DataFrame:

@@ -46,6 +46,7 @@ COMMANDS = MappingProxyType(
         "why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number.",
         "margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal.",
         "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for.",
+        "report": "Write a report of a spec for a design review: one HTML file.",
         "export": "Write the controller as C, with test vectors: what was analysed is what runs.",
         "identify": "Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.",
         "paper": "Reproduce the paper's figures and test its statements.",
@@ -62,7 +63,7 @@ COMMANDS = MappingProxyType(
 
 
 STUDIES = ("zwidth", "stability-region", "bode", "compare", "simulate", "passivity", "why", "margins", "design")
-WITHOUT_SUMMARY = ("plot", "explore", "init")  # commands for which --json has no meaning
+WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # commands for which --json has no meaning
 # Options that commands had, and what does the same now.
 _SHAPES = "shapes a figure, and is an option of `wavesweep plot TABLE`, which draws the figure of a table again"
 MOVED = MappingProxyType(

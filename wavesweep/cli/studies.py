@@ -16,19 +16,21 @@ one_spec = click.argument("spec")
 several_specs = click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
 
 
+for_hands = click.option(
+    "--for-hands",
+    "for_hands",
+    multiple=True,
+    metavar="WORD",
+    help="Add the intervals that are guaranteed for hands, in a table of its own. passive: stable with every passive hand, "
+    "of any mass and stiffness, also if it moves within a tick. box: stable with every hand between a fingertip and an "
+    "arm, or with ranges of your own, e.g. box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). port: the hand's "
+    "port is passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten "
+    "seconds.",
+)
+
+
 def _of_intervals(body: Callable[..., Any]) -> Callable[..., Any]:
     """The options of the commands of stable intervals."""
-    for_hands = click.option(
-        "--for-hands",
-        "for_hands",
-        multiple=True,
-        metavar="WORD",
-        help="Add the intervals that are guaranteed for hands, in a table of its own. passive: stable with every passive hand, "
-        "of any mass and stiffness, also if it moves within a tick. box: stable with every hand between a fingertip and an "
-        "arm, or with ranges of your own, e.g. box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). port: the hand's "
-        "port is passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten "
-        "seconds.",
-    )
     return for_hands(run_options("workers", "long")(body))
 
 
@@ -263,8 +265,9 @@ def why(spec: str, options: Options, along: str | None) -> None:
 @click.option(
     "--cut",
     metavar="SIGNAL",
-    required=True,
-    help="The signal at which the loop is broken, BLOCK.PORT: an output of a block that a wire reads.",
+    default="",
+    help="The signal at which the loop is broken, BLOCK.PORT: an output of a block that a wire reads [default: the only one "
+    "that acts on the plant, the actuator's].",
 )
 @run_options()
 def margins(spec: str, options: Options, cut: str) -> None:
@@ -280,7 +283,7 @@ def margins(spec: str, options: Options, cut: str) -> None:
 
     \b
     Examples:
-      wavesweep margins sweeps/paper/fig4.toml --cut avatar.out
+      wavesweep margins sweeps/recipes/current-loop.toml
       wavesweep margins mine.toml --cut avatar.out --set b=20
     """
     from wavesweep.cli.output import produce

@@ -34,17 +34,17 @@ SAID = {
 }
 
 
-def margins(spec: Spec, cut: str) -> Table:
+def margins(spec: Spec, cut: str = "") -> Table:
     """The margins of the spec's own loop, broken at a signal; of the lifted loop if it is made several times in a frame.
 
-    cut: the signal, "block.port". Errors: UsageError for a signal at which the loop cannot be broken, or a loop that is not
-    known to be stable.
+    cut: the signal, "block.port"; by default the first of `cuts_of`, an actuator's. Errors: UsageError for a signal
+    at which the loop cannot be broken, or a loop that is not known to be stable.
     """
     from wavesweep.analyses.assumptions import over_preset
-    from wavesweep.analyses.broken_loops import broken_at
+    from wavesweep.analyses.broken_loops import broken_at, cuts_of
     from wavesweep.passive.lifted_margins import margins_of
 
-    started = time.perf_counter()
+    started, cut = time.perf_counter(), cut or next(iter(cuts_of(spec)), "")
     loop = broken_at(spec, cut)
     found, doubt = margins_of(loop)
     if not found:

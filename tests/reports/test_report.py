@@ -1,0 +1,155 @@
+"""The report: one file that needs no other one, the numbers of the tables in it, and commands that give it again."""
+
+import hashlib
+import re
+import shlex
+from collections import Counter
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.cli import main
+
+ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.slow
+VOID = ("meta", "path", "use", "rect")
+PD = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"K": 40.0, "J": 0.01},
+    "block": {"axis": {"type": "inertia", "inertia": "J", "damping": 0.5}, "gain": {"type": "gain", "k": "K"}},
+    "wire": {"gain.u": "-axis.x", "axis.f": "gain.y"},
+}
+DOUBT = {  # undamped, so that all its eigenvalues are on the unit circle or one is outside of it
+    "rates": {"tick_hz": 10},
+    "numbers": {"k1": 1.0, "k2": 2.0},
+    "block": {
+        "x": {"type": "integrator", "method": "explicit"},
+        "v": {"type": "integrator", "method": "implicit"},
+        "w": {"type": "integrator", "method": "implicit", "every": 8},
+    },
+    "wire": {"x.u": "v.y + w.y", "v.u": "-k1*x.y", "w.u": "-k2*x.y"},
+    "sweep": {"along": "k2", "k2": {"start": 1.0, "stop": 20.0}},
+}
+
+
+class Reader(HTMLParser):
+    """The elements of a page: whether they are nested, their names, and all that they point to."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.ids, self.refers, self.names, self.words = [], Counter(), set(), Counter(), []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.names[tag] += 1
+        self.ids.update(value for name, value in attrs if name == "id")
+        self.refers |= {value for name, value in attrs if name in ("href", "src", "xlink:href", "action", "srcset")}
+        self.refers |= {found for _, value in attrs for found in re.findall(r"url\((.*?)\)", value or "")}
+        if tag != "meta":
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"style", "svg"} & {*self.open}:
+            self.words.append(data)
+
+
+def read(text):
+    page = Reader(text)
+    assert page.open == []
+    return page
+
+
+@pytest.fixture(scope="module")
+def cascade():
+    return wavesweep.report(ROOT / "sweeps/recipes/cascade.toml")
+
+
+def test_a_report_needs_no_other_file_and_its_names_are_its_own(cascade):
+    page = read(cascade)
+    assert page.names["svg"] == 3
+    assert page.names["script"] == page.names["link"] == page.names["img"] == 0
+    assert {each[0] for each in page.refers} <= {"#"}
+    assert {each[1:] for each in page.refers} <= {*page.ids}
+    assert max(page.ids.values()) == 1
+
+
+def test_a_report_has_the_intervals_margins_and_spec(cascade):
+    source = ROOT / "sweeps/recipes/cascade.toml"
+    text = unescape(" ".join(read(cascade).words))
+    for row in wavesweep.stability_region(source).itertuples():
+        assert re.search(rf"\b{row.h:g}\s+{row.low:.6g}\s+{row.high:.6g}\b", text)
+    margins = wavesweep.compile(source).margins().set_index("margin")["value"]
+    assert f"disk margin {margins['disk']:.6g}" in text
+    assert source.read_text(encoding="utf-8") in text
+
+
+def test_what_a_report_refutes_is_unstable_by_the_spectral_radius_and_stable_on_the_other_side_of_the_end(cascade):
+    loop, text = wavesweep.compile(ROOT / "sweeps/recipes/cascade.toml"), " ".join(read(cascade).words)
+    found = re.findall(r"h = (\S+)\s+k = (\S+)\s+eigenvalue .* per frame, modulus 1 \+ (\S+):", text)
+    assert len(found) == 10
+    ends = np.sort(wavesweep.stability_region(loop.spec)[["low", "high"]].to_numpy().ravel())
+    for h, k, over in np.array(found, float):
+        end = ends[np.argmin(np.abs(ends / k - 1))]
+        assert loop.spectral_radius(h=h, k=k) - 1 == pytest.approx(over, rel=1e-2, abs=1e-9)
+        assert loop.spectral_radius(h=h, k=end + (end - k)) < 1
+
+
+def test_the_commands_of_a_report_give_its_tables_and_the_report(cascade, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = unescape(" ".join(read(cascade).words))
+    Path("cascade.toml").write_text((ROOT / "sweeps/recipes/cascade.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    for command in re.search(r"<pre>(.*?)</pre>", cascade, re.DOTALL)[1].splitlines():
+        assert main(shlex.split(unescape(command))[1:]) == 0
+    hashes = dict(re.findall(r"SHA-256 of (verified/\S+)\s+([0-9a-f]{64})", text))
+    assert len(hashes) == 3
+    assert {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in hashes} == hashes
+    assert Path("results/cascade/report.html").read_text(encoding="utf-8") == cascade
+
+
+def test_frames_of_any_length_are_refuted_by_the_frames_of_the_table():
+    spec = ROOT / "sweeps/for-all/dc-slow.toml"
+    text, rows = " ".join(read(wavesweep.report(spec)).words), wavesweep.zwidth(spec)
+    told = rows[rows["counterexample"] != ""]
+    assert len(told)
+    for row in told.itertuples():
+        assert re.search(rf"K_VE = {row.fails_from:.6g}\s+{re.escape(row.counterexample)}", text)
+    assert "all of [for_all]" in text
+
+
+@pytest.mark.parametrize(
+    ("spec", "changes", "said"),
+    [
+        (PD, {}, "may each of its numbers go?"),  # without an axis
+        (PD, {"K": 4000.0}, "UNSTABLE"),
+        (DOUBT, {}, "Not all of this is proved."),
+    ],
+)
+def test_loops_without_an_axis_unstable_and_in_doubt_have_a_report_that_says_so(spec, changes, said):
+    text = wavesweep.report({**spec, "numbers": spec["numbers"] | changes})
+    words = " ".join(read(text).words)
+    assert said in words
+    assert ("Margins: margins: expected a loop that is stable" in words) == (said != "may each of its numbers go?")
+    if said.startswith("Not all"):
+        assert '<div class="verdict doubt">' in text
+
+
+def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("wavesweep.reports.content.report", lambda _, asked: f"{asked.overrides}<title>")
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text('[controller]\nkind = "dc"\n', encoding="utf-8")
+    assert main(["report", "mine.toml", "-o", "there"]) == 0
+    assert Path("there/report.html").read_text(encoding="utf-8") == "()<title>"
+    assert main(["report", "mine.toml", "-o", "there"]) == 2
+    assert "the file is no report of mine" in capsys.readouterr().err
+    Path("own.html").write_text(wavesweep.reports.page.page("mine", ["by hand"]), encoding="utf-8")
+    assert main(["report", "mine.toml", "-o", "own.html", "--set", "b=20"]) == 0
+    for wrong in ("report.pdf", "", "-", "nowhere/mine.toml/x.html"):
+        Path("nowhere").touch()
+        assert main(["report", "mine.toml", "-o", wrong]) == 2

@@ -1,0 +1,228 @@
+"""What a report says: the lines, tables and figures that other commands give for one spec; nothing is computed here alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from hashlib import file_digest
+from pathlib import Path
+from shlex import quote
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from wavesweep.errors import WavesweepError
+from wavesweep.reports import page as html
+from wavesweep.reports.words import counterexamples, interval_rows, question, words_of_spec
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.tables.kind import Line
+    from wavesweep.tables.table import Table
+
+INTERVALS, WHY, MARGINS = "Stable intervals", "What sets the limits", "Margins"
+RUN, RESPONSE = "Step response", "Frequency response"
+KNOWN = {  # how the numbers of a section are known
+    WHY: "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one.",
+    MARGINS: "Proved, to a relative 1e-6 or better, unless a line says that it is not certified.",
+    RUN: "A run of the model, tick by tick from rest. It shows one experiment and proves nothing.",
+    RESPONSE: "Computed in double precision with a bound on the error of every row; a doubt is named where there is one.",
+}
+PROVED = "Every value between the ends of an interval is stable, and every other value of the range is not."
+OWN = (
+    "Each number is changed alone, all others are kept. Ranges are proved unless a line says otherwise; eigenvalues, modes and "
+    "felt stiffnesses are computed in double precision."
+)
+MODEL = (
+    "The proof is about the linear loop of the spec with its numbers as they are written, sampled and held at exactly its "
+    "rates. Friction, saturation, the steps of an encoder and ticks that come late are not part of it."
+)
+VARYING = "Numbers and frames in [for_all] may be any of those named there; all others are as written."
+BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames or a hand."
+SAME = (
+    "wavesweep verify computes rows of the tables again, and proves certified intervals a second time, in ball arithmetic. The "
+    "last command gives this file. On a processor of another type, or with another version of numpy, last digits may differ, "
+    "and so may the hashes."
+)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a report in addition to the spec.
+
+    cut: the signal for the margins, the first of `cuts_of` if it is empty. hands: words for guarantees, see `hands_of`.
+    overrides: the texts of --set that the spec was loaded with. at_work: gives a context, for what is done in it, with a
+    function of (done, total) or None.
+    """
+
+    cut: str = ""
+    hands: tuple[str, ...] = ()
+    overrides: tuple[str, ...] = ()
+    at_work: Callable[[str], AbstractContextManager[Any]] = lambda _: nullcontext()
+
+
+@dataclass(frozen=True)
+class Found:
+    """A table as the report has it: its summary, its figure, and the command that makes it with the hash of its CSV."""
+
+    title: str
+    table: Table
+    lines: tuple[Line, ...]
+    svg: str
+    command: str
+    sha256: str
+
+
+def report(spec: Spec, asked: Request) -> str:
+    """The report of a spec as the text of an HTML file; the same spec and request give the same text.
+
+    Errors: UsageError for hands that are none. What the spec does not allow is in the report, with the reason.
+    """
+    name = quote(f"{spec.name}.toml") + "".join(f" --set {quote(each)}" for each in asked.overrides)
+    found: dict[str, Found] = {}
+    missing = []
+    for title, (command, make) in _tables(spec, asked).items():
+        with asked.at_work(title.lower()) as watch:
+            try:
+                found[title] = _found(title, make(watch), f"wavesweep {command.format(name)}")
+            except WavesweepError as error:
+                text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves the folder of the spec
+                missing.append((f"{title}: {' '.join(text.split())}", False))
+    with asked.at_work("the spec's own numbers"):
+        own = _own_lines(spec)
+    body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
+    if words := words_of_spec(spec):
+        body.append(html.element("p", f"In the words of the spec: {words}", "small"))
+    body += [*_answer(spec, found.get(INTERVALS), own), *_counterexamples(spec, found.get(INTERVALS))]
+    body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(own)]
+    for number, each in enumerate(found.values(), start=1):
+        if each.title in KNOWN:
+            body += [html.element("h2", each.title), html.element("p", KNOWN[each.title], "small"), html.listing(each.lines)]
+            body.append(html.figure(each.svg, number, f"{each.title}: {each.command}"))
+    body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
+    return html.page(spec.name, [*body, *_verification(spec, found.values(), name, asked), *_text(spec, asked)])
+
+
+def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, Callable[[Any], Table]]]:
+    """Title -> the command of a table, with {} for the spec, and a function of the watcher of its progress that makes it."""
+    from wavesweep.analyses.broken_loops import cuts_of
+    from wavesweep.analyses.hands import hands_of
+    from wavesweep.tables import intervals, margins, responses, simulation, why
+
+    hands, cut = hands_of(asked.hands), asked.cut or next(iter(cuts_of(spec)), "")
+    along_wall = not spec.drawing and spec.names.find(spec.along).path == spec.wall[0]
+    command = ("zwidth" if along_wall else "stability-region") + " {}" + _for_hands(asked)
+    kind = command.partition(" ")[0] + ("-hands" if hands else "")
+    step = "" if "simulate.input" in spec.given else " --set simulate.input=step"
+    return {
+        INTERVALS: (command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind)),
+        WHY: ("why {}", lambda _: why.why(spec)),
+        MARGINS: (f"margins {{}} --cut {quote(cut)}", lambda _: margins.margins(spec, cut)),
+        RUN: (f"simulate {{}}{step}", lambda _: simulation.simulate(_with_step(spec) if step else spec.as_simulated())[0]),
+        RESPONSE: ("bode {}", lambda _: responses.responses([spec])),
+    }
+
+
+def _for_hands(asked: Request) -> str:
+    return "".join(f" --for-hands {quote(word)}" for word in asked.hands)
+
+
+def _with_step(spec: Spec) -> Spec:
+    """The spec of `simulate` with a step in place of the sine that is the default of a hand's force."""
+    from wavesweep.spec import load
+
+    tables = replace(spec, for_simulation=True).tables()
+    kept = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
+    run = load(tables | {"simulate": kept | {"input": "step"}})
+    return replace(run, name=spec.name, source=spec.source).as_simulated()
+
+
+def _found(title: str, table: Table, command: str) -> Found:
+    """A table written, drawn and summarised, as its command does all of it."""
+    from wavesweep import results
+    from wavesweep.plots import drawn
+    from wavesweep.tables import kind_named
+
+    kind, notices = kind_named(table.kind), [(str(each), False) for each in table.facts.get("notices", ())]
+    tally = kind.tally(table)
+    watched = drawn(table, lambda text: notices.append((text, False))).watched(tally.add)
+    with TemporaryDirectory() as folder:
+        svg, csv = Path(folder, "figure.svg"), Path(folder, "table.csv")
+        with csv.open("wb") as file:
+            results.stream(watched, file)  # the figure is drawn from the rows that it sees here
+        with csv.open("rb") as file:
+            sha256 = file_digest(file, "sha256").hexdigest()
+        watched.figure(svg)
+        picture = svg.read_text(encoding="utf-8")
+    return Found(title, table, (*kind.lines(tally.numbers(table.facts)), *notices), picture, command, sha256)
+
+
+def _own_lines(spec: Spec) -> list[Line]:
+    """The verdict of `check` on the spec's own numbers."""
+    from wavesweep.analyses.assumptions import over_preset, unusual
+    from wavesweep.analyses.verdict import verdict
+    from wavesweep.cli.verdict import own_lines, verdict_lines
+
+    found = verdict(spec)
+    lines = (*own_lines(spec, found), *verdict_lines(spec, found), *unusual(spec), *over_preset(spec))
+    return [(line, any(word in line for word in ("not proved", "not known", "not stable", "UNSTABLE"))) for line in lines]
+
+
+def _answer(spec: Spec, intervals: Found | None, own: list[Line]) -> Iterator[str]:
+    """The proved numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself."""
+    yield html.element("h2", "Answer")
+    assumed = [MODEL, *([VARYING] if spec.for_all else [])]
+    if intervals is None:
+        yield html.verdict(not own[0][1], "Computed in double precision.", "The ranges of its numbers follow below.", own[:1])
+    else:
+        rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
+        lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
+        of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
+        said = ("Not all of this is proved.", "") if doubtful else ("Proved.", PROVED * of_one)
+        yield html.verdict(not doubtful, *said, [*lines, own[0]])
+        yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
+        yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
+        facts = intervals.table.facts
+        assumed += [f"The model has {facts['assumes']}."] if facts["assumes"] else []
+        assumed += [f"Method: {each}." for each in facts["methods"].values()]
+    yield html.element("h2", "What the proof assumes")
+    yield html.listing((line, False) for line in assumed)
+
+
+def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
+    """What is unstable beyond the proved intervals."""
+    if intervals and (rows := counterexamples(spec, intervals.table)):
+        yield html.element("h2", "Refuted beyond")
+        yield html.element("p", BEYOND, "small")
+        yield html.table(("with", "value", "what makes it unstable"), rows)
+
+
+def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request) -> Iterator[str]:
+    """Versions, digests, and the commands that give all of it again."""
+    from wavesweep.reproducibility import versions
+
+    found = list(found)
+    again = f"wavesweep report {name}{_for_hands(asked)}" + (f" --cut {quote(asked.cut)}" if asked.cut else "")
+    commands = [f"{each.command} --out verified" for each in found]
+    yield html.element("h2", "How to verify this report")
+    yield html.element("p", f"Save the spec below as {spec.name}.toml, and run:")
+    yield html.element("pre", "\n".join([*commands, "wavesweep verify verified --prove", again]))
+    yield html.element("p", SAME, "small")
+    used = versions()
+    rows = [
+        ("wavesweep", used["tool_version"]),
+        ("numpy", used["numpy_version"]),
+        ("SHA-256 of the resolved spec", spec.sha256),
+    ]
+    rows += [(f"SHA-256 of verified/{each.table.kind}.csv", each.sha256) for each in found]
+    yield html.table(("what", "version or hash"), rows)
+
+
+def _text(spec: Spec, asked: Request) -> Iterator[str]:
+    """The spec as it was written; that of nested tables as TOML."""
+    from wavesweep.spec.writing import as_toml
+
+    yield html.element("h2", f"The spec, {spec.name}.toml")
+    if asked.overrides:
+        yield html.element("p", f"With these keys set to other values: {', '.join(asked.overrides)}", "small")
+    yield html.element("pre", spec.source_place.text or as_toml(spec.tables()))
