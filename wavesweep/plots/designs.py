@@ -6,21 +6,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.style import (
-    GRID,
-    TWO_COLUMNS,
-    Look,
-    assumption,
-    at_hand,
-    by_factors,
-    family_looks,
-    figure,
-    is_narrow,
-    label,
-    note_below,
-    printed,
-    with_unit,
-)
+from wavesweep.plots.scales import by_factors
+from wavesweep.plots.style import GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below
+from wavesweep.plots.words import assumption, at_hand, label, printed, with_unit
 from wavesweep.spec.design import WISHES
 from wavesweep.tables.columns import fields
 from wavesweep.tables.design import margins_of, wish_of

@@ -7,17 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.style import (
-    GRID,
-    TWO_COLUMNS,
-    assumption,
-    distinct_colour,
-    figure,
-    is_narrow,
-    note_below,
-    printed,
-    symbol,
-)
+from wavesweep.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
+from wavesweep.plots.words import assumption, printed, symbol
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8

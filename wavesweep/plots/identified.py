@@ -7,16 +7,8 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.simulation import extremes
-from wavesweep.plots.style import (
-    GRID,
-    IDEAL,
-    TWO_COLUMNS,
-    as_it_stands,
-    distinct_colour,
-    figure,
-    note_below,
-    warn_above,
-)
+from wavesweep.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.plots.words import as_it_stands
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 

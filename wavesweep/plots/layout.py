@@ -173,20 +173,3 @@ def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     candidates = [row for row in candidates if row["rank"] == first]
     most = max((row["merit"] for row in candidates), default=0.0)
     return next((dict(row) for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most)), {})
-
-
-def is_logarithmic(values: np.ndarray) -> bool:
-    """Whether an axis is spaced by a constant factor, so that its scale is logarithmic."""
-    steps = np.unique(values)
-    if len(steps) < 4 or steps[0] <= 0:
-        return False
-    return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
-
-
-def goes_by_factors(values: np.ndarray) -> bool:
-    """Whether a scale of factors suits values of any spacing, by which of both spacings is more even, or by their range."""
-    steps = np.unique(values)
-    if len(steps) < 3:
-        return False
-    even, factors = np.ptp(np.diff(steps)) / np.ptp(steps), np.ptp(np.diff(np.log(steps))) / np.log(steps[-1] / steps[0])
-    return bool(steps[-1] > 20 * steps[0]) if min(even, factors) > 1e-6 else bool(factors < even or steps[-1] > 200 * steps[0])

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.layout import is_logarithmic
-from wavesweep.plots.style import DOUBTFUL, GRID, ONE_COLUMN, assumption, family_map, figure, label, note_below, symbol, unit
+from wavesweep.plots.scales import is_logarithmic
+from wavesweep.plots.style import DOUBTFUL, GRID, ONE_COLUMN, family_map, figure, note_below
+from wavesweep.plots.words import assumption, label, symbol, unit
 from wavesweep.spec import Axis, Spec
 
 End = tuple[float, np.ndarray, float, bool]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import as_it_stands
+from wavesweep.plots.words import as_it_stands
 from wavesweep.spec.keys import SYMBOLS
 
 Facts = Mapping[str, Any]

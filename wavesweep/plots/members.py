@@ -10,7 +10,8 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.layout import rows_with, where
-from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, shortened, valued
+from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks
+from wavesweep.plots.words import shortened, valued
 from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, incomplete
 
 HALF_BAR = 0.32  # of the distance between two bars

@@ -9,7 +9,8 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.plots.steps import MARK, draw_step
-from wavesweep.plots.style import GRID, TWO_COLUMNS, assumption, figure, fitting, is_narrow, note_below, wide
+from wavesweep.plots.style import GRID, TWO_COLUMNS, figure, fitting, is_narrow, note_below, wide
+from wavesweep.plots.words import assumption
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)

@@ -7,26 +7,22 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import is_logarithmic, rows_with
+from wavesweep.plots.layout import rows_with
 from wavesweep.plots.sampling import Loops
+from wavesweep.plots.scales import by_factors, is_logarithmic
 from wavesweep.plots.style import (
     DOUBTFUL,
     GRID,
     TWO_COLUMNS,
-    assumption,
-    at_hand,
-    by_factors,
     distinct_colour,
     family_looks,
     figure,
     fitting,
     is_narrow,
-    label,
     note_below,
-    symbol,
-    valued,
     wide,
 )
+from wavesweep.plots.words import assumption, at_hand, label, symbol, valued
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors

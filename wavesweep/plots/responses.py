@@ -1,4 +1,4 @@
-"""Figures of frequency responses: curves of a table, or of a simulation next to the linear loop."""
+"""Figures of frequency responses, of tables and of curves of any origin."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,18 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns, complex_columns
-from wavesweep.plots.layout import goes_by_factors, where
+from wavesweep.columns import Columns
+from wavesweep.plots.layout import where
 from wavesweep.plots.measured import coloured, draw_responses
 from wavesweep.plots.sampling import Curves
+from wavesweep.plots.scales import add_decibels, by_factors, goes_by_factors, in_degrees, scale_magnitudes
 from wavesweep.plots.style import (
     GRID,
     IDEAL,
     LINES,
     TWO_COLUMNS,
-    assumption,
-    at_hand,
-    by_factors,
     distinct_colour,
     distinct_look,
     family_looks,
@@ -26,22 +24,13 @@ from wavesweep.plots.style import (
     figure,
     fitting,
     is_narrow,
-    label,
     note_below,
-    printed,
-    shortened,
-    valued,
     wide,
-    with_unit,
 )
+from wavesweep.plots.words import assumption, at_hand, label, printed, shortened, valued, with_unit
 from wavesweep.stability.certificate import SPARED
-from wavesweep.tables.regions import spec_of
 
-_ERRORS = ("admittance_error", "impedance_error")
-ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
-LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
-_LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _MARKS = "osv^D<>p"
 
 
@@ -78,10 +67,10 @@ def bode(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None
     """
     columns, left_out = _shown(columns, left_out)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
-    return _drawn(columns, _at_hand(facts), left_out, facts)
+    return _drawn(columns, at_both_ports(facts), left_out, facts)
 
 
-def _at_hand(facts: Mapping[str, Any]) -> list[_Quantity]:
+def at_both_ports(facts: Mapping[str, Any]) -> list[_Quantity]:
     """Admittance and impedance at the hand."""
     units = (("admittance", "mm/N"), ("impedance", "N/m"))
     return [_Quantity(name, at_hand(name, f"{name}_abs", unit, facts), f"phase of {name} (deg)") for name, unit in units]
@@ -112,10 +101,10 @@ def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, fac
     x = next(iter(_swept(columns)), "frequency_hz") if one else "frequency_hz"  # or the longest axis
     curves, scale = _curves(columns, x, facts)
     place = "" if x == "frequency_hz" else f"At {columns['frequency_hz'][0]:g} Hz."
-    return _figure(curves, quantities, x, facts, scale, (place, left_out, assumption(facts)))
+    return draw_curves(curves, quantities, x, facts, scale, (place, left_out, assumption(facts)))
 
 
-def _figure(
+def draw_curves(
     curves: Sequence[Curve],
     quantities: Sequence[_Quantity],
     x: str,
@@ -146,7 +135,7 @@ def _figure(
                 axes.set_ylabel(title)
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
-            _add_decibels(above)
+            add_decibels(above)
         for axes in pairs[: len(quantities)][-across:, 1]:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
@@ -199,7 +188,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured
     if name.endswith("_abs"):
         scale_magnitudes(axes)
     else:
-        _in_degrees(axes)
+        in_degrees(axes)
     if everywhere.max() > everywhere.min():
         axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
     axes.grid(which="major", **GRID)
@@ -214,20 +203,6 @@ def _alone(values: np.ndarray) -> list[int]:
 def _rounded(rows: Columns, name: str) -> np.ndarray:
     """Flags of the rows whose doubt is about this quantity, and not about the worst gain alone."""
     return (rows["doubt"] == "rounding") & ~(rows[f"{name.partition('_')[0]}_error"] <= SPARED)
-
-
-def _in_degrees(axes: Any) -> None:
-    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies."""
-    from matplotlib.ticker import MultipleLocator
-
-    low, high = axes.get_ylim()
-    if high - low < 3:
-        _at_least(axes, DEGREE)
-        return
-    step = next((step for step in (1, 2, 5, 15, 45) if high - low <= 6 * step), 90)
-    axes.yaxis.set_major_locator(MultipleLocator(step))
-    if high - low > 180:
-        axes.set_ylim(-190, 190)
 
 
 def _broken(places: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -317,82 +292,3 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     state = "" if stable else "unstable" if (rows["doubt"] == "unstable").any() else "not known to be stable"
     words = [f"{name} (ideal)" if ideal else name, place, state]
     return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
-
-
-def _add_decibels(axes: Any) -> None:
-    """An axis at the right in dB of the unit at the left, for magnitudes that have a scale of factors."""
-    if axes.get_yscale() != "log":
-        return
-    low, high = 20 * np.log10(axes.get_ylim())
-    step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
-    decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
-    right = axes.secondary_yaxis("right")
-    right.set_yticks(10 ** (decibels / 20), [f"{each:g} dB".replace("-", "\N{MINUS SIGN}") for each in decibels])
-    right.set_yticks([], minor=True)
-
-
-def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop.
-
-    The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
-    loop, there are marks at these frequencies alone.
-    """
-    rows = {name: column for name, column in columns.items() if not name.startswith("linear_")}
-    linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}
-    linear = _linear(columns, facts) or {**linear, "frequency_hz": columns["frequency_hz"]}
-    alone = (
-        {"marker": "_", "markersize": 14, "linestyle": "none"}
-        if len(linear["frequency_hz"]) == len(columns["frequency_hz"])
-        else {}
-    )
-    slow = float(np.median(columns["omega_Ts"] / columns["frequency_hz"]))
-    curves = []
-    for each, name, style in (
-        (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **alone}),
-        (rows, "simulated", {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}),
-    ):
-        count = len(each["frequency_hz"])
-        own = {"omega_Ts": slow * each["frequency_hz"], "admittance_abs": 1e3 * each["admittance_abs"]}
-        words = {"spec": np.full(count, "", object), "doubt": np.full(count, "", object)}
-        curves.append(Curve({**each, **own, **words, **dict.fromkeys(_ERRORS, np.zeros(count))}, name, style))
-    return _figure(curves, _at_hand(facts), "frequency_hz", facts)
-
-
-def _linear(rows: Columns, facts: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
-    """The response of the linear loop at many frequencies; None if it has none, or is not known."""
-    spec = spec_of(facts)
-    if spec is None or np.isnan(rows["linear_admittance_abs"]).all():
-        return None
-    from wavesweep.analyses.loops import loop_at_hand
-    from wavesweep.response.steady import respond
-
-    seen = rows["frequency_hz"]
-    band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)
-    frequency = np.unique(np.concatenate([band, seen]))
-    response = respond(loop_at_hand(spec), frequency)
-    parts = (("admittance", response.admittance), ("impedance", response.impedance))
-    return {"frequency_hz": frequency} | {k: v for name, each in parts for k, v in complex_columns(name, each.ravel()).items()}
-
-
-def scale_magnitudes(axes: Any) -> None:
-    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few.
-
-    Values that are much alike have a linear one.
-    """
-    values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
-    values = values[values > 0]
-    if not values.size:
-        return  # nothing is known, or all is 0, as the static impedance of free space
-    if values.max() < ALIKE * values.min():  # there may be no 1, 2 or 5 in it
-        _at_least(axes, LEAST * values.max())
-        return
-    axes.set_yscale("log")
-    by_factors(axes.yaxis, *axes.get_ylim())
-
-
-def _at_least(axes: Any, span: float) -> None:
-    """Show no less than this span about the middle, with plain numbers, so that rounding is not taken for a difference."""
-    low, high = axes.get_ylim()
-    if high - low < span:
-        axes.set_ylim((low + high - span) / 2, (low + high + span) / 2)
-    axes.ticklabel_format(axis="y", useOffset=False)

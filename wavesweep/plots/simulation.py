@@ -1,4 +1,4 @@
-"""The figure of a simulation: forces, positions and energies over time, whole and in detail."""
+"""The figures of a simulation: forces, positions and energies over time, and the response next to that of the linear loop."""
 
 from __future__ import annotations
 
@@ -8,25 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
-from wavesweep.plots.style import (
-    GRID,
-    IDEAL,
-    LINES,
-    TWO_COLUMNS,
-    assumption,
-    at_hand,
-    distinct_colour,
-    figure,
-    note_below,
-    printed,
-    warn_above,
-    with_unit,
-)
+from wavesweep.columns import Columns, complex_columns
+from wavesweep.plots.style import GRID, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.tables.columns import signals_of
+from wavesweep.tables.regions import spec_of
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
+_LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
 
 
@@ -185,3 +175,35 @@ def _legend(axes: Any) -> None:
     # Beside the panel and not in it: a signal that fills its panel leaves no corner free.
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, handlelength=1.2, borderpad=0.2)
+
+
+def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop.
+
+    The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
+    loop, there are marks at these frequencies alone.
+    """
+    from wavesweep.analyses.loops import loop_at_hand
+    from wavesweep.plots.responses import Curve, at_both_ports, draw_curves
+    from wavesweep.response.steady import respond
+
+    spec, seen = spec_of(facts), columns["frequency_hz"]
+    linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}
+    linear, look = linear | {"frequency_hz": seen}, {"marker": "_", "markersize": 14, "linestyle": "none"}
+    if spec is not None and not np.isnan(linear["admittance_abs"]).all():
+        band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)
+        frequency, look = np.unique(np.concatenate([band, seen])), {}
+        found = respond(loop_at_hand(spec), frequency)
+        linear = {"frequency_hz": frequency, **complex_columns("admittance", found.admittance.ravel())}
+        linear |= complex_columns("impedance", found.impedance.ravel())
+    slow, curves = float(np.median(columns["omega_Ts"] / seen)), []
+    for each, name, style in (
+        (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **look}),
+        (columns, "simulated", {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}),
+    ):
+        count = len(each["frequency_hz"])
+        own = {"omega_Ts": slow * each["frequency_hz"], "admittance_abs": 1e3 * each["admittance_abs"]}
+        own |= dict.fromkeys(("spec", "doubt"), np.full(count, "", object))
+        own |= dict.fromkeys(("admittance_error", "impedance_error"), np.zeros(count))
+        curves.append(Curve({**each, **own}, name, style))
+    return draw_curves(curves, at_both_ports(facts), "frequency_hz", facts)

@@ -8,19 +8,8 @@ import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.plots.simulation import extremes
-from wavesweep.plots.style import (
-    GRID,
-    NOTE,
-    TWO_COLUMNS,
-    assumption,
-    distinct_colour,
-    figure,
-    is_narrow,
-    note_below,
-    printed,
-    wide,
-    with_unit,
-)
+from wavesweep.plots.style import GRID, NOTE, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, wide
+from wavesweep.plots.words import assumption, printed, with_unit
 from wavesweep.response.step import BAND, Step
 from wavesweep.spec import Spec
 

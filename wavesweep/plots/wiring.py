@@ -8,7 +8,8 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.wiring import Part, Terms, Wiring, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
-from wavesweep.plots.style import as_it_stands, distinct_look, family_looks, figure
+from wavesweep.plots.style import distinct_look, family_looks, figure
+from wavesweep.plots.words import as_it_stands
 from wavesweep.spec import Spec
 
 WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280

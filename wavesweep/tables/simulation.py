@@ -319,7 +319,7 @@ KINDS = (
         SIMULATE_RESPONSE,
         lambda _: Whole(_response_numbers),
         _response_lines,
-        figure="responses.simulate_response",
+        figure="simulation.simulate_response",
         again=_again(1),
     ),
 )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.regions import draw_region, handles_of, view_of
-from wavesweep.plots.responses import scale_magnitudes
+from wavesweep.plots.scales import scale_magnitudes
 from wavesweep.plots.style import (
     IDEAL,
     LINES,
@@ -18,9 +18,9 @@ from wavesweep.plots.style import (
     family_looks,
     figure,
     fitting,
-    label,
     wide,
 )
+from wavesweep.plots.words import label
 from wavesweep.tables.regions import curves_of, region_of
 
 NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there

@@ -18,7 +18,7 @@ from reproduce.paper_loops import PaperLoops
 from reproduce.specs import load_paper
 from reproduce.statements import STATEMENTS
 from wavesweep.plots import with_figure
-from wavesweep.plots.style import symbol, valued
+from wavesweep.plots.words import symbol, valued
 from wavesweep.results import fields_of
 from wavesweep.tables.intervals import intervals
 from wavesweep.tables.responses import responses

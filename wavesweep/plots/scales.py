@@ -1,0 +1,87 @@
+"""Scales of axes, and their ticks."""
+
+from typing import Any
+
+import numpy as np
+
+WIDE = 5.0  # times its least value, up to which a logarithmic axis has ticks at equal steps
+ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
+LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
+
+
+def by_factors(axis: Any, low: float, high: float) -> None:
+    """Set a logarithmic scale from `low` to `high`; over less than two decades it has plain numbers."""
+    from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    if high < 100 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if high > WIDE * low else AutoLocator())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def scale_magnitudes(axes: Any) -> None:
+    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few.
+
+    Values that are much alike have a linear one.
+    """
+    values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
+    values = values[values > 0]
+    if not values.size:
+        return  # nothing is known, or all is 0, as the static impedance of free space
+    if values.max() < ALIKE * values.min():  # there may be no 1, 2 or 5 in it
+        _at_least(axes, LEAST * values.max())
+        return
+    axes.set_yscale("log")
+    by_factors(axes.yaxis, *axes.get_ylim())
+
+
+def _at_least(axes: Any, span: float) -> None:
+    """Show no less than this span about the middle, with plain numbers, so that rounding is not taken for a difference."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        axes.set_ylim((low + high - span) / 2, (low + high + span) / 2)
+    axes.ticklabel_format(axis="y", useOffset=False)
+
+
+def in_degrees(axes: Any) -> None:
+    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies."""
+    from matplotlib.ticker import MultipleLocator
+
+    low, high = axes.get_ylim()
+    if high - low < 3:
+        _at_least(axes, DEGREE)
+        return
+    step = next((step for step in (1, 2, 5, 15, 45) if high - low <= 6 * step), 90)
+    axes.yaxis.set_major_locator(MultipleLocator(step))
+    if high - low > 180:
+        axes.set_ylim(-190, 190)
+
+
+def add_decibels(axes: Any) -> None:
+    """An axis at the right in dB of the unit at the left, for magnitudes that have a scale of factors."""
+    if axes.get_yscale() != "log":
+        return
+    low, high = 20 * np.log10(axes.get_ylim())
+    step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
+    decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(10 ** (decibels / 20), [f"{each:g} dB".replace("-", "\N{MINUS SIGN}") for each in decibels])
+    right.set_yticks([], minor=True)
+
+
+def is_logarithmic(values: np.ndarray) -> bool:
+    """Whether an axis is spaced by a constant factor, so that its scale is logarithmic."""
+    steps = np.unique(values)
+    if len(steps) < 4 or steps[0] <= 0:
+        return False
+    return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
+
+
+def goes_by_factors(values: np.ndarray) -> bool:
+    """Whether a scale of factors suits values of any spacing, by which of both spacings is more even, or by their range."""
+    steps = np.unique(values)
+    if len(steps) < 3:
+        return False
+    even, factors = np.ptp(np.diff(steps)) / np.ptp(steps), np.ptp(np.diff(np.log(steps))) / np.log(steps[-1] / steps[0])
+    return bool(steps[-1] > 20 * steps[0]) if min(even, factors) > 1e-6 else bool(factors < even or steps[-1] > 200 * steps[0])
