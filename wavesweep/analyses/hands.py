@@ -8,12 +8,12 @@ import numpy as np
 
 from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
 from wavesweep.analyses.loops import held_loop
+from wavesweep.analyses.passive_ranges import PassiveRanges, port_ranges
 from wavesweep.analyses.unknown import Case, proofs
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.passive.any_hand import any_hand_walls, damping_needed, port_passive_walls, reads_velocity
+from wavesweep.passive.any_hand import any_hand_walls, damping_needed, reads_velocity
 from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
 from wavesweep.passive.held_loop import HAND, HeldLoop, is_affine
-from wavesweep.passive.margin import port_margin
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.grid import Loops, own_loop
@@ -66,7 +66,7 @@ class Guarantee:
         if self.kind == "box":
             return _for_box(loop, along, span, self.box)
         if self.kind == "port":
-            return _from_ends(port_passive_walls(loop, span, along), span, lambda at: port_margin(loop.changed({along: at})))
+            return _from_ranges(port_ranges(loop, along, span), span)
         found = any_hand_walls(loop, span, along)
         convex = is_affine(loop, along)
         return _from_ends(found, span, lambda at: damping_needed(loop.changed({along: at})), certified=convex)
@@ -84,6 +84,16 @@ def _from_ends(found, span, measure, certified=False) -> np.ndarray:
         real = np.flatnonzero(records[end] != border) if found.low.size else []
         if len(real):
             records[f"{end}_omega"][real] = measure(records[end][real]).omega
+    return records
+
+
+def _from_ranges(found: PassiveRanges, span) -> np.ndarray:
+    records = _blank(found.low, found.high)
+    records["certified"] = found.certified if found.low.size else found.complete
+    records["settled"], records["doubt"] = records["certified"], np.where(records["certified"], NONE, SEARCH)
+    for end, border in zip(("low", "high"), span, strict=True):
+        for at in np.flatnonzero(records[end] != border) if found.low.size else ():
+            records[f"{end}_omega"][at] = found.worst(float(records[end][at]))
     return records
 
 

@@ -94,10 +94,10 @@ def proofs(
         open_ = [box[:, 0] for _, found in covers for box in found.open]
         for each in parts:
             inner = each.within(near)
-            yield each, _largest_free(max(low, inner[0]), min(high, inner[1]), open_)
+            yield each, largest_free(max(low, inner[0]), min(high, inner[1]), open_)
 
 
-def _largest_free(low, high, spans):
+def largest_free(low, high, spans):
     """The largest part of an interval that some spans leave free; None if none does."""
     edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
     for a, b in edges:

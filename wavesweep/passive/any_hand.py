@@ -10,7 +10,6 @@ from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.passive.held_loop import HeldLoop, device_keys
 from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps, read
-from wavesweep.passive.margin import port_margin
 from wavesweep.response.linear_systems import solved
 from wavesweep.stability.spectrum import is_stable
 
@@ -155,14 +154,6 @@ class PassiveWalls:
     method: str = "each stiffness looked at is proved; 33 of the range are looked at, and the ends refined"
 
 
-def port_passive_walls(loop: HeldLoop, span, path: str) -> PassiveWalls:
-    """Values of the number `path` within `span` (low, high) with which the hand's port is passive for held forces.
-
-    loop: a single one. See `port_margin`.
-    """
-    return _intervals(lambda p: port_margin(loop.changed({path: p}), decide=True).passive, span)
-
-
 def any_hand_walls(loop: HeldLoop, span, path: str, hand_damping: float = 0.0) -> PassiveWalls | None:
     """Values of the number `path` within `span` stable with every passive hand of at least `hand_damping` (N*s/m).
 
@@ -177,11 +168,14 @@ def any_hand_walls(loop: HeldLoop, span, path: str, hand_damping: float = 0.0) -
         own = device_keys(at)[1]  # the damping needed does not depend on the device's mass
         return np.broadcast_to(damping_needed(at).suffices(own + hand_damping), np.shape(p))
 
-    return _intervals(passive, span)
+    return runs_of(passive, span)
 
 
-def _intervals(passive, span) -> PassiveWalls:
-    """Runs of values that pass, their ends refined all together by multisection. A value of 0 is looked at by itself."""
+def runs_of(passive, span, more=()) -> PassiveWalls:
+    """Runs of values that pass, their ends refined all together by multisection. A value of 0 is looked at by itself.
+
+    more: values that are tried first, in addition to POINTS of them.
+    """
     low, high = map(float, span)
 
     def passed(points):
@@ -192,7 +186,7 @@ def _intervals(passive, span) -> PassiveWalls:
         return found
 
     # evenly in the square root: the soft end matters most, and 0 belongs to the range
-    points = low + (high - low) * np.linspace(0, 1, POINTS) ** 2
+    points = np.union1d(low + (high - low) * np.linspace(0, 1, POINTS) ** 2, more)
     good = passed(points)
     change = np.flatnonzero(good[1:] != good[:-1])
     inside, outside = (np.where(good[change] == kind, points[change], points[change + 1]) for kind in (True, False))

@@ -88,7 +88,8 @@ class TickMaps:
         """Return the map from the inputs of a frame to its outputs; measured: see `frame`."""
         n, loops, kinds = self.maps[0][0].shape[-1], self.loops, self.kind.tolist()
         height, width = (sum(self.maps[kind][3].shape[axis] for kind in kinds) for axis in (-2, -1))
-        O, T, drive = np.zeros((loops, height, n)), np.zeros((loops, height, width)), np.zeros((loops, n, width))
+        number = np.result_type(*(part for each in self.maps for part in each))
+        O, T, drive = (np.zeros((loops, *shape), number) for shape in ((height, n), (height, width), (n, width)))
         state, row, column = np.broadcast_to(np.eye(n), (loops, n, n)), 0, 0
         with np.errstate(all="ignore"):
             for E, B, C, D in (self.maps[kind] for kind in kinds):
@@ -141,17 +142,26 @@ class LiftedMap:
     O: np.ndarray
     G: np.ndarray
 
+    def at(self, loops) -> "LiftedMap":
+        """Return some of the loops."""
+        return LiftedMap(*(part[loops] for part in (self.E, self.T, self.O, self.G)))
+
     @property
     def mean(self) -> np.ndarray:
         """Mean eigenvalue of the Hermitian part over all frequencies, `(loops,)`: that of the direct terms."""
         return np.diagonal(self.T, axis1=-2, axis2=-1).mean(-1)
 
-    def smallest(self, owner, theta) -> np.ndarray:
+    def smallest(self, owner, theta, noise: float = 0.0) -> np.ndarray:
         """Return the smallest eigenvalue of the Hermitian part, of the loops `owner` at the angles `theta` (rad per frame).
 
-        NaN where the map is not finite. Accuracy: rounding of the largest entry.
+        noise: share of the largest one that is added. NaN where the map is not finite. Accuracy: rounding of the largest entry.
         """
-        return self._measured(owner, theta, lambda H: np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)[:, 0])
+
+        def eigenvalue(H):
+            found = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
+            return found[:, 0] + noise * np.abs(found).max(-1) if noise else found[:, 0]
+
+        return self._measured(owner, theta, eigenvalue)
 
     def largest_square(self, owner, theta) -> np.ndarray:
         """Return the square of the largest singular value, in the same way."""

@@ -1,4 +1,4 @@
-"""Stability for all numbers of a box, proved by the signs of guardian maps.
+"""Stability for all numbers of a box, proved by the signs of guardian maps, and the same for other analytic functions.
 
 With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are positive if it is
 stable, and one of them vanishes where an eigenvalue reaches the unit circle (L. Saydy, A. L. Tits, E. H. Abed, Math. Control
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import comb
+from typing import Protocol
 
 import numpy as np
 
@@ -41,6 +42,17 @@ Box = np.ndarray
 """Low and high ends of some numbers, `(2, numbers)`."""
 
 
+class Functions(Protocol):
+    """Functions of the numbers of a box, real at real points and analytic within the bounds."""
+
+    def units(self, middle: np.ndarray) -> np.ndarray:
+        """What makes values near a point well known; `values` is given it."""
+
+    def values(self, x: np.ndarray, units: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Phase, logarithm of the size, and relative error in units of EPS of each function, `(functions, n)`, and the pivots
+        `(n, k)` (see `Frames`), at points `(n, numbers)`, real or complex."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
     """What is known about a box.
@@ -60,27 +72,51 @@ def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: i
     frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: a number whose two ends are equal is no
     dimension of it. bounds: the range of each number in which the loops are analytic. most: frames to compute at most.
     """
-    box, function = np.asarray(box, float), _Function(frames, np.asarray(bounds, float))
-    queue, unstable = [box], np.zeros((0, box.shape[1]))
-    while queue and function.used < most and not len(unstable):
+    return positive(GuardianMaps(frames), box, bounds, most)
+
+
+def positive(functions: Functions, box: Box, bounds: Box, most: int) -> Cover:
+    """Prove that functions are positive on a box; the points `unstable` are those where one is surely negative; see `cover`."""
+    box, pieces = np.asarray(box, float), _Pieces(functions, np.asarray(bounds, float))
+    queue, negative = [box], np.zeros((0, box.shape[1]))
+    while queue and pieces.used < most and not len(negative):
         piece = queue.pop(0)
         with np.errstate(all="ignore"):  # what overflows is not proved
-            unstable, open_ = function.judged(piece)
+            negative, open_ = pieces.judged(piece)
         queue += open_
-    return Cover(np.array(queue).reshape(-1, *box.shape), unstable, function.used)
+    return Cover(np.array(queue).reshape(-1, *box.shape), negative, pieces.used)
 
 
-class _Function:
-    """The guardian maps as functions of the numbers of a box, with a count of the frames computed."""
+@dataclass(frozen=True, slots=True, eq=False)
+class GuardianMaps:
+    """The guardian maps of frames as `Functions` of the numbers of a box."""
 
-    def __init__(self, frames, limits):
-        self.frames, self.limits, self.used = frames, limits, 0
+    frames: Callable[[np.ndarray], Frames]
+
+    def units(self, middle) -> np.ndarray:
+        """See `Functions`."""
+        E = np.nan_to_num(np.abs(self.frames(middle[None]).E), posinf=0.0)
+        return balance(E, SWEEPS)[1][0]
+
+    def values(self, x, units):
+        """See `Functions`."""
+        found = self.frames(x)
+        n = found.E.shape[-1]
+        of = from_coefficients if n <= MOST_ORDER else from_eigenvalues
+        return *of(found.E, np.broadcast_to(units, (len(x), n))), found.pivots
+
+
+class _Pieces:
+    """Functions on the pieces of a box, with a count of the points at which they were computed."""
+
+    def __init__(self, functions, limits):
+        self.functions, self.limits, self.used = functions, limits, 0
 
     def judged(self, piece):
         """The unstable points found in a piece, and its parts that are not proved."""
         wide = np.flatnonzero(piece[0] < piece[1])
         middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
-        units = self._units(middle)
+        units = self.functions.units(middle)
         grid = _grid([COARSE] * wide.size)
         sign, log, error, pivots = self._at(middle, half, wide, grid, units)
         if (surely := (sign < 0) & (EPS * error < 1)).any():
@@ -135,16 +171,8 @@ class _Function:
         return phase.real, log, error, pivots
 
     def _values(self, x, units):
-        found = self.frames(x)
         self.used += len(x)
-        n = found.E.shape[-1]
-        of = from_coefficients if n <= MOST_ORDER else from_eigenvalues
-        phase, log, error = of(found.E, np.broadcast_to(units, (len(x), n)))
-        return phase, log, error, found.pivots
-
-    def _units(self, middle):
-        E = np.nan_to_num(np.abs(self.frames(middle[None]).E), posinf=0.0)
-        return balance(E, SWEEPS)[1][0]
+        return self.functions.values(x, units)
 
     def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
         """Bounds on the size of each function on the ellipse about one number, with the others at COARSE, infinite near a pole;

@@ -1,0 +1,188 @@
+"""Intervals of a number with a passive port at the hand, or a passive wave channel: searched, then proved.
+
+A finder looks at values of the number. An interval that it finds is proved by the sign of a determinant over the number and the
+angle, what lies outside by angles at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.analyses.interval_search import Search
+from wavesweep.analyses.unknown import largest_free
+from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.domain import domain
+from wavesweep.passive.any_hand import runs_of
+from wavesweep.passive.channel import channel_of
+from wavesweep.passive.held_loop import HeldLoop
+from wavesweep.passive.over_ranges import Determinant, Maps, Witness, channel_maps, least, port_maps
+from wavesweep.robust.boxes import positive
+from wavesweep.stability.spectrum import is_stable
+from wavesweep.sweep.grid import Loops
+
+ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
+TRIED = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame, for a worst angle
+POINTS = 20_000  # of number and angle that the proof of a panel may take
+FEW = 300  # values of the number that the proof of a piece of a gap may take
+PIECES = 100  # of a gap
+ROUNDS = 6  # of a search that proofs contradict
+NEAR = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
+CLOSE = 1e-4  # of an end, or of an interval, that may lie between what is proved and what is refuted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PassiveRanges:
+    """Proved intervals of a number, `(intervals,)` each, and whether both of their ends are known to CLOSE.
+
+    complete: whether it is proved that there are no others, but for CLOSE about each end. worst: gives the angular frequency
+    (rad/s) at which energy is taken out at a value of the number.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    certified: np.ndarray
+    complete: bool
+    worst: Callable[[float], float]
+
+
+def port_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
+    """Where the hand's port is passive for forces that are held over a tick; see `port_margin`. loop: a single one."""
+    groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
+    records = Search(path, span, groups, felt=False, checked=True).records()
+    stable = [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]
+    maps = port_maps(loop, path, span)
+    whole = _Ranges(loop, path, span, (maps,), stable if records["certified"].all() else [])
+    return whole.answered(known=bool(records["certified"].all()))
+
+
+def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
+    """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
+    ways = ("whole",) if channel_of(loop.drawing, loop.changed({path: span[1]}).values).joined else ("outward", "inward")
+    maps = tuple(channel_maps(loop, path, way, 1 + tolerance) for way in ways)
+    return _Ranges(loop, path, span, maps, [span]).answered(known=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ranges:
+    """What is asked: where loops are passive along a number.
+
+    ways: the maps whose Hermitian parts have to be positive. stable: intervals outside of which nothing is passive.
+    """
+
+    loop: HeldLoop
+    path: str
+    span: tuple[float, float]
+    ways: tuple[Maps, ...]
+    stable: list[tuple[float, float]]
+
+    def answered(self, known: bool) -> PassiveRanges:
+        """The intervals with their proofs; known: whether all intervals of stability are.
+
+        Values at which a proof finds the opposite of what it is to prove are looked at as well, and the search begins again.
+        """
+        more: list[float] = []
+        for _ in range(ROUNDS):
+            found = runs_of(self._passive, self.span, more)
+            ends = list(zip(found.low.tolist(), found.high.tolist(), strict=True))
+            proofs = [self._proved(*each) for each in ends]
+            edges = [self.span[0], *(end for each in ends for end in each), self.span[1]]
+            gaps = [self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
+            against = [p for _, p in (*proofs, *gaps) if p is not None]
+            if not known or not against or set(against) <= set(more):
+                break
+            more += against
+        parts = [part for part, _ in proofs]
+        near = [part is not None and self._close(part, each) for part, each in zip(parts, ends, strict=True)]
+        beside = [one and other for (one, _), (other, _) in pairwise(gaps)]
+        certified = [known and one and other for one, other in zip(near, beside, strict=True)]
+        low, high = np.array([part or each for part, each in zip(parts, ends, strict=True)]).reshape(-1, 2).T
+        complete = known and all(near) and all(one for one, _ in gaps)
+        return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
+
+    def _passive(self, p):
+        """Whether loops at values of the number are stable and no eigenvalue is negative, `(n,)`."""
+        found = np.ones(p.shape, bool)
+        for way in self.ways:
+            lifted, _ = way(p)
+            found &= np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
+            found[found] = is_stable(lifted.E[found])
+            found[found] = least(lifted.at(found)).value <= 0
+        return found
+
+    def _away(self, end: float, sign: int) -> float:
+        """A value beside an end, in the direction of the sign; an end of the range itself."""
+        wide = self.span[1] - self.span[0]
+        return end if end in self.span else end + sign * NEAR * max(abs(end), CLOSE * wide)
+
+    def _close(self, part, ends) -> bool:
+        return all(
+            abs(one - other) <= CLOSE * max(abs(other), ends[1] - ends[0]) for one, other in zip(part, ends, strict=True)
+        )
+
+    def _proved(self, low: float, high: float) -> tuple[tuple[float, float] | None, float | None]:
+        """What is proved between two ends, None without; and a value at which it is not so, if the proof found one."""
+        low, high = self._away(low, 1), self._away(high, -1)
+        if not (low < high and any(a <= low and high <= b for a, b in self.stable)):
+            return None, None
+        open_ = []
+        for way in self.ways:
+            if not self._begins(way, (low + high) / 2):
+                return None, None
+            for first, last in pairwise(ANGLES):
+                found = self._positive(Determinant(way), [[low, first], [high, last]], POINTS)
+                if found is None:
+                    return None, None
+                if len(found.unstable):
+                    return None, float(found.unstable[0, 0])
+                open_ += [box[:, 0] for box in found.open]
+        return largest_free(low, high, open_), None
+
+    def _begins(self, way: Maps, p: float) -> bool:
+        """Whether the loop with this value is a passive one to begin with: stable, and all eigenvalues positive at an angle."""
+        lifted, _ = way(np.array([p]))
+        whole, size, _ = Witness(way, p, 1.0).hermitian(np.array([p]))
+        room = np.linalg.eigvalsh(whole[0])[0] - 1e-12 * size[0].max()
+        return bool(is_stable(lifted.E).all() and room > 0)
+
+    def _refuted(self, low: float, high: float) -> tuple[bool, float | None]:
+        """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
+        low, high = self._away(low, 1), self._away(high, -1)
+        queue = [(max(low, a), min(high, b)) for a, b in self.stable if max(low, a) < min(high, b)]
+        least = CLOSE / 2 * (self.span[1] - self.span[0])
+        for _ in range(PIECES):
+            if not queue:
+                return True, None
+            a, b = queue.pop()
+            p = (a + b) / 2
+            if self._passive(np.array([p]))[0]:
+                return False, p
+            if not any(self._takes(way, p, a, b) for way in self.ways):
+                queue += [(a, p), (p, b)] if b - a > min(least, CLOSE * max(abs(a), abs(b))) else []
+        return False, None
+
+    def _takes(self, way: Maps, p: float, low: float, high: float) -> bool:
+        """Whether all values of a piece are proved not to be passive, by what takes energy in its middle."""
+        witness = Witness(way, p, self._worst(way, p))
+        found = self._positive(witness, [[low], [high]], FEW)
+        return found is not None and not len(found.open)
+
+    def _worst(self, way: Maps, p: float) -> float:
+        """An angle with about the smallest eigenvalue."""
+        lifted, _ = way(np.array([p]))
+        return float(TRIED[np.nanargmin(lifted.smallest(np.zeros(TRIED.size, int), TRIED))])
+
+    def _frequency(self, p: float) -> float:
+        drawn = self.loop.changed({self.path: p}).drawn()
+        angle = max(self._worst(way, p) for way in self.ways)
+        return angle / float(np.real(drawn.period) * drawn.ticks)
+
+    def _positive(self, functions, box, most):
+        """The cover of a box; None if some loop of it has no solution."""
+        bounds = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1)
+        try:
+            bounds[:, 0] = domain(self.loop.drawing, self.loop.values, self.path, (box[0][0], box[1][0]))
+            return positive(functions, box, bounds, most)
+        except IllPosedLoopError:
+            return None

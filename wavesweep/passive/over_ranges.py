@@ -1,0 +1,193 @@
+"""Passivity for all values of a number in an interval: the Hermitian part of a frame's map as a function of number and angle.
+
+On the circle the determinant of the Hermitian part of `T + O (w - E)^-1 G`, times `|det(w - E)|^2`, is
+
+    det(S) det(diag(w - E, w' - E') + [G; O'] S^-1 [O, G']),   S = T + T',   w = z - 1,   w' = 1/z - 1,
+
+up to a factor (the determinant lemma). This is a polynomial in z and 1/z and analytic in the number. If it is positive on a
+connected set of numbers and on the whole circle, then no eigenvalue of the Hermitian part changes its sign there and no pole
+reaches the circle: so all loops are passive if one of them is.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.loops.domain import guards_at
+from wavesweep.loops.from_drawing import POSITION
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.circle import inverse, on_circle, solve
+from wavesweep.monodromy.open_ticks import facts_of
+from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.monodromy.rounding import balance
+from wavesweep.passive.channel import channel_of
+from wavesweep.passive.held_loop import HeldLoop
+from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels, tick
+from wavesweep.passive.lifted_map import LiftedMap, TickMaps
+from wavesweep.response.port import Ports, port_of
+
+SWEEPS = 12  # of balancing
+NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
+SLACK, SURE = 1e-11, 1e-9  # of the mean eigenvalue: accuracy of the smallest one, and what is surely not rounding
+NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
+TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the sizes of their terms
+
+Maps = Callable[[np.ndarray], tuple[LiftedMap, np.ndarray]]
+"""From values of a number `(n,)`, real or complex, to the maps of a frame, and their pivots `(n, k)` (see `Frames`)."""
+
+
+def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
+    """The maps from the held force to the displacement at the hand along a number, apart at rest where a spring holds it."""
+    inner = np.array([span[0] or NEXT_TO_0 * span[1], span[1]])
+    drift, hand = loop.changed({path: inner}).drift((POSITION,)), Ports(loop.drawing.hand[0], POSITION)
+
+    def maps(p):
+        at = loop.changed({path: np.where(p == 0, NEXT_TO_0 * span[1], p)})
+        with np.errstate(all="ignore"):
+            port = port_of(drawn := at.drawn(), hand, drift)
+            ticks = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, p.shape)
+            lifted = ticks.lifted(measured=False)
+            lifted = lifted if port.position is None else apart_at_rest(lifted, port.position)
+        return lifted, _pivots(at, path, drawn, p.shape)
+
+    return maps
+
+
+def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
+    """Maps whose Hermitian parts are positive where a direction of the wave channel has a norm below the root of `square`."""
+
+    def maps(p):
+        at = loop.changed({path: p})
+        channel = channel_of(at.drawing, at.values)
+        ticks = getattr(channel, way)
+        flat = TickMaps.of(ticks.maps, ticks.kind, p.shape) if ticks.loops != p.size else ticks
+        return bounded_by(flat.lifted(measured=False), square), _pivots(at, path, at.drawn(), p.shape)
+
+    return maps
+
+
+def _pivots(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
+    """What has a zero where the maps are not analytic in the number, `(*shape, k)`."""
+    pivot, _ = facts_of(ticks_of(drawn, alone=True).maps)
+    return np.concatenate(
+        [np.broadcast_to(np.asarray(pivot)[..., None], (*shape, 1)), guards_at(loop.drawing, loop.values, path, shape)], axis=-1
+    )
+
+
+def apart_at_rest(lifted: LiftedMap, position: np.ndarray) -> LiftedMap:
+    """The map of a port whose position returns, without the zero that its Hermitian part has at rest.
+
+    position: `(loops, 1, n)`, the row of the position among the states. A constant force e moves nothing in the end, and the
+    displacements of a frame add up to the movement of the position, so e is in the null space of the Hermitian part at w = 0.
+    In the direction of e the forces are multiplied by `1/(1/z - 1)` and the displacements by `1/(z - 1)`, which leaves the
+    signs of the Hermitian part at all other angles. With the rest state r under e, and P the projection that takes e away,
+
+        V = P T P + P O r e' + e c r e'/2 + (P O + e c) (w - E)^-1 (G P + (I + E) r e'),   c = position/sqrt(M).
+    """
+    M = lifted.T.shape[-1]
+    e = np.full((M, 1), M**-0.5)
+    P, c, r = np.eye(M) - e @ e.T, position * M**-0.5, -solve(lifted.E, lifted.G @ e)
+    direct = P @ lifted.T @ P + (P @ lifted.O @ r) @ e.T + e @ (c @ r) @ e.T / 2
+    return LiftedMap(lifted.E, direct, P @ lifted.O + e @ c, lifted.G @ P + (r + lifted.E @ r) @ e.T)
+
+
+def bounded_by(lifted: LiftedMap, square: float) -> LiftedMap:
+    """A map whose Hermitian part is positive where the square of the norm of another one is below a value.
+
+    The Hermitian part is half of `[[1, H], [H*, square]]`.
+    """
+    loops, p, m = lifted.T.shape
+    T = np.zeros((loops, p + m, p + m), lifted.T.dtype)
+    T[:, range(p + m), range(p + m)] = [0.5] * p + [square / 2] * m
+    T[:, :p, p:] = lifted.T
+    below, before = np.zeros((loops, m, lifted.E.shape[-1])), np.zeros((loops, lifted.E.shape[-1], p))
+    return LiftedMap(lifted.E, T, np.concatenate([lifted.O, below], -2), np.concatenate([before, lifted.G], -1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Determinant:
+    """The determinant above, as a function of the number and the angle (rad per frame): see `Functions` in `robust.boxes`."""
+
+    maps: Maps
+
+    def units(self, middle) -> np.ndarray:
+        """The units in which the states have similar sizes, `(n,)`."""
+        return balance(np.abs(self.maps(middle[:1])[0].E), SWEEPS)[1][0]
+
+    def values(self, x, units):
+        """Phase, logarithm, error and pivots at points `(n, 2)`."""
+        numbers, which = np.unique(x[:, 0], return_inverse=True)
+        lifted, pivots = self.maps(numbers if numbers.imag.any() else numbers.real)
+        E, O, G = lifted.E * (units / units[:, None]), lifted.O * units, lifted.G / units[:, None]
+        n, both = len(units), lifted.T + np.swapaxes(lifted.T, -1, -2)
+        rows = np.concatenate([G, np.swapaxes(O, -1, -2)], axis=-2)
+        half = solve(both, np.concatenate([O, np.swapaxes(G, -1, -2)], axis=-1))
+        inner, size = rows @ half, TERMS * np.abs(rows) @ np.abs(half)
+        for some, own in ((slice(n), E), (slice(n, None), np.swapaxes(E, -1, -2))):
+            inner[:, some, some] -= own
+            size[:, some, some] += TERMS * np.abs(own)
+        phase, log = np.linalg.slogdet(both)
+        at, step = inner[which].astype(complex), on_circle(np.stack([x[:, 1], -x[:, 1]]))
+        at[:, range(2 * n), range(2 * n)] += np.repeat(step, n, axis=0).T
+        turned, grown = np.linalg.slogdet(at)
+        # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
+        error = (np.abs(np.swapaxes(inverse(at), -1, -2)) * size[which]).sum((-1, -2))
+        return (phase[which] * turned)[None], (log[which] + grown)[None], error[None], pivots[which]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Witness:
+    """What takes energy at one angle, as a function of the number: `-v* He v` for the worst direction v at `number`."""
+
+    maps: Maps
+    number: float
+    theta: float
+
+    def units(self, middle) -> np.ndarray:  # noqa: ARG002
+        """The direction, `(m,)`."""
+        (whole,) = self.hermitian(np.array([self.number]))[0]
+        return np.linalg.eigh(whole)[1][:, 0]
+
+    def values(self, x, units):
+        """Phase, logarithm, error and pivots at points `(n, 1)`."""
+        whole, size, pivots = self.hermitian(x[:, 0])
+        value = -units.conj() @ whole @ units
+        error = TERMS * np.abs(units) @ size @ np.abs(units) / np.abs(value)
+        return (value / np.abs(value))[None], np.log(np.abs(value))[None], error[None], pivots
+
+    def hermitian(self, numbers):
+        """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms, and the pivots."""
+        lifted, pivots = self.maps(numbers)
+        E, T, O, G, eye = lifted.E, lifted.T, lifted.O, lifted.G, np.eye(lifted.E.shape[-1])
+        whole, size = 0.0, 0.0
+        for angle, turned in ((self.theta, (0, 1, 2)), (-self.theta, (0, 2, 1))):
+            A = on_circle(np.array(angle)) * eye - E
+            back = inverse(A)
+            moved, terms = back @ G, np.abs(back) @ (np.abs(A) @ np.abs(back @ G) + np.abs(G))
+            whole = whole + (T + O @ moved).transpose(turned) / 2
+            size = size + (np.abs(T) + np.abs(O) @ terms).transpose(turned) / 2
+        return whole, size, pivots
+
+
+def least(lifted: LiftedMap) -> Peak:
+    """The smallest eigenvalue of the Hermitian part over all angles, with its sign changed, for each of some loops.
+
+    Once it is surely negative, a smaller one is not looked for. Accuracy: NOISE of the largest eigenvalue at the same angle, by
+    which it may be too large.
+    """
+    size = np.abs(np.diagonal(lifted.T, axis1=-2, axis2=-1)).mean(-1)
+
+    def angles_at(owner, level):
+        direct = lifted.T[owner] + np.swapaxes(lifted.T[owner], -1, -2) + 2 * level[:, None, None] * np.eye(lifted.T.shape[-1])
+        E = lifted.E[owner]
+        return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, np.swapaxes(lifted.O[owner], -1, -2), direct))
+
+    return peak_by_levels(
+        lambda owner, theta, _: np.nan_to_num(-lifted.smallest(owner, theta, NOISE), nan=-np.inf),
+        angles_at,
+        len(size),
+        lambda owner, _: SLACK * size[owner],
+        SOFT,
+        SURE * size,
+    )
