@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 from support.exact import march, margin_at_rest
-from support.held import held, more_damping, port_margin
-from support.specs import nested, values_of
+from support.held import held, more_damping, port_margin, scan
+from support.specs import values_of
 
 import wavesweep
 from wavesweep.passive.lifted_map import TickMaps
 from wavesweep.passive.margin import TOLERANCE
-
-THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])
 
 
 def lifted(values):
@@ -18,18 +16,6 @@ def lifted(values):
     loop = held(values)
     port = loop.port()
     return TickMaps.of(port.maps, port.kind, loop.batch).in_even_units().lifted()
-
-
-def scan(values, theta=THETA):
-    """Smallest eigenvalue at each angle, from the lifted system with every tick's force an input."""
-    G = over_frame(values, theta)
-    return np.linalg.eigvalsh((G + np.swapaxes(G.conj(), -1, -2)) / 2)[:, 0]
-
-
-def over_frame(values, theta):
-    """The map from the forces of a frame to its displacements, by python-control; the frame of `dc` is one tick."""
-    tables = nested(values | {"rates.ratio": 1, "environment.delay": 0} if values["controller.kind"] == "dc" else values)
-    return np.moveaxis(wavesweep.compile(tables).to_control("displacement")(np.exp(1j * theta), squeeze=False), -1, 0)
 
 
 @pytest.mark.sample(1)

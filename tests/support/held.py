@@ -2,14 +2,18 @@
 
 import numpy as np
 
+import wavesweep
+from support.specs import nested
 from wavesweep.analyses.hands import Guarantee
 from wavesweep.analyses.loops import drift_of, frames
+from wavesweep.analyses.passive_ranges import port_ranges
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.passive import any_hand, channel, margin
 from wavesweep.passive.held_loop import HAND, HeldLoop
 from wavesweep.sweep.grid import Loops, distinct, selected
 
 WALL = "environment.K_VE"
+THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])  # rad per frame
 
 
 def held(values, along=""):
@@ -38,8 +42,20 @@ def any_hand_walls(values, span, hand_damping=0.0, path=WALL):
     return any_hand.any_hand_walls(held(values, path), span, path, hand_damping)
 
 
-def port_passive_walls(values, span, path=WALL):
-    return any_hand.port_passive_walls(held(values, path), span, path)
+def passive_walls(values, span, path=WALL):
+    return port_ranges(held(values, path), path, span)
+
+
+def scan(values, theta=THETA):
+    """Smallest eigenvalue at each angle, from the lifted system with every tick's force an input."""
+    G = over_frame(values, theta)
+    return np.linalg.eigvalsh((G + np.swapaxes(G.conj(), -1, -2)) / 2)[:, 0]
+
+
+def over_frame(values, theta):
+    """The map from the forces of a frame to its displacements, by python-control; the frame of `dc` is one tick."""
+    tables = nested(values | {"rates.ratio": 1, "environment.delay": 0} if values["controller.kind"] == "dc" else values)
+    return np.moveaxis(wavesweep.compile(tables).to_control("displacement")(np.exp(1j * theta), squeeze=False), -1, 0)
 
 
 def ends_of(box):

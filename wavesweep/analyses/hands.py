@@ -1,4 +1,4 @@
-"""Intervals guaranteed for hands: for every passive hand, for every hand of a box, for every held force at the port."""
+"""Intervals guaranteed for hands: every passive hand, every hand of a box, a passive port; and those of a passive channel."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
 from wavesweep.analyses.loops import held_loop
-from wavesweep.analyses.passive_ranges import PassiveRanges, port_ranges
+from wavesweep.analyses.passive_ranges import PassiveRanges, channel_ranges, port_ranges
 from wavesweep.analyses.unknown import Case, proofs
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.passive.any_hand import any_hand_walls, damping_needed, reads_velocity
@@ -21,20 +21,29 @@ from wavesweep.sweep.job import Job
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
+PASSIVE = (
+    "determinant of {}, interpolated over number and angle with a bound, positive by Bernstein coefficients; outside, angles "
+    "and directions in which energy comes out"
+)
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
     "box": "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
     "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else searched",
-    "port": "port margin; each value looked at is proved, what lies between two of the same kind is not",
+    "port": PASSIVE.format("the Hermitian part of the map from the held force to the displacement"),
+    "channel": PASSIVE.format("what the channel's losses leave of the tolerance"),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Guarantee:
-    """The hands for which an interval is guaranteed: "passive", "box" (those of `box`) or "port"; see `METHODS`."""
+    """What an interval is guaranteed for: the hands "passive" or "box" (those of `box`), "port", or "channel"; see `METHODS`.
+
+    tolerance: J per J sent that the channel may add.
+    """
 
     kind: str
     box: HandBox | None = None
+    tolerance: float = 0.0
 
     @property
     def dtype(self) -> np.dtype:
@@ -50,7 +59,8 @@ class Guarantee:
     def word(self) -> str:
         """The guarantee as a word that `hands_of` reads."""
         ranges = (f"{field.name}={_text(getattr(self.box, field.name))}" for field in fields(HandBox) if self.box)
-        return ":".join(filter(None, [self.kind, ",".join(ranges)]))
+        more = repr(self.tolerance) if self.kind == "channel" else ",".join(ranges)
+        return ":".join(filter(None, [self.kind, more]))
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop; it takes from tenths of a second to some seconds."""
@@ -67,6 +77,8 @@ class Guarantee:
             return _for_box(loop, along, span, self.box)
         if self.kind == "port":
             return _from_ranges(port_ranges(loop, along, span), span)
+        if self.kind == "channel":
+            return _from_ranges(channel_ranges(loop, along, span, self.tolerance), span)
         found = any_hand_walls(loop, span, along)
         convex = is_affine(loop, along)
         return _from_ends(found, span, lambda at: damping_needed(loop.changed({along: at})), certified=convex)
@@ -147,7 +159,7 @@ class Hands:
     @property
     def replaced(self) -> list[str]:
         """The guarantees for which other hands are in the place of the spec's operator."""
-        return [each.kind for each in self.guarantees if each.kind != "port"]
+        return [each.kind for each in self.guarantees if each.kind in ("passive", "box")]
 
     def facts(self) -> dict[str, list[str]]:
         """The guarantees as a fact of a run: words, which `hands_of` reads."""
@@ -204,13 +216,15 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
     words, found = (words,) if isinstance(words, str) else words, {}
     for word in words if isinstance(words, Iterable) else (words,):
         kind, colon, ranges = word.partition(":") if isinstance(word, str) else ("", "", "")
-        if kind not in METHODS or (colon and kind != "box"):
-            raise UsageError(f"hands: expected {', '.join(METHODS)} or box:RANGES, found {word!r:.60}")
+        if kind not in METHODS or bool(colon) > (kind in ("box", "channel")):
+            raise UsageError(f"hands: expected passive, box, port or box:RANGES, found {word!r:.60}")
         if kind in found:
             raise UsageError(f"hands: expected {kind} once, found it twice")
         box = HOLDING_A_DEVICE if kind == "box" else None
         try:
-            found[kind] = Guarantee(kind, replace(box, **_ranges(ranges)) if colon else box)
+            found[kind] = Guarantee(kind, replace(box, **_ranges(ranges)) if box and colon else box)
+            if kind == "channel":
+                found[kind] = Guarantee(kind, tolerance=float(ranges or 0))
         except ValueError as error:
             raise UsageError(str(error)) from error
     return Hands(tuple(found[kind] for kind in METHODS if kind in found)) if found else None

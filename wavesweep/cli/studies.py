@@ -202,8 +202,14 @@ def simulate(spec: str, options: Options) -> None:
     show_default=True,
     help="Energy (J per J sent) that aliasing may add for the channel to count as passive, here and with --filters.",
 )
+@click.option(
+    "--along",
+    metavar="NAME",
+    help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel, with their proof. "
+    "[sweep] gives its range.",
+)
 @run_options("workers", "long")
-def passivity(spec: str, options: Options, filters: bool, tolerance: float) -> None:
+def passivity(spec: str, options: Options, filters: bool, tolerance: float, along: str | None) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
     A passive loop gives out no energy, so it is stable with every passive hand. SPEC is a TOML file; each axis of its [sweep]
@@ -214,19 +220,29 @@ def passivity(spec: str, options: Options, filters: bool, tolerance: float) -> N
     At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
     necessary: see zwidth --for-hands passive.
 
+    With --along NAME the table is passivity-along: the stable intervals of that number, those with a passive port and those
+    with a passive channel, one row each. The column hand says which; certified is 1 if every value of the interval is proved
+    to be passive, and those just outside are proved not to be.
+
     \b
-    Example:
+    Examples:
       wavesweep passivity sweeps/paper/fig4.toml --filters
+      wavesweep passivity mine.toml --along K_VE --set 'sweep.K_VE={start = 0, stop = 2000}'
     """
     from wavesweep.cli.output import produce
     from wavesweep.tables import passivity as tables
 
     def compute(specs, **work):
         (loaded,) = specs
+        if along:
+            return [tables.passive_along(loaded, along, tolerance, **work)]
         choices = [tables.filter_choices(loaded, tolerance)] if filters else []  # first, since a spec may have none
         return [tables.passivity(loaded, tolerance, **work), *choices]
 
-    produce(["passivity", *(["passivity-filters"] if filters else [])], [spec], options, compute)
+    if along and filters:
+        raise click.UsageError("--filters: expected without --along, which has a table of its own")
+    kinds = ["passivity-along"] if along else ["passivity", *(["passivity-filters"] if filters else [])]
+    produce(kinds, [spec], options, compute)
 
 
 @click.command("why")

@@ -11,6 +11,7 @@ reaches the circle: so all loops are passive if one of them is.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
             lifted = lifted if port.position is None else apart_at_rest(lifted, port.position)
         return lifted, _pivots(at, path, drawn, p.shape)
 
-    return maps
+    return _remembered(maps)
 
 
 def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
@@ -64,7 +65,13 @@ def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
         flat = TickMaps.of(ticks.maps, ticks.kind, p.shape) if ticks.loops != p.size else ticks
         return bounded_by(flat.lifted(measured=False), square), _pivots(at, path, at.drawn(), p.shape)
 
-    return maps
+    return _remembered(maps)
+
+
+def _remembered(maps: Maps) -> Maps:
+    """The same maps, which keep the last results: a proof asks for the same numbers at several angles."""
+    known = lru_cache(maxsize=64)(lambda numbers, kind: maps(np.frombuffer(numbers, kind)))
+    return lambda p: known(p.tobytes(), p.dtype.str)
 
 
 def _pivots(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:

@@ -92,13 +92,14 @@ HAND = Field(
     "hand",
     "string",
     "",
-    "whose hand the row is for: free, operator, passive, box or port",
+    "whose hand the row is for: free, operator, passive, box, port or channel",
     values={
         "free": "the device alone, without a hand",
         "operator": "the spec's own operator",
         "passive": "every passive hand, of any mass and stiffness, also if it moves within a tick",
         "box": "every hand between a fingertip and an arm, or in the ranges that --for-hands box:... gives",
         "port": "the hand's port is passive, if forces are held over a tick",
+        "channel": "the wave channel adds at most the tolerance of the run to its waves",
     },
 )
 ABOUT_ENDS = (

@@ -32,6 +32,7 @@ HANDS = {
     "passive": Hand("stable with every passive hand", nowhere="nowhere stable with every passive hand in the swept range"),
     "box": Hand("stable with every hand of the box", nowhere="nowhere stable with every hand of the box in the swept range"),
     "port": Hand("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
+    "channel": Hand("wave channel passive to within the tolerance", "passive", "nowhere passive in the swept range"),
     "spec": Hand("the spec's own numbers"),
     "for_all": Hand(
         "proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all] in the swept range"
@@ -40,7 +41,7 @@ HANDS = {
 STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
 # Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
-SEARCHED = ("passive", "box", "port")
+SEARCHED = ("passive", "box")
 NEXT = 2e-3  # of the largest value, up to where what is proved begins next to 0
 ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}
 

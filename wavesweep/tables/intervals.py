@@ -226,7 +226,7 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     from wavesweep.analyses.hands import hands_of
     from wavesweep.spec import load
 
-    spec = load(facts["spec"])
+    spec, along = load(facts["spec"]), along or facts.get("along")
     run = spec, along, hands_of(facts.get("for_hands", ()))
     sizes = [stage.job.grid.size for stage in stages_of(*run)]
     some, prove = partial(rows_again, *run), partial(proved_again, spec, along)
@@ -243,4 +243,5 @@ KINDS = (
     _kind("stability-region", None, INTERVALS),
     _kind("zwidth-hands", "K_VE", INTERVALS_FOR_HANDS),
     _kind("stability-region-hands", None, INTERVALS_FOR_HANDS),
+    _kind("passivity-along", None, INTERVALS_FOR_HANDS),
 )

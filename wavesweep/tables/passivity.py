@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from math import prod
 from numbers import Real
@@ -55,6 +56,21 @@ def passivity(
     facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
     return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
+
+
+def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[Options]) -> Table:
+    """The intervals of a number with a passive port, and with a passive wave channel if there is one, beside the stable ones.
+
+    along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
+    """
+    from wavesweep.analyses.hands import hands_of
+    from wavesweep.analyses.passivity import sends_waves
+    from wavesweep.tables.intervals import intervals
+
+    _refuse_tolerance(tolerance)
+    hands = hands_of(["port", *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])])
+    table = intervals(spec, along=along, hands=hands, **work)
+    return replace(table, kind="passivity-along", facts=table.facts | {"along": along, "tolerance": tolerance})
 
 
 def in_memory(spec: Spec, axes) -> Columns:

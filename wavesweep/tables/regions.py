@@ -92,7 +92,7 @@ class View:
 def incomplete(columns: Columns) -> np.ndarray:
     """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
-    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", "port", "for_all"))
+    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", "for_all"))
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 
