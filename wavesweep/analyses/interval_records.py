@@ -135,13 +135,13 @@ def _resting(search, loops) -> Resting | None:
 def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
     """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
     few, bound = 1 if search.in_pieces else BATCH, search.bound or Bound()
-    for end, name in zip(("low", "high"), LINES, strict=True):
-        rows = np.flatnonzero(~np.isnan(records[f"{end}_omega"]) & np.isin(records["slice"], members))
-        at, p, omega = np.searchsorted(members, records["slice"][rows]), records[end][rows], records[f"{end}_omega"][rows]
-        if opened and opened.loops.cut and not bound.damping_ratio:
-            records[name][rows] = strongest_in_cut(loops.drawing, opened, at, omega, bound)
-            continue
-        records[name][rows] = omega / (2 * np.pi)  # if the tick is the whole frame, or the loop has no solution
+    ends, omegas = (np.stack([records[name] for name in pair]) for pair in (("low", "high"), ("low_omega", "high_omega")))
+    end, rows = np.nonzero(~np.isnan(omegas) & np.isin(records["slice"], members))
+    p, omega = ends[end, rows], omegas[end, rows]
+    at, found = np.searchsorted(members, records["slice"][rows]), omega / (2 * np.pi)
+    if opened and opened.loops.cut and not bound.damping_ratio:
+        found = strongest_in_cut(loops.drawing, opened, at, omega, bound)
+    else:
         for part in (slice(first, first + few) for first in range(0, rows.size, few)):
             varied = _buildable(search, loops).some(at[part])
             varied = varied.changed({search.along: np.where(p[part] == 0, TINY, p[part])})
@@ -149,7 +149,9 @@ def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, lo
                 drawn = varied.drawn()
                 period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[part].shape)
                 if drawn.ticks > 1:
-                    records[name][rows[part]] = lines_in_loops(varied, bound.logarithms(period, omega[part]))[:, 0]
+                    found[part] = lines_in_loops(varied, bound.logarithms(period, omega[part]))[:, 0]
+    for name, own in zip(LINES, (end == 0, end == 1), strict=True):
+        records[name][rows[own]] = found[own]
 
 
 def loop_by_loop(parts, along: str, of_loop: Callable[[Loops], np.ndarray]) -> np.ndarray:
