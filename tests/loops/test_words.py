@@ -315,16 +315,16 @@ def test_gains_of_a_word_are_one_scalar_of_the_frame_and_others_are_not():
     ("keys", "path", "expected", "found"),
     [
         (
-            {"type": "pid", "kp": 1, "anti_windup": True},
-            "anti_windup",
-            "one of type, kp, ki, kd, tau, method, every, phase",
-            "a limit, with which no block is linear",
+            {"type": "lowpass", "a": 0.1, "rate_limit": 3},
+            "rate_limit",
+            "one of type, a, cutoff_hz, every, phase",
+            "a limit, which a block of type saturation has",
         ),
         (
             {"type": "pi", "kp": 1, "output_limit": 3},
             "output_limit",
-            "one of type, kp, ki, method, every, phase",
-            "a limit, with which no block is linear",
+            "one of type, kp, ki, method, high, low, anti_windup, tracking_s, every, phase",
+            "an unknown key; did you mean `high`?",
         ),
         ({"type": "lowpass"}, "cutoff_hz", "either a or cutoff_hz", "neither"),
         ({"type": "lowpass", "a": 0.1, "cutoff_hz": 3}, "cutoff_hz", "either a or cutoff_hz", "both"),

@@ -93,6 +93,7 @@ def lowpass(share):
 CASES = [
     ("gain", {"k": 1.7}, 0, lambda m, u, *_: (1.7 * u, m)),
     ("hold", {}, 0, lambda m, u, *_: (u, m)),
+    ("saturation", {"high": 1e6}, 0, lambda m, u, *_: (u, m)),
     ("delay", {"steps": 3}, 3, lambda m, u, *_: (m[2], (u, *m[:2]))),
     ("mean", {"n": 3}, 2, lambda m, u, *_: ((u + m[0] + m[1]) / 3, (u, m[0]))),
     ("difference", {}, 1, lambda m, u, h, _: ((u - m[0]) / h, (u,))),

@@ -45,11 +45,11 @@ def monodromy(drawing, values):
     for place, unit in zip(kept, np.eye(len(kept)), strict=True):
         z[place] = unit
     for program in programs:
-        run(program.first, z)
+        run(program.first, z, {})
         if program.wall:
             depth, speed, force = (ticks.at(name) for name in (DEPTH, SPEED, FORCE))
             z[force] = program.wall.force(z[depth], z[speed])[0]
-            run(program.second, z)
+            run(program.second, z, {})
         keep(program, z)
     return np.array([np.broadcast_to(z[place], len(kept)) for place in kept])
 

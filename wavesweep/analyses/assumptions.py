@@ -6,6 +6,8 @@ from types import MappingProxyType
 from wavesweep.loops.controllers import assumption_of_page, keys_of_page
 from wavesweep.spec import KEYS, Spec
 from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.drawing import path_of, scalars
+from wavesweep.spec.expressions import names_in, text_of, value_of
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.grid import Grid
 
@@ -17,11 +19,12 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
     swept: paths of the axes of the result, which have no single value. If the spec gives one of the three no value of its
-    own, the sentence says so, and names the usual practice of engines, which is less kind than the default. There is none for
-    a drawn loop, which shows all of that itself.
+    own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows
+    all of that itself; its sentence says within which limits of its blocks it is linear.
     """
     if spec.drawing:
-        return ""
+        found = list(_limits(spec, swept))
+        return f"linear while {', '.join(found)}; simulate goes beyond" if found else ""
     read, values = keys_of_page(spec.values), spec.values
     parts = [assumption_of_page(values)]
     if DELAY in read:
@@ -33,6 +36,22 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
     return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
+
+
+def _limits(spec, swept) -> Iterator[str]:
+    """Yield the limits of each block that has some, with the values of numbers that are not swept."""
+
+    def shown(tree):
+        moving = {path_of(name) for name, _ in names_in(tree)} & set(swept)
+        return text_of(tree) if moving else f"{value_of(tree, known):g}"
+
+    known = scalars(spec.values)
+    for block in spec.drawing.blocks:
+        limits = dict(block.limits)
+        if "high" in limits:
+            port, high = f"{block.name}.{'u' if block.type == 'saturation' else 'y'}", shown(limits["high"])
+            low = shown(limits["low"]) if "low" in limits else f"-{high}"
+            yield f"|{port}| <= {high}" if low == f"-{high}" else f"{low} <= {port} <= {high}"
 
 
 # Ranges in which the numbers of devices and hands lie, in the unit of the key.

@@ -65,6 +65,7 @@ def _lines(programs):
 def _coefficients(programs) -> Iterator[float]:
     for each in programs:
         yield from (each.wall.yields, each.wall.slows) if each.wall else ()
+        yield from (limit for pair in each.limits.values() for limit in pair)
     yield from (value for _, terms in _lines(programs) for value, _ in terms)
 
 
@@ -102,7 +103,8 @@ class Table:
             for lines in sums
         )
         met = wall and wall._replace(yields=self._placed(wall.yields), slows=self._placed(wall.slows))
-        return program._replace(first=first, wall=met, second=second, keeps=keeps)
+        limits = {place: tuple(map(self._placed, pair)) for place, pair in program.limits.items()}
+        return program._replace(first=first, wall=met, second=second, keeps=keeps, limits=limits)
 
     def _placed(self, value):
         if not isinstance(value, Named):

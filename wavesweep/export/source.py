@@ -4,7 +4,7 @@ The device consists of the blocks whose inputs are always held over a tick: mass
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, product
 from textwrap import fill
@@ -327,13 +327,30 @@ def _results(own: Controller) -> dict[str, Any]:
 
 
 def _function(number: int, program: Program, own: Controller) -> str:
-    """A program as a function: a sum for each line, which begins with 0 and adds product after product."""
+    """A program as a function: a sum for each line, which begins with 0 and adds product after product, within limits."""
     names = [own.places[name] for name in own.ticks.places]
-    lines = [f"    z[{names[target]}] = {_sum(terms, names)};" for target, terms in program.first]
+
+    def summed(lines: Iterable[Line]) -> Iterator[str]:
+        for target, terms in lines:
+            place = f"z[{names[target]}]"
+            yield f"    {place} = {_sum(terms, names)};"
+            if target in program.limits:
+                low, high = map(factor, program.limits[target])
+                yield f"    {place} = {place} < {low} ? {low} : {place} > {high} ? {high} : {place};"
+
+    lines = [*summed(program.first)]
     if program.wall:
         lines.append(f"    meet(s, {factor(program.wall.yields)}, {factor(program.wall.slows)});")
-        lines += [f"    z[{names[target]}] = {_sum(terms, names)};" for target, terms in program.second]
-    kept = [f"    const double kept_{i} = {_sum(terms, names)};" for i, (_, terms) in enumerate(program.keeps)]
+        lines += summed(program.second)
+    stops = {line: [f"z[{names[place]}]" for place in (*some, program.keeps[line][0])] for line, *some in program.stops}
+    kept = []
+    for i, (_, terms) in enumerate(program.keeps):
+        total = _sum(terms, names)
+        if i in stops:
+            free, limited, driven, still = stops[i]
+            up, down = f"({free} > {limited} && {driven} > 0.0)", f"({free} < {limited} && {driven} < 0.0)"
+            total = f"{up} || {down} ? {still} : {total}"
+        kept.append(f"    const double kept_{i} = {total};")
     kept += [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
     for source, first, last in program.moves:
         kept += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []

@@ -26,12 +26,15 @@ class Law(NamedTuple):
 
     gives: outputs and numbers in between as sums of inputs, states and each other. keeps: the states afterwards, from all
     numbers as they were before. moves: rows of states; the first takes the value of the name, each other one that of the one
-    before it.
+    before it. limits: low and high of numbers that end there. stops: states that keep their value while a number is beyond its
+    limit and would be driven on: (the number before the limit, behind it, and what drives it).
     """
 
     gives: Mapping[str, Sum]
     keeps: Mapping[str, Sum] = MappingProxyType({})
     moves: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    limits: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    stops: Mapping[str, tuple[str, str, str]] = MappingProxyType({})
 
 
 def mass(period: float, mass: float, damping: float, stiffness: float) -> Law:
@@ -194,10 +197,33 @@ def difference(period: float) -> Law:
     return Law({"change": ((1.0, "u"), (-1.0, "before")), "y": ((1.0 / period, "change"),)}, {"before": ((1.0, "u"),)})
 
 
-def integrator(period: float, method: str) -> Law:
+def saturation(period: float, high: float, low: float | None = None) -> Law:
+    """`u` within limits."""
+    return _within_limits(hold(period), period, 1.0, high, low)
+
+
+def integrator(period: float, method: str, **limits) -> Law:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
     total, keeps = _integral("sum", "u", period, method)
-    return Law({"y": ((1.0, "sum"),) if method == "explicit" else total}, keeps)
+    return _within_limits(Law({"y": ((1.0, "sum"),) if method == "explicit" else total}, keeps), period, 1.0, **limits)
+
+
+def _within_limits(law, period, ki, high=None, low=None, anti_windup="none", tracking_s=None):
+    """A law whose output y ends at limits, with what its integral, times ki in y, does there.
+
+    Back-calculation adds `(y - free)/tracking_s` to the rate of `ki sum`, free being y without limits (Astrom, Hagglund 1995).
+    Clamping keeps the sum while y is at a limit and `ki u` has the sign of `free - y`.
+    """
+    if high is None:
+        return law
+    gives = {**law.gives, "free": law.gives["y"], "y": ((1.0, "free"),)}
+    keeps, stops = dict(law.keeps), {}
+    if anti_windup == "clamping":
+        gives["driven"], stops = ((ki, "u"),), {"sum": ("free", "y", "driven")}
+    elif anti_windup == "back-calculation" and float(ki):
+        back = period / (ki * tracking_s)
+        keeps["sum"] = (*keeps["sum"], (back, "y"), (-back, "free"))
+    return law._replace(gives=gives, keeps=keeps, limits={"y": (-high if low is None else low, high)}, stops=stops)
 
 
 def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, dict[str, Sum]]:
@@ -255,18 +281,19 @@ def lowpass(period: float, a: float = 0.0, cutoff_hz: float = 0.0) -> Law:
     return Law({"step": ((1.0, "u"), (-1.0, "before")), "y": ((1.0, "before"), (a, "step"))}, {"before": ((1.0, "y"),)})
 
 
-def pi(period: float, kp: float, ki: float, method: str) -> Law:
+def pi(period: float, kp: float, ki: float, method: str, **limits) -> Law:
     """`y = kp u + ki integral of u`."""
     total = integrator(period, method)
-    return Law({"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}, total.keeps)
+    return _within_limits(Law({"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}, total.keeps), period, ki, **limits)
 
 
-def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str) -> Law:
+def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str, **limits) -> Law:
     """The same and `kd slope`, `slope = (tau last slope + change of u)/(tau + T)`."""
     most, share = pi(period, kp, ki, method), 1 / (tau + period)
     slope = {"change": ((1.0, "u"), (-1.0, "before")), "slope": ((tau * share, "last"), (share, "change"))}
     gives = {**most.gives, **slope, "y": (*most.gives["y"], (kd, "slope"))}
-    return Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
+    law = Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
+    return _within_limits(law, period, ki, **limits)
 
 
 def lead(period: float, zero_hz: float, pole_hz: float) -> Law:
@@ -366,6 +393,7 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
                 gain,
                 hold,
                 channel,
+                saturation,
                 delay,
                 difference,
                 integrator,

@@ -314,13 +314,13 @@ class Running:
         z, shown = self.z, [(each, each.number(k)) for each in self.shown[k % len(self.shown)]]
         program = self.ticks.program(k, self._arriving(k, shown), self.touching or not self.gated)
         z.extend([0.0] * (len(self.ticks.places) - len(z)))
-        run(program.first, z)
+        run(program.first, z, program.limits)
         if program.wall:
             depth, speed, force = self.wall
             z[force], touched = program.wall.force(z[depth], z[speed])
             self.contacts.append(touched)
             self.touching = touched if self.at_once else self.touching
-            run(program.second, z)
+            run(program.second, z, program.limits)
         for each, number in shown:
             self._send(k, each, number)
         keep(program, z)
@@ -397,7 +397,7 @@ def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[st
         z.extend([0.0] * (len(ticks.places) - len(z)))
         for place, number in zip(given, row, strict=True):
             z[place] = number
-        run(program.first, z)
+        run(program.first, z, program.limits)
         rows.append([z[place] for place in places])
         keep(program, z)
     found = np.array(rows).reshape(-1, len(places))

@@ -312,7 +312,7 @@ def _numbers(block, known):
     types = {name: key.type for name, key in TYPES[block.type].keys.items()}
     return {
         "passes" if name == "pass" else name: kinds[types[name]](value) if types[name] in kinds else value
-        for name, value in block.keys
+        for name, value in (*block.keys, *block.limits)
     }
 
 

@@ -47,7 +47,8 @@ class Meeting(NamedTuple):
 class Program(NamedTuple):
     """A tick: lines up to the wall, how it is met (None if its force is not computed), lines after it, and what is kept.
 
-    moves: (source, first, last) of rows of places that move on by one.
+    moves: (source, first, last) of rows of places that move on by one. limits: (low, high) of places. stops: lines of `keeps`
+    that leave a place as it is, with the places of a number before and behind its limit, and of what drives it.
     """
 
     first: list[Line]
@@ -55,6 +56,8 @@ class Program(NamedTuple):
     second: list[Line]
     keeps: list[Line]
     moves: list[tuple[int, int, int]]
+    limits: dict[int, tuple[float, float]]
+    stops: list[tuple[int, int, int, int]]
 
 
 def arrived(signal: str) -> str:
@@ -72,12 +75,15 @@ def actual(port: str) -> str:
     return f"{port} actual"
 
 
-def run(lines: Iterable[Line], z: list) -> None:
-    """Compute lines in their order; each sum begins with 0 and adds product after product."""
+def run(lines: Iterable[Line], z: list, limits: Mapping[int, tuple[float, float]]) -> None:
+    """Compute lines in their order; each sum begins with 0, adds product after product, and ends at its limits."""
     for target, terms in lines:
         total = 0.0
         for factor, source in terms:
             total += factor * z[source]
+        if target in limits:
+            low, high = limits[target]
+            total = low if total < low else min(total, high)
         z[target] = total
 
 
@@ -89,6 +95,9 @@ def keep(program: Program, z: list) -> None:
         for factor, source in terms:
             total += factor * z[source]
         found.append(total)
+    for line, free, limited, driven in program.stops:
+        if (z[free] > z[limited] and z[driven] > 0.0) or (z[free] < z[limited] and z[driven] < 0.0):
+            found[line] = z[program.keeps[line][0]]
     for (target, _), total in zip(program.keeps, found, strict=True):
         z[target] = total
     for source, first, last in program.moves:
@@ -132,13 +141,15 @@ class Ticks:
 
     def _made(self, kind: int, arriving: frozenset[str], touching: bool) -> Program:
         running, wires = self.sets[kind], self.loop.wires if touching else self.loop.away
-        sums, keeps, moves = {}, {}, []
+        sums, keeps, moves, limits, stops = {}, {}, [], {}, {}
         for part in running:
             law = part.law if touching else part.away
             for port in (f"{part.name}.{each}" for each in part.inputs):
                 sums[port] = self._read(wires.get(port, ()), part.rhythm.slow)
             sums |= {f"{part.name}.{name}": _named(part, terms) for name, terms in law.gives.items()}
             keeps |= {f"{part.name}.{name}": _named(part, terms) for name, terms in law.keeps.items()}
+            limits |= {f"{part.name}.{name}": pair for name, pair in law.limits.items()}
+            stops |= {f"{part.name}.{name}": [f"{part.name}.{each}" for each in some] for name, some in law.stops.items()}
             for source, names in law.moves:
                 first = self.at(f"{part.name}.{names[0]}")
                 moves.append((self.at(f"{part.name}.{source}"), first, first + len(names)))
@@ -155,10 +166,15 @@ class Ticks:
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         wall = self.loop.wall
         if wall and {Rhythm(), *(part.rhythm for part in running)}.intersection(self.loop.readers(FORCE)):
-            first, met, second = _around(sums | {DEPTH: self._read(wall.depth), SPEED: self._read(wall.speed)}, wall)
+            sums |= {DEPTH: self._read(wall.depth), SPEED: self._read(wall.speed)}
+            _refuse_limits_on_circles(limits, sums | {FORCE: ((1.0, DEPTH), (1.0, SPEED))})
+            first, met, second = _around(sums, wall)
         else:
+            _refuse_limits_on_circles(limits, sums)
             first, met, second = straight(sums)[0], None, []
-        return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves)
+        limits = {self.at(name): pair for name, pair in limits.items()}
+        stops = [(line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops]
+        return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves, limits, stops)
 
     def _read(self, terms, slow=True):
         """A sum as a block reads it: messages as they have arrived, and if the block is not slow, slow results too."""
@@ -172,6 +188,17 @@ class Ticks:
 
 def _named(part, terms):
     return tuple((factor, f"{part.name}.{name}") for factor, name in terms)
+
+
+def _refuse_limits_on_circles(limits, sums):
+    """Refuse a number with limits that comes back to itself within the tick, of which no linear equation gives the value."""
+    readers = _readers(sums) if limits else {}
+    for name in limits:
+        if name in _closure(readers.get(name, ()), readers):
+            raise IllPosedLoopError(
+                f"{name}: what it gives comes back to it within the tick, where limits may leave several values or none; "
+                "expected a delay on the way, as of a controller that computes in one tick and acts in the next"
+            )
 
 
 def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:

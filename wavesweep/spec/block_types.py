@@ -5,7 +5,7 @@ the same keys; words of firmware are transfer functions (`wavesweep.spec.firmwar
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -24,8 +24,9 @@ class BlockType:
     where the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and
     then neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate,
     unless its order is 0. body: the key of the mass, of a type with a position x and a velocity v. settles: whether it comes
-    to rest by itself, whatever its keys are. either: two keys, of which a block has one. formula: numerator and denominator of
-    the transfer function that a block of firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks.
+    to rest by itself, whatever its keys are. limits: keys that say what it does beyond limits, within which it is linear;
+    only the simulation and C read them. either: two keys, of which a block has one. formula: numerator and denominator of the
+    transfer function that a block of firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks.
     stepwise: rows of its matrices A and B, then those of C and D, in states that mean the same at every period, if its own do
     not. The names in both are explained in `wavesweep.spec.firmware_blocks`.
     """
@@ -38,6 +39,7 @@ class BlockType:
     steps: str = ""
     body: str = ""
     settles: bool = False
+    limits: tuple[str, ...] = ()
     below_half: tuple[str, ...] = ()
     either: tuple[str, ...] = ()
     formula: tuple[tuple[str, ...], ...] = ()
@@ -72,7 +74,20 @@ _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
 
 _SAME = "the same in each run, however long the step"
-
+_HIGH = number("high", None, "", "upper limit of y; the loop is linear below it")
+_LOW = number("low", None, "", "lower limit of y; by default -high")
+_LIMITS = (
+    _HIGH,
+    _LOW,
+    word(
+        "anti_windup",
+        "none",
+        "what the integral does at a limit: back-calculation moves it towards the limit, clamping keeps it while u drives y on",
+        ("none", "back-calculation", "clamping"),
+    ),
+    number("tracking_s", None, "s", "time constant of back-calculation", positive=True),
+)
+_BEYOND = tuple(key.path for key in _LIMITS)
 
 # In formulas, T is the block's own period (s), ahead the share of a period by which an integral reads ahead, late the share of
 # the last input in a step, tan(pi f T) the prewarped frequency of the bilinear transform. A pid's states are the integral, the
@@ -143,6 +158,16 @@ TYPES = MappingProxyType(
             steps=f"if discrete, {_SAME}",
         ),
         "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0), steps=_SAME, settles=True),
+        "saturation": _type(
+            "y = u within limits; intervals and responses are those of the loop within them, simulate and C keep to them",
+            _U_Y,
+            replace(_HIGH, required=True),
+            _LOW,
+            steps=_SAME,
+            settles=True,
+            formula=(("1",), ("1",)),
+            limits=("high", "low"),
+        ),
         "delay": _type(
             "u of so many runs of the block ago, or of a dead time of so many seconds ago, to any fraction of a tick: held "
             "signals then arrive at plants between two ticks, and what a plant does is read between two ticks",
@@ -175,6 +200,8 @@ TYPES = MappingProxyType(
             "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
             _U_Y,
             word("method", "explicit", "rectangles from the left, from the right, or trapezia", INTEGRATIONS),
+            *_LIMITS,
+            limits=_BEYOND,
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
             "trapezoidal: y[j] = y[j-1] + h[j] (u[j] + u[j-1])/2",
             stepwise=_PID,
@@ -200,23 +227,27 @@ TYPES = MappingProxyType(
             stepwise=("1 - a; a", "1 - a; a"),
         ),
         "pi": _type(
-            "y = kp u + ki integral of u, without limits or anti-windup",
+            "y = kp u + ki integral of u, within limits if high is given",
             _U_Y,
             _KP,
             _KI,
             _METHOD,
+            *_LIMITS,
+            limits=_BEYOND,
             steps="y[j] = kp u[j] + ki i[j], where i is what an integrator of the same method gives",
             formula=((_P, "ki*T"), ("1", "0")),
             stepwise=_PID,
         ),
         "pid": _type(
-            "y = kp u + ki integral of u + kd d, d + tau d' = u' by backward differences, without limits or anti-windup",
+            "y = kp u + ki integral of u + kd d, d + tau d' = u' by backward differences, within limits if high is given",
             _U_Y,
             _KP,
             _KI,
             _number("kd", "", "gain of the derivative, in the unit of kp times s", 0.0),
             _number("tau", "s", "time constant of the derivative's filter; 0 for none", 0.0, low=0.0),
             _METHOD,
+            *_LIMITS,
+            limits=_BEYOND,
             steps="y[j] = kp u[j] + ki i[j] + kd d[j], i as in pi, d[j] = (tau d[j-1] + u[j] - u[j-1])/(tau + h[j])",
             formula=((f"{_P}*(T + tau) + kd", f"{_P}*T + ki*T*(T + tau)", "ki*T**2"), ("T + tau", "T", "0")),
             stepwise=_PID,

@@ -43,7 +43,8 @@ def _remembered(function):
 class DrawnBlock:
     """A block: its keys hold trees of numbers, tuples of these, or words.
 
-    phases: the ticks in which it runs, if it does so several times in `every` ticks.
+    phases: the ticks in which it runs, if it does so several times in `every` ticks. limits: the keys that say what it does
+    beyond limits, see `BlockType.limits`.
     """
 
     name: str
@@ -52,6 +53,7 @@ class DrawnBlock:
     every: Tree
     phase: Tree
     phases: tuple[int, ...] = ()
+    limits: tuple[tuple[str, object], ...] = ()
 
     @property
     def plant(self) -> bool:
@@ -84,17 +86,24 @@ class DrawnBlock:
                 tuple((name, value if isinstance(value, str) else ("name", name, 0)) for name, value in keys),
                 ("name", "T", 0),
             )
-        return replace(self, type="tf", keys=transfer_function(self.type, keys, period))
+        return replace(self, type="tf", keys=transfer_function(self.type, keys, period), limits=())
 
     def stepwise(self, tick_hz: Tree) -> DrawnBlock:
         """The block itself, or a state-space model of it if its states would mean something else at another period."""
         keys = stepwise(self.type, self.keys, self.ports, ("/", self.every, tick_hz, 0))
-        return replace(self, type="ss", keys=keys) if keys else self
+        return replace(self, type="ss", keys=keys, limits=()) if keys else self
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
-        """Yield the name of the key and the tree for each number in the keys."""
+        """Yield the name of the key and the tree for each number in the keys, without those of `limits`."""
         yield from (("every", self.every), ("phase", self.phase))
-        for name, value in self.keys:
+        yield from self._trees(self.keys)
+
+    def limit_trees(self) -> Iterator[tuple[str, Tree]]:
+        """Yield the same of `limits`."""
+        yield from self._trees(self.limits)
+
+    def _trees(self, keys):
+        for name, value in keys:
             yield from ((name, tree) for tree in _trees(TYPES[self.type].keys[name].type, value))
 
 
@@ -297,6 +306,12 @@ class Drawing:
         """Paths of the keys whose numbers the loop reads."""
         return frozenset(path_of(name) for _, tree in self.trees() for name, _ in names_in(tree))
 
+    @_remembered
+    def of_limits(self) -> frozenset[str]:
+        """Paths of the keys that limits of blocks alone read, on which nothing depends within them."""
+        trees = (tree for block in self.blocks for _, tree in block.limit_trees())
+        return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree)) - self.reads
+
     @property
     def rating(self) -> frozenset[str]:
         """Names of the numbers that the rate of the tick follows from."""
@@ -311,7 +326,7 @@ class Drawing:
             keys[path_of(name)] = Key(path_of(name), kind, None, unit, description, shaping=name in self.shaping)
         for block in self.blocks:
             of_type = keys_of_block(block.type)
-            for name, tree in block.trees():
+            for name, tree in (*block.trees(), *block.limit_trees()):
                 path = f"block.{block.name}.{name}"
                 if any(path == each for each, _ in names_in(tree)):
                     keys[path] = replace(of_type[name], path=path, required=False, shaping=path in self.shaping)
@@ -320,7 +335,8 @@ class Drawing:
     def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
         numbers, first = scalars(values), {}
-        for path, tree in self.trees():
+        limits = ((f"block.{block.name}.{name}", tree) for block in self.blocks for name, tree in block.limit_trees())
+        for path, tree in (*self.trees(), *limits):
             if not numbers.keys() >= {name for name, _ in names_in(tree)}:
                 continue  # a number that has a mistake itself
             value = _value(tree, numbers)
@@ -334,7 +350,7 @@ class Drawing:
             tick_hz = None
         every = {}
         for block in self.blocks:
-            known = {name: first.get(f"block.{block.name}.{name}") for name, _ in block.trees()}
+            known = {name: first.get(f"block.{block.name}.{name}") for name, _ in (*block.trees(), *block.limit_trees())}
             for name, expected in _unsuitable(block, known, tick_hz):
                 yield f"block.{block.name}.{name}", expected, f"{known[name]:g}"
                 every[block.name] = None if name == "every" else every.get(block.name, known["every"])
@@ -464,8 +480,17 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
     for name in TYPES[block.type].below_half if known.get("order") != 0 else ():  # 0 is no filter
         if known[name] is not None and name not in wrong and known[name] >= half:
             yield name, f"a number < {half:g} (half the block's own rate)"
+    yield from _disordered(known)
     if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
         yield "den", "a first coefficient other than 0"
+
+
+def _disordered(known):
+    """The mistake of limits that are not in order."""
+    high = known.get("high")
+    low = None if high is None else known.get("low", -high)
+    if low is not None and not low < high:
+        yield "high", f"a number > low = {low:g}" if "low" in known else "a number > 0, as low is -high"
 
 
 def _undivided(block, known, total):

@@ -197,8 +197,12 @@ class KeyReader:
         phase = read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
-        block = DrawnBlock(name, kind, tuple((key, value) for key, value in read.items() if value is not None), every, phase)
-        wrong = _shape_fault(block)
+        own, limits = (
+            tuple((key, value) for key, value in read.items() if value is not None and (key in TYPES[kind].limits) is beyond)
+            for beyond in (False, True)
+        )
+        block = DrawnBlock(name, kind, own, every, phase, limits=limits)
+        wrong = _limit_fault(dict(limits)) or _shape_fault(block)
         if wrong:
             return self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
         return block
@@ -210,8 +214,9 @@ class KeyReader:
             if key not in keys and key not in ("", "type"):
                 known, limits = ("type", *keys), any(word in key for word in LIMITS)
                 alike = (each for names in ALIKE if key in names for each in names if each in keys)
-                near = "" if limits else next(alike, "") or nearest(key, known)
-                told = "a limit, with which no block is linear" if limits else "an unknown key"
+                strange = limits and "high" not in keys
+                near = "" if strange else next(alike, "") or nearest(key, known) or "high" * limits
+                told = "a limit, which a block of type saturation has" if strange else "an unknown key"
                 self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), told, near)
                 meant.setdefault(near, leaf)
         return meant
@@ -273,6 +278,18 @@ def is_dotted(name: str) -> bool:
 def _block_of(text):
     """The block of the port that a text begins with."""
     return re.match(r"[\w.]*", text)[0].rpartition(".")[0]
+
+
+def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:
+    """Return key, expected and found text if the limits of a block and what it does at them do not fit together."""
+    acts = limits.get("anti_windup", "none")
+    given = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (acts != "none")
+    if given and "high" not in limits:
+        return "high", "a number, the upper limit", f"{given[0]} without it"
+    if (acts == "back-calculation") != ("tracking_s" in limits):
+        given = "no time constant" if acts == "back-calculation" else f"one with anti_windup = {acts!r}"
+        return "tracking_s", "a time constant (s) with back-calculation, and none without", given
+    return None
 
 
 def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:

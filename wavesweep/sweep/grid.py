@@ -109,7 +109,7 @@ class Grid:
 
 def keys_of(spec: Spec) -> frozenset[str]:
     """Paths of the keys that the spec's loop reads."""
-    return frozenset(spec.values) if spec.drawing else keys_of_page(spec.values)
+    return frozenset(spec.values) - spec.drawing.of_limits if spec.drawing else keys_of_page(spec.values)
 
 
 def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
