@@ -1,6 +1,7 @@
 """Figures of simulations: short and long, with and without waves, of one frequency and of many."""
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import wavesweep
 from wavesweep import plots
 from wavesweep.plots.simulation import _spans, extremes
 from wavesweep.plots.style import _cut_off, figure
-from wavesweep.results import fields
+from wavesweep.results import fields, read_table, save
 from wavesweep.simulation import simulated, table
 from wavesweep.spec import load
 from wavesweep.tables.simulation import simulate as simulation_tables
@@ -115,3 +116,11 @@ def test_a_name_that_sticks_out_keeps_its_numbers_and_gets_room():
         assert _cut_off(axes)
         assert set(axes.get_yticks()) <= set(ticks)
         assert isinstance(axes.yaxis.get_major_locator(), FixedLocator)
+
+
+def test_a_loop_without_a_hand_is_drawn_again_from_its_file(tmp_path):
+    spec = load(Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml")
+    *_, run = simulation_tables(spec.as_simulated())
+    _, columns, facts = read_table(save(run, tmp_path / "simulate.parquet"))
+    assert list(columns) == list(run.columns)
+    assert len(plots.simulate(columns, facts).axes) == 6

@@ -63,7 +63,8 @@ def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     specs = [spec for spec in (facts.get("spec"), *facts.get("specs", {}).values()) if isinstance(spec, Mapping)]
     own = [field.name for field in known.fields]
     axes = [name for spec in specs for name in spec.get(known.study, {}) if name not in own]
-    return dict(known.ordered({name: columns[name] for name in dict.fromkeys([*axes, *own]) if name in columns}))
+    names = dict.fromkeys([*axes, *own, *signals_of(facts)])
+    return dict(known.ordered({name: columns[name] for name in names if name in columns}))
 
 
 def felt_unit(facts: Mapping[str, Any] | None) -> str:
@@ -110,14 +111,19 @@ def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
     spec = (facts or {}).get("spec", {})
-    found: dict[str, Field] = {}
-    for name, text in spec.get("signals", {}).items():
-        fields = (Field(each, "number", "", f"{name}: {text}") for each in (name, f"signals.{name}"))
-        found |= {each.name: each for each in fields}
-    for side, what in (("inputs", "input, held over the tick"), ("outputs", "output")):
-        ports = spec.get("ports", {}).get(side, {})
-        found |= {name: Field(name, "number", port["unit"], f"{what}: {port['signal']}") for name, port in ports.items()}
-    return found
+    named = {
+        each: Field(each, "number", "", f"{name}: {text}")
+        for name, text in spec.get("signals", {}).items()
+        for each in (name, f"signals.{name}")
+    }
+    inputs, outputs = (
+        {
+            name: Field(name, "number", port["unit"], f"{what}: {port['signal']}")
+            for name, port in spec.get("ports", {}).get(side, {}).items()
+        }
+        for side, what in (("inputs", "input, held over the tick"), ("outputs", "output"))
+    )
+    return inputs | {name: field for name, field in named.items() if name not in inputs} | outputs
 
 
 def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, list[str]]]:
