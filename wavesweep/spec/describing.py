@@ -5,7 +5,7 @@ from typing import Any
 
 from wavesweep.spec.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
 from wavesweep.spec.checking import expectation, nearest, show
-from wavesweep.spec.design import DESIGN_KEYS, WISHES
+from wavesweep.spec.design import WISHES
 from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 
@@ -14,11 +14,11 @@ STUDIES = ("sweep", "bode")
 _AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
 _OF_STUDIES = {
     path: key
-    for table in (*STUDIES, "simulate", "measured")
+    for table in (*STUDIES, "simulate", "measured", "design")
     for path, key in (STUDY_KEYS | _AXES).items()
     if path.startswith(f"{table}.")
 }
-EVERY_KEY: Mapping[str, Key] = {**KEYS, **_OF_STUDIES, **{key.path: key for key in DESIGN_KEYS.values()}}
+EVERY_KEY: Mapping[str, Key] = {**KEYS, **_OF_STUDIES}
 # Tables with names of the user's own.
 TABLES = {
     "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "

@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 from wavesweep.controllers import WALL
 from wavesweep.errors import Mistake
-from wavesweep.spec.axes import Axis, build_axis
-from wavesweep.spec.checking import Mistakes, apart, nearest, show
+from wavesweep.spec.axes import Axis
+from wavesweep.spec.checking import Mistakes, apart, show
 from wavesweep.spec.drawing import Drawing, path_of
-from wavesweep.spec.keys import BAND_EDGES, KEYS, MOST_SEED, SIMULATE_KEYS, VALUE_PATHS, Key, Names, number, whole
+from wavesweep.spec.keys import BAND_EDGES, DESIGN_KEYS, KEYS, SIMULATE_KEYS, VALUE_PATHS, Key, Names, number
 from wavesweep.spec.reading import Leaf, Place
+from wavesweep.spec.sorting import HANDS, RATIOS, VARIED, WISHED, Sorted
 
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
 MOST_SCENARIOS = 4096
 HAND = ("mass", "damping", "stiffness")
-SECTIONS = ("vary", "wish", "for_all")
 NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls belong to the wishes
 
-Path = tuple[str, ...]
-
-DESIGN_KEYS = MappingProxyType(
-    {
-        "seed": whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
-        "population": whole("design.population", 96, "designs of a generation", 8, 10_000),
-        "generations": whole("design.generations", 80, "generations of the search", 1, 100_000),
-    }
-)
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
 _BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)
 # Options of a wish: name -> (key of each number, how many; None for any).
@@ -282,85 +273,51 @@ def _varied(axis: Axis) -> object:
     return axis.written() if axis.values else {"start": axis.start, "stop": axis.stop, "scale": axis.scale}
 
 
-def build_design(leaves: Mapping[Path, Leaf], names: Names, mistakes: Mistakes) -> Design | None:
-    """Return the design of the leaves below [design], by their paths in it, and add its mistakes; None if there are any."""
-    if not leaves:
+def build_design(
+    belongs: Sorted, varied: Sequence[Axis], for_all: Sequence[Axis], names: Names, mistakes: Mistakes
+) -> Design | None:
+    """Return the design and add its mistakes; None if the spec has none, or a wrong one.
+
+    varied, for_all: the axes of [design.vary] and of [design.for_all].
+    """
+    if not belongs.design:
         return None
-    reader = _Reader(leaves, names)
-    design = reader.design()
-    mistakes += reader.mistakes
-    return None if reader.mistakes else design
+    design = _Reader(belongs, names, mistakes).design(varied, for_all)
+    return None if any(mistake.key.startswith("design.") for mistake in mistakes) else design
 
 
 class _Reader:
-    """A reading of [design]. parts: leaves by section, by the name of an axis, a wish, a ratio or the hand, and by part."""
+    """A reading of [design]."""
 
-    def __init__(self, leaves: Mapping[Path, Leaf], names: Names) -> None:
-        self.leaves, self.names, self.mistakes = leaves, names, Mistakes()
-        self.parts: dict[str, dict[str, dict[str, Leaf]]] = {section: {} for section in SECTIONS}
+    def __init__(self, belongs: Sorted, names: Names, mistakes: Mistakes) -> None:
+        self.leaves, self.parts, self.names, self.mistakes = belongs.design, belongs.axes, names, mistakes
+        self.settings = {path: leaf for path, leaf in belongs.keys.items() if path in DESIGN_KEYS}
 
-    def refuse(self, path: str, expected: str, found: str, suggestion: str = "") -> None:
+    def refuse(self, path: str, expected: str, found: str) -> None:
         """Add a mistake at the first leaf whose path begins so, or at the first of all."""
-        leaves = [leaf for at, leaf in self.leaves.items() if ".".join(at).startswith(path)]
-        self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found, suggestion)
+        leaves = [leaf for at, leaf in self.leaves.items() if at.startswith(f"design.{path}")]
+        self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found)
 
-    def design(self) -> Design:
-        settings = self.sorted_settings()
-        vary = tuple(self.varied())
+    def design(self, varied: Iterable[Axis], for_all: Iterable[Axis]) -> Design:
+        defaults = {path: key.default for path, key in DESIGN_KEYS.items()}
+        settings = (defaults | self.mistakes.read(DESIGN_KEYS, self.settings)).items()
+        vary = tuple(self.varied(varied))
         wishes = tuple(self.wished())
-        axes, ratios, hand = self.scenarios()
-        if not self.parts["vary"]:
-            self.refuse("vary", "at least one number to vary", "none")
-        if not self.parts["wish"]:
-            self.refuse("wish", f"at least one of {', '.join(WISHES)}", "none")
+        axes, ratios, hand = self.scenarios(for_all)
+        for section, expected in (("vary", "at least one number to vary"), ("wish", f"at least one of {', '.join(WISHES)}")):
+            if not any(path.startswith(f"design.{section}.") for path in self.leaves):
+                self.refuse(section, expected, "none")
         free = [wish.name for wish in wishes if wish.bound is None]
         if len(free) > 2:
             self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
-        varied = [*(axis.values for axis in axes), *hand.values(), *(factors for *_, factors in ratios)]
-        if (scenarios := math.prod(map(len, varied))) > MOST_SCENARIOS:
+        several = [*(axis.values for axis in axes), *hand.values(), *(factors for *_, factors in ratios)]
+        if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
             self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
-        return Design(vary, wishes, axes, hand, ratios, settings, next(iter(self.leaves.values())).place.parent())
+        names = {path.rpartition(".")[2]: value for path, value in settings}
+        return Design(vary, wishes, axes, hand, ratios, names, next(iter(self.leaves.values())).place.parent())
 
-    def sorted_settings(self) -> dict[str, int]:
-        """Sort the leaves into sections and return the settings of the search."""
-        settings = {}
-        for (first, *rest), leaf in self.leaves.items():
-            if first in DESIGN_KEYS:
-                settings[first] = replace(leaf, value={}) if rest else leaf
-            elif self.mistakes.is_known(first, (*SECTIONS, *DESIGN_KEYS), leaf, f"design.{first}"):
-                if rest:
-                    name, part = self._named(first, rest)
-                    self.parts[first].setdefault(name, {})[part] = leaf
-                elif leaf.value != {}:
-                    self.mistakes.refuse(leaf, f"design.{first}", "a table", show(leaf.value))
-        return {name: key.default for name, key in DESIGN_KEYS.items()} | self.mistakes.read(DESIGN_KEYS, settings, "design")
-
-    def _named(self, section: str, rest: list[str]) -> tuple[str, str]:
-        """The name of an axis, a wish, a ratio or the hand, and the part below it."""
-        if section == "wish" or rest[0] == "hand":
-            return rest[0], ".".join(rest[1:])
-        for length in range(1, len(rest) + 1):
-            name = ".".join(rest[:length])
-            if self.names.find(name) or all(map(self.names.find, name.split("/"))):
-                return name, ".".join(rest[length:])
-        return ".".join(rest), ""
-
-    def _axes(self, section: str, named: Mapping[str, Mapping[str, Leaf]]) -> Iterator[Axis]:
-        first: dict[str, str] = {}
-        for name, parts in named.items():
-            key = self.names.find(name)
-            if key is None:
-                numeric = (*self.names.symbols, *self.names.numeric)
-                self.refuse(f"{section}.{name}", "the name of a numeric key", "an unknown one", nearest(name, numeric))
-                continue
-            axis = build_axis(f"design.{section}", name, parts, self.mistakes, self.names)
-            if first.setdefault(key.path, name) != name:
-                self.refuse(f"{section}.{name}", "each key once", f"the key of {section}.{first[key.path]} again")
-            if axis:
-                yield axis
-
-    def varied(self) -> Iterator[Axis]:
-        for axis in self._axes("vary", self.parts["vary"]):
+    def varied(self, axes: Iterable[Axis]) -> Iterator[Axis]:
+        for axis in axes:
             path = f"vary.{axis.name}"
             if axis.path.rpartition(".")[2] in BAND_EDGES:
                 self.refuse(path, "the order or the cutoff of a filter", "an edge of its band")
@@ -376,10 +333,9 @@ class _Reader:
                 yield replace(axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None)
 
     def wished(self) -> Iterator[Wish]:
-        for name, parts in self.parts["wish"].items():
+        for name, parts in self.parts[WISHED].items():
             path, kind = f"design.wish.{name}", WISHES.get(name)
-            if kind is None:
-                self.refuse(f"wish.{name}", f"one of {', '.join(WISHES)}", "an unknown wish", nearest(name, WISHES))
+            if not self.mistakes.is_known(name, WISHES, next(iter(parts.values())), path, "an unknown wish"):
                 continue
             bound, options = None, {}
             for part, leaf in parts.items():
@@ -408,19 +364,19 @@ class _Reader:
         numbers = (self.mistakes.check(key, replace(leaf, value=item), at) for at, item in items.items())
         return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
 
-    def scenarios(self) -> tuple[tuple[Axis, ...], tuple[tuple[str, str, tuple[float, ...]], ...], dict[str, tuple]]:
-        """The axes, the ratios and the hands of [design.for_all]."""
-        axes, ratios, named = [], {}, dict(self.parts["for_all"])
-        hand = self._hand(named.pop("hand", {}))
-        for name in [name for name in named if name.count("/") == 1 and all(map(self.names.find, name.split("/")))]:
+    def scenarios(
+        self, given: Iterable[Axis]
+    ) -> tuple[tuple[Axis, ...], tuple[tuple[str, str, tuple[float, ...]], ...], dict[str, tuple]]:
+        """The axes, the ratios and the hands of [design.for_all]; given: its axes."""
+        axes, ratios, hand = [], {}, self._hand(self.parts[HANDS]["hand"])
+        for name, parts in self.parts[RATIOS].items():
             one, other = (self.names.find(each) for each in name.split("/"))
-            leaf = next(iter(named.pop(name).values()))
             if other.numeric and other.path in VALUE_PATHS:
                 key = number(f"design.for_all.{name}", None, "1", "", positive=True)
-                ratios[name] = one.path, other.path, self._numbers(key.path, leaf, key)
+                ratios[name] = one.path, other.path, self._numbers(key.path, parts[""], key)
             else:
                 self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other.path)
-        for axis in self._axes("for_all", named):
+        for axis in given:
             if axis.path in WALL:
                 expected = "a number of device, operator or timing (walls belong to the wishes)"
                 self.refuse(f"for_all.{axis.name}", expected, axis.name)
@@ -431,7 +387,7 @@ class _Reader:
 
     def _refuse_twice(self, axes: list[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
         """Refuse numbers of which more than one thing is said, and ratios that lead to no number."""
-        varied = {key.path for name in self.parts["vary"] if (key := self.names.find(name))}
+        varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
         numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{part}", f"hand.{part}") for part in hand]
         for path, name in [*numbers, *((one, name) for name, (one, *_) in ratios.items())]:

@@ -273,12 +273,20 @@ _REQUIRE = [
 ]
 
 
+_DESIGN = [
+    whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
+    whole("design.population", 96, "designs of a generation", 8, 10_000),
+    whole("design.generations", 80, "generations of the search", 1, 100_000),
+]
+
+
 def _by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
     return MappingProxyType({key.path: key for key in keys})
 
 
 MESSAGES = "simulate.messages"  # a table of lists
 KEYS, SIMULATE_KEYS, MEASURED_KEYS, REQUIRE_KEYS = map(_by_path, (_LOOP, _SIMULATE, _MEASURED, _REQUIRE))
+DESIGN_KEYS = _by_path(_DESIGN)
 
 # Units at the port of a hand that turns, for those of one that slides.
 TURNED = MappingProxyType(
@@ -302,6 +310,7 @@ STUDY_KEYS = _by_path(
         word("bode.to", None, "output of a drawn loop that they are of, or any signal, BLOCK.PORT; by default all outputs"),
         *_SIMULATE,
         *_MEASURED,
+        *_DESIGN,
     ]
 )
 

@@ -8,13 +8,14 @@ from typing import Any
 
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.classes import PARTS as OF_CLASS
-from wavesweep.spec.design import DESIGN_KEYS, WISHES
+from wavesweep.spec.design import WISHES
 from wavesweep.spec.drawing_tables import NUMBER_PARTS, OPTIONAL, PORT_PARTS
 from wavesweep.spec.drawing_tables import PORTS as OF_PORTS
 from wavesweep.spec.experiment import FRAME_KEYS as OF_FRAME
 from wavesweep.spec.for_all import LOST
 from wavesweep.spec.keys import (
     AXIS_KEYS,
+    DESIGN_KEYS,
     KEYS,
     MEASURED_KEYS,
     MESSAGES,
@@ -143,7 +144,7 @@ def _design(axes: Schema, wishes: Iterable[str]) -> Schema:
     values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
     hand = _tables({path.partition(".")[2]: values for path in KEYS if path.startswith("operator.")})
     tables = {"vary": axes, "wish": _tables(wished), "for_all": _tables({"hand": hand}, AXIS)}
-    return _tables(tables | {name: _value(key) for name, key in DESIGN_KEYS.items()})
+    return _tables(tables | _named(DESIGN_KEYS)["properties"])
 
 
 def _named(keys: Mapping[str, Key]) -> Schema:

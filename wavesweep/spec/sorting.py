@@ -1,10 +1,12 @@
 """Assignment of every leaf of the tables to a key or an axis; a leaf that fits none is a mistake."""
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from wavesweep.spec.checking import Mistakes, nearest, show
-from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, KEYS, MEASURED_KEYS, MESSAGES, SIMULATE_KEYS, Names
+from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, DESIGN_KEYS, KEYS, MEASURED_KEYS, MESSAGES, SIMULATE_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode", "for_all")
@@ -12,9 +14,12 @@ STUDIES = ("sweep", "bode", "for_all")
 OF_STUDIES = ("sweep.along", "sweep.require", "bode.from", "bode.to", "for_all.lost")
 RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
-FLAT = ("simulate", "measured")  # tables of keys, in specs of all kinds
-FLAT_KEYS = {**KEYS, **SIMULATE_KEYS, **MEASURED_KEYS}
-TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, *FLAT, "design")
+FLAT = ("simulate", "measured", "design")  # tables of keys, in specs of all kinds
+FLAT_KEYS = {**KEYS, **SIMULATE_KEYS, **MEASURED_KEYS, **DESIGN_KEYS}
+TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, *FLAT)
+VARIED, FOR_DESIGNS, WISHED, RATIOS, HANDS = SECTIONS = tuple(
+    f"design.{name}" for name in ("vary", "for_all", "wish", "for_all ratios", "for_all.hand")
+)
 FREQUENCIES = "simulate.frequency_hz"  # the one key of [simulate] that may have parts, as an axis has
 
 Path = tuple[str, ...]
@@ -24,13 +29,13 @@ Path = tuple[str, ...]
 class Sorted:
     """Leaves by the keys and axes that they belong to.
 
-    keys: by path. axes: parts of the axes by study and name ("" is a list), the simulation's frequencies among them. design:
-    by path below [design].
+    keys: by path. axes: parts of the axes by study and name ("" is a list), the simulation's frequencies among them, and the
+    wishes, ratios and hands of [design]. design: all leaves of [design] by path.
     """
 
     keys: dict[str, Leaf] = field(default_factory=dict)
-    axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in (*STUDIES, "simulate")})
-    design: dict[Path, Leaf] = field(default_factory=dict)
+    axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=partial(defaultdict, partial(defaultdict, dict)))
+    design: dict[str, Leaf] = field(default_factory=dict)
 
     def below(self, table: str) -> dict[str, Leaf]:
         """Return the leaves of a table of keys by their names in it; "" is the table itself, if it is no table of keys."""
@@ -75,13 +80,15 @@ def sort_leaves(leaves: dict[Path, Leaf], mistakes: Mistakes, names: Names = BUI
                 mistakes.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
         elif table in STUDIES:
             _sort_study(path, leaf, result, mistakes, names)
-        elif table == "design":
-            result.design[path[1:]] = leaf
+        elif ".".join(path[:2]) in SECTIONS:
+            result.design[".".join(path)] = leaf
+            _sort_section(path, leaf, result, mistakes, names)
         elif path[:2] == ("simulate", "frequency_hz"):
-            parts = result.axes["simulate"].setdefault("frequency_hz", {})
-            _sort_part(FREQUENCIES, path[2:], leaf, parts, mistakes)
+            _sort_part(FREQUENCIES, path[2:], leaf, result.axes["simulate"]["frequency_hz"], mistakes)
         elif names is BUILT_IN or table in FLAT:
             _sort_key(path, leaf, result, mistakes)
+            if table == "design":
+                result.design[".".join(path)] = leaf
     return result
 
 
@@ -106,7 +113,8 @@ def _refuse_unknown(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
     known = TOP_TABLES
     if parent:
         start = parent + "."
-        known = tuple(dict.fromkeys(name[len(start) :].split(".")[0] for name in FLAT_KEYS if name.startswith(start)))
+        names = (name[len(start) :] for name in (*SECTIONS[:3], *FLAT_KEYS) if name.startswith(start))
+        known = tuple(dict.fromkeys(name.split(".")[0] for name in names))
     expected = ("one of " if parent else "one of the tables ") + ", ".join(known)
     suggestion = nearest(path[-1], known)
     suggestion = f"{parent}.{suggestion}" if parent and suggestion else suggestion or nearest(path[-1], FLAT_KEYS)
@@ -125,11 +133,32 @@ def _sort_study(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, name
         else:
             result.keys[key] = Leaf({}, leaf.place.under(path[:2]))
         return
+    _sort_axis(study, parts, leaf, result, mistakes, names)
+
+
+def _sort_section(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
+    """Put a leaf of [design.vary], [design.wish] or [design.for_all] with the parts of its axis, wish, ratio or hand."""
+    section, name, part = ".".join(path[:2]), ".".join(path[2:]), ".".join(path[3:])
+    if not name:
+        if leaf.value != {}:
+            mistakes.refuse(leaf, section, "a table", show(leaf.value))
+    elif section == WISHED:
+        result.axes[WISHED][path[2]][part] = leaf
+    elif section == FOR_DESIGNS and path[2] == "hand":
+        result.axes[HANDS]["hand"][part] = leaf
+    elif section == FOR_DESIGNS and "/" in name and all(map(names.find, name.split("/"))):
+        result.axes[RATIOS][name][""] = leaf
+    else:
+        _sort_axis(section, path[2:], leaf, result, mistakes, names)
+
+
+def _sort_axis(study: str, parts: Sequence[str], leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
+    """Put a leaf with the parts of its axis. parts: of its path in the table of the study."""
     tables = TABLES if names is BUILT_IN else _tables_of(names)
     for length in range(1, len(parts) + 1):
         name = ".".join(parts[:length])
         if names.find(name) or (study == "bode" and name == "frequency_hz"):
-            _sort_part(f"{study}.{name}", parts[length:], leaf, result.axes[study].setdefault(name, {}), mistakes)
+            _sort_part(f"{study}.{name}", parts[length:], leaf, result.axes[study][name], mistakes)
             return
         if name not in tables:
             break
@@ -155,9 +184,9 @@ def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], mistak
 def _refuse_axis(study: str, name: str, leaf: Leaf, mistakes: Mistakes, names: Names) -> None:
     if any(mistake.key == f"{study}.{name}" for mistake in mistakes):
         return  # start and stop are of one axis
-    own = {"bode": ("frequency_hz",), "sweep": ("along", "require")}.get(study, ("lost",))
+    own = {"bode": ("frequency_hz",), "sweep": ("along", "require"), "for_all": ("lost",)}.get(study, ())
     paths = f" or the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    expected = f"{', '.join(own)}, one of {', '.join(names.symbols) or 'no number'}{paths}"
+    expected = ", ".join((*own, f"one of {', '.join(names.symbols) or 'no number'}{paths}"))
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
     found = "a number that follows from others" if name in names.following else "an unknown axis"
     mistakes.refuse(leaf, f"{study}.{name}", expected, found, suggestion)

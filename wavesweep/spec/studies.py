@@ -16,7 +16,7 @@ from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, MEASURED_KEYS, MESSAGES, S
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.require import Require, build_require
 from wavesweep.spec.resolving import LIMITS, Given, exceeds_limit
-from wavesweep.spec.sorting import Sorted, names_in_list
+from wavesweep.spec.sorting import FOR_DESIGNS, VARIED, Sorted, names_in_list
 
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
 OF_PORTS = 1e-5, 0.49  # of the tick's rate, the usual frequencies of responses between inputs and outputs
@@ -58,7 +58,7 @@ def build_studies(belongs: Sorted, given: Given, mistakes: Mistakes, names: Name
     along = _read_along(keys.get("sweep.along"), mistakes, names)
     require = build_require(belongs.below("sweep.require"), mistakes)
     axes: dict[str, list[Axis]] = {}
-    for study in ("sweep", "bode"):
+    for study in ("sweep", "bode", VARIED, FOR_DESIGNS):
         named = belongs.axes[study]
         built = [build_axis(study, name, parts, mistakes, names) for name, parts in named.items()]
         axes[study] = [axis for axis in built if axis]
@@ -70,11 +70,9 @@ def build_studies(belongs: Sorted, given: Given, mistakes: Mistakes, names: Name
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
     experiment = build_experiment(belongs, usual, mistakes)
-    design = build_design(belongs.design, names, mistakes)
+    design = build_design(belongs, axes[VARIED], axes[FOR_DESIGNS], names, mistakes)
     if design:
         design = design.on((experiment.on(device) if device else experiment).values, mistakes)
-        for section, of_design in (("vary", design.vary), ("for_all", design.for_all)):
-            mistakes += _at_odds_with_filters(f"design.{section}", of_design, given)
     for_all = build_for_all(belongs.axes["for_all"], keys.get("for_all.lost"), mistakes, names)
     if for_all:
         mistakes += refuse_swept({axis.path for axis in axes["sweep"]}, for_all)
@@ -158,7 +156,7 @@ def _refuse_repeated(study: str, named: Mapping[str, Mapping[str, Leaf]], names:
 def _at_odds_with_filters(study: str, axes: Iterable[Axis], given: Given) -> Iterator[Mistake]:
     for axis in axes:
         name, _, last = axis.path.rpartition(".")
-        if not name.startswith("filters."):
+        if not name.startswith("filters.") or (study == VARIED and last in BAND_EDGES):  # which no design varies
             continue
         by_edges = f"{name}.{BAND_EDGES[0]}" in given.leaves
         if by_edges != (last in BAND_EDGES):
