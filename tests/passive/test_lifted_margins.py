@@ -76,6 +76,13 @@ def test_a_signal_that_is_made_five_times_in_a_frame_has_margins():
     assert "delay" not in each
 
 
+def test_three_integrators_hide_no_small_eigenvalue_of_the_return_ratio():
+    """A servo drive: at low frequencies L has an eigenvalue beyond 1e16 next to others of size 1."""
+    spec = load(CASCADE.parents[1] / "templates/position-loop.toml", ["J=0.02", "kp=10", "ki=500", "kv=50"])
+    found, doubt = margins_of(broken_at(spec, "speed.y"))
+    assert (agrees(spec, "speed.y", found), doubt) == (3, 0)
+
+
 def test_margins_say_that_they_are_of_the_lifted_loop(tmp_path):
     found = CliRunner().invoke(command, [str(CASCADE), "--cut", "speed.y", "--out", str(tmp_path), "--no-plot"])
     assert "broken at speed.y, 5 times in 10 ms: of the lifted loop, one factor on all its samples of a frame" in found.output

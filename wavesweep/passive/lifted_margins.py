@@ -62,14 +62,19 @@ class LiftedLoop:
         return bool((read(maps) & reached(maps)).any() or self.returned.T.any())
 
     def response(self, theta) -> np.ndarray:
-        """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`; of one sample L, `(...)`."""
-        found = -np.linalg.eigvals(self._at(np.asarray(theta, float)))
+        """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`; of one sample L, `(...)`.
+
+        They are 1/s - 1 for the eigenvalues s of S: next to a large eigenvalue of H, as integrators give it at low frequencies,
+        rounding would leave nothing of the small ones.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
         return found if self.times > 1 else found[..., 0]
 
-    def _at(self, theta):
-        E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
-        A = on_circle(theta)[..., None, None] * np.eye(len(E)) - E
-        return T + O @ solve(A, G + 0 * A[..., :1])
+    def _sensitivity_at(self, theta):
+        E, B, C, D = (part[0] for part in self.sensitivity().maps[0])
+        A = on_circle(np.asarray(theta, float))[..., None, None] * np.eye(len(E)) - E
+        return D + C @ solve(A, B + 0 * A[..., :1])
 
     def sensitivity(self, less: float = 0.0) -> TickMaps:
         """Return the map `S = 1/(1 - H)`, less a number."""
@@ -79,9 +84,7 @@ class LiftedLoop:
 
     def radius(self, theta) -> np.ndarray:
         """Return the spectral radius of `S - 1/2` at the angles theta."""
-        H = self._at(np.asarray(theta, float))
-        S = solve(np.eye(H.shape[-1]) - H, np.eye(H.shape[-1]) + 0 * H)
-        return np.abs(np.linalg.eigvals(S) - 0.5).max(-1)
+        return np.abs(np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5).max(-1)
 
     def frames(self, k) -> Frames:
         """Return the frames of the loop with the number k, `(n,)`, real or complex."""
