@@ -106,6 +106,7 @@ ANSWERS = {
         "grip, n: 0 5 = 27.80, 0 20 = 9.115, 1 5 = 306.9, 1 20 = 101.5; grip, n, B: 0 5 0.3 = 183.9, "
         "0 20 0.3 = 71.61; grip, n, J: 0 5 0.06 = 27.79"
     ),
+    "random-loss": "p, b: 0 0 = 4000.00, 0.1 0.005 = 4000.00",
     "lost-commands": "n: 0 = 4000.00, 1 = 4000.00",
     "hybrid-test": "n: 1 = 3.372, 3 = 7.842, 5 = 12.249, 10 = 22.791, 20 = 40.820",
     "network": "k: 1 = 111.11, 4 = 166.67, 6 = 166.67, 10 = 100.00, 15 = 66.667",
@@ -156,6 +157,17 @@ def test_an_arm_whose_commands_are_lost():
     assert (rows.fails_from < 1.000001 * limits).all()
     assert (rows.high > np.where(rows.n < 10, 0.99, 0.96) * limits).all()
     assert {"352.2", "355.5"} <= numbers_of("lost-commands")
+
+
+@pytest.mark.slow
+def test_an_arm_whose_messages_are_lost_at_random():
+    rows = whole_table("random-loss")
+    rows = rows[rows.guarantee == "mean_square"].set_index(["p", "b"])
+    assert rows.settled.all()
+    shown = {f"{rows.high[each]:.1f}" for each in ((0.01, 0), (0.05, 0), (0.1, 0), (0, 0.005), (0.1, 0.005))}
+    assert shown == {"3914.3", "3589.0", "3218.2", "1680.7", "1552.0"}
+    assert shown <= numbers_of("random-loss")
+    assert (rows.fails_from < 1.00002 * rows.high).all()
 
 
 def test_a_joint_of_a_physics_engine():

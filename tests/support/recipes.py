@@ -40,6 +40,12 @@ def lost_commands(kp, kd, I, n):
     return np.array(step(x, v, -kp * x - kd * v))
 
 
+def random_loss(kp, kd, I, p, b, e):
+    """Without losses."""
+    del p, b, e
+    return lost_commands(kp, kd, I, 0)
+
+
 def teleoperation(c, kp, kd, Fv, J, n):
     """Positions are relative to the leader's, which nothing holds."""
     step = plant(1e-4, J, Fv)
@@ -230,6 +236,7 @@ def exposure(T, g, n):
 
 FRAMES = {
     "lost-commands": lost_commands,
+    "random-loss": random_loss,
     "physics-joint": physics_joint,
     "policy": policy,
     "teleoperation": teleoperation,

@@ -16,7 +16,7 @@ from wavesweep.loops.dead_time import timing
 from wavesweep.robust.joint import UNKNOWN
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import name_of
-from wavesweep.spec.for_all import values_of_range
+from wavesweep.spec.for_all import GUARANTEES, values_of_range
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.grid import Loops, loops_of, own_loop
@@ -26,6 +26,11 @@ MOST_UNKNOWN = 5  # ranges
 NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
 SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
 SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
+OF_KINDS = {  # what a verdict is about, and its words
+    "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
+    "messages": ("for every pattern of messages", "stable", "not stable with {}"),
+    "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
+}
 TEXT = 160  # characters of a counterexample
 
 FOR_ALL_RECORD = np.dtype(
@@ -46,11 +51,20 @@ class ForAllGuarantee:
 
     rules: Rules
     dtype = FOR_ALL_RECORD
-    kind = "for_all"
+
+    @property
+    def kind(self) -> str:
+        """The word of its rows in the column `guarantee`."""
+        return GUARANTEES[self.rules.at_random]
 
     @property
     def method(self) -> str:
         """How the intervals are found, in a line."""
+        if self.rules.at_random:
+            return (
+                "quadratic forms at the nodes of the chain of losses, which decay on average, checked by Cholesky with bounds "
+                "on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
+            )
         if self.rules.vary:
             return (
                 "quadratic norms on a graph of frames, or of messages, in which all shrink, checked by Cholesky with bounds on "
@@ -206,16 +220,24 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
 
 
 def in_words(found: Mapping[str, str]) -> str:
-    """What a verdict says, after "for all of [for_all]: "."""
-    words = {"proved": "proved stable", "unknown": "not known: no unstable numbers found, and no proof"}
-    return words.get(found["verdict"], f"not stable with {found['counterexample']}")
+    """What a verdict says."""
+    about, stable, unstable = OF_KINDS[found["kind"]]
+    words = {"proved": f"proved {stable}", "unknown": "not known: no counterexample found, and no proof"}
+    return f"{about}: {words.get(found['verdict'], unstable.format(found['counterexample']))}"
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
-    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown") and
-    counterexample, the numbers with which it is unstable. rules: others than those of the spec."""
+    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown"),
+    counterexample, the numbers with which it is unstable, and kind, what it is about ("for_all", "messages" or "mean_square").
+    rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
-    rules, known = rules or Rules.of(spec), True
+    rules = rules or Rules.of(spec)
+    kind = "mean_square" if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
+    return _verdict(spec, rules) | {"kind": kind}
+
+
+def _verdict(spec, rules):
+    known = True
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
         if rules.vary:

@@ -10,6 +10,7 @@ from wavesweep.errors import UsageError
 from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, frames_of_controller, frames_of_drawing
 from wavesweep.robust.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.robust.loop_frames import LoopFrames
+from wavesweep.robust.mean_square import Chances, bracket_on_average, chances, decays
 from wavesweep.robust.messages import Sent, frames_with_messages
 from wavesweep.robust.norms import WORK
 from wavesweep.robust.words import is_refuted
@@ -23,6 +24,7 @@ from wavesweep.sweep.grid import Loops
 DELAY = "environment.delay"
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
+GROW = "second moments that grow"  # with messages lost at random, in place of a pattern
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,26 +32,28 @@ class Rules:
     """How a spec says that its frames vary.
 
     with_frame: whether results are in place with the next frame. elapsed: whether the slow environment integrates over the
-    time since its last frame. messages: whether the loop has channels.
+    time since its last frame. messages: whether the loop has channels; at_random: whether these lose messages at random.
     """
 
     for_all: ForAll
     with_frame: bool = False
     elapsed: bool = True
     messages: bool = False
+    at_random: bool = False
 
     @staticmethod
     def of(spec: Spec) -> "Rules":
         """The rules of a spec with [for_all]."""
-        messages = bool(spec.drawing and spec.drawing.channels)
-        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed", messages)
+        drawing = spec.drawing
+        messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
+        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed", *messages)
 
     @property
     def vary(self) -> bool:
         """Whether anything varies."""
         return bool(self.for_all.changing or self.for_all.lost or self.messages)
 
-    def family(self, loop: Loops, along: str) -> LoopFrames:
+    def family(self, loop: Loops, along: str) -> LoopFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
 
         Errors: UsageError for numbers that cannot vary, or another one along.
@@ -71,7 +75,7 @@ class Rules:
                 found = ", ".join(without_rule(drawing.channels))
                 expected = "blocks whose types have a rule for steps that vary (`wavesweep keys block`)"
                 raise UsageError(f"[for_all] varying: expected {expected}, found {found}")
-            return frames_with_messages(drawing, values, along)
+            return (chances if self.at_random else frames_with_messages)(drawing, values, along)
         running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
         wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
         if wrong or len(axes) != 1:
@@ -83,35 +87,43 @@ class Rules:
         return frames_of_drawing(drawing, {**values, path: max(lengths)}, lengths, along, elapsed=self.elapsed)
 
 
-def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
+def bracketed(family: LoopFrames | Chances, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
     """What is proved and refuted about an interval of the nominal loop; None if no start of a proof is found."""
     low, high = about
+    find = bracket_on_average if isinstance(family, Chances) else bracket
     for share in STARTS:
-        found = bracket(family, low + share * (high - low), span)
+        found = find(family, low + share * (high - low), span)
         if np.isfinite(found.low):
             return found
     return None
 
 
-def decided(family: LoopFrames, work: float = WORK) -> tuple[str, str]:
+def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]:
     """Whether a loop is stable for every order of frames, and the pattern with which it is not.
 
     family: along no number. work: operations after which no more norms are looked for.
     """
+    if isinstance(family, Chances):
+        verdict = decays(family)
+        return verdict, GROW if verdict == REFUTED else ""
     found = decide(family, work=work)
     return found.verdict, text_of(family, found.word)
 
 
-def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
+def decided_along(family: LoopFrames | Chances, value: float, found: Bracket | None) -> tuple[str, str]:
     """The same at a value of a number, by what is found about an interval along it: its proof, and the patterns of its ends."""
     if found is not None and found.low <= value <= found.high:
         return PROVED, ""
+    if isinstance(family, Chances):
+        return (REFUTED, GROW) if family.refuted(value) else (UNKNOWN, "")
     word = next((each for each in (found.words if found else ()) if each and is_refuted(family, each, value)), ())
     return REFUTED if word else UNKNOWN, text_of(family, word)
 
 
-def text_of(family: LoopFrames, word: tuple[int, ...]) -> str:
-    """A pattern of frames, or of messages, as a text; empty without one."""
+def text_of(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
+    """A pattern of frames, or of messages, or that second moments grow as a text; empty without a word."""
+    if isinstance(family, Chances):
+        return GROW if word else ""
     symbols = [family.symbols[each] for each in word]
     if symbols and isinstance(symbols[0], Sent):
         return "messages " + "; ".join(f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items())

@@ -118,7 +118,10 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     table = "bode" if command == "bode" else "sweep"
     swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
-    if spec.for_all and command not in FOR_ALL:
+    if spec.drawing and spec.drawing.channels:
+        if command not in (*FOR_ALL, "simulate"):
+            yield f"{spec.name}: {command} has all messages in time; zwidth, stability-region and check say what holds without"
+    elif spec.for_all and command not in FOR_ALL:
         others = "zwidth, stability-region, check and design"
         yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of [for_all]"
     for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():

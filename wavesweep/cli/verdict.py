@@ -82,7 +82,7 @@ def _for_all(found: Facts | None) -> Iterator[str]:
     from wavesweep.analyses.for_all import in_words
 
     if found:
-        yield f"  for all of [for_all]: {in_words(found)}"
+        yield f"  {in_words(found)}"
 
 
 def _bounded(limit: Facts) -> bool:

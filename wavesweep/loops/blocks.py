@@ -145,9 +145,8 @@ def hold(name, period) -> Block:
     return _defined("hold", name, period)
 
 
-def channel(name, period, late=0, lost=0, missing="held") -> Block:
+def channel(name, period, **_) -> Block:
     """A `hold`, whose messages are all in time; see `wavesweep.robust.messages` for others."""
-    del late, lost, missing
     return _defined("channel", name, period)
 
 

@@ -20,6 +20,7 @@ from wavesweep.plots.regions import (
 from wavesweep.plots.shown import Shown
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, UNKNOWN, UNPROVED, fitting, wide
 from wavesweep.plots.words import unit, valued
+from wavesweep.spec.for_all import GUARANTEES
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 _SMALL = 7  # points, of a legend above a figure of one column
@@ -46,7 +47,7 @@ def entries_of(shown: Shown, panels: Sequence[float]) -> tuple[list[Any], list[A
             for name, member in zip(names, members, strict=True)
         ]
         entries = handles_of(names, [member.look for member in members])
-    if members and members[-1].guarantee == "for_all":
+    if members and members[-1].guarantee in GUARANTEES:
         filled = layout.x is not None and members[-1].rows["intervals"].any()
         entries[-1] = area_handle(members[-1].look, entries[-1].get_label()) if filled else entries[-1]
         entries += for_all_handles(members[-1].rows, layout.x is None)
@@ -87,8 +88,9 @@ def _best_in_words(shown: Shown, sure: str) -> str:
     """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
     best, facts = shown.best, shown.facts
     sure = sure if best["certified"] else ""
-    title = "largest proved for all" if best.get("guarantee") == "for_all" else "largest"
-    over = "over " if np.isnan(best["high_omega"]) and best.get("guarantee") != "for_all" else ""
+    titles = {"for_all": "largest proved for all", "mean_square": "largest proved in mean square"}
+    title = titles.get(best.get("guarantee"), "largest")
+    over = "over " if np.isnan(best["high_omega"]) and best.get("guarantee") not in GUARANTEES else ""
     felt = best.get("felt_high", np.nan)
     if shown.along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin

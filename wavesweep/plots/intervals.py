@@ -28,6 +28,7 @@ from wavesweep.plots.scales import by_factors, is_logarithmic
 from wavesweep.plots.shown import Shown
 from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figure, is_narrow, note_below, wide
 from wavesweep.plots.words import assumed, label, printed, symbol, valued, with_unit
+from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.spec.require import words_of
 from wavesweep.tables.columns import unlike_units
 from wavesweep.tables.regions import incomplete, region_of, smooth_axes
@@ -151,7 +152,7 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
     for name, height in shown.limits_of_walls().items():
         axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
     for place, member in enumerate(members) if layout.x is None else ():
-        if member.guarantee == "for_all":
+        if member.guarantee in GUARANTEES:
             draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
 
 
@@ -168,11 +169,11 @@ def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Mem
     for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
         region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
         region = replace(region, unknown=[]) if member.joined else region  # nothing is computed between its dots
-        filled = member.guarantee == "for_all" or (len(members) == 1 and shown.whose != "spec")
+        filled = member.guarantee in GUARANTEES or (len(members) == 1 and shown.whose != "spec")
         draw_region(axes, region, member.look, filled, shift, len(members))
         if shown.felt:
             draw_felt(axes, region, member.look)
-        if member.guarantee == "for_all":
+        if member.guarantee in GUARANTEES:
             draw_for_all(axes, x, member.rows, shown.span)
         if member.joined:
             draw_dots(axes, x, member, shown.span)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
+from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.stability.certificate import FELT_ALIKE
 
 # What a person can still read in one figure.
@@ -156,7 +157,7 @@ def best_row(columns: Columns) -> dict[str, Any]:
     if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
         known = ~np.isnan(columns["felt_high"])
         merit = np.where(known, columns["felt_high"], merit)
-    ranks = (columns.get("guarantee", np.full(rows.size, "")) == "for_all", columns["certified"], known)
+    ranks = (np.isin(columns.get("guarantee", np.full(rows.size, "")).astype(str), GUARANTEES), columns["certified"], known)
     for better in ranks:
         rows = rows & better if (rows & better).any() else rows
     merit = np.where(rows, merit, -np.inf)

@@ -12,6 +12,7 @@ from wavesweep.columns import Columns
 from wavesweep.plots.layout import rows_with, where
 from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks
 from wavesweep.plots.words import shortened, valued
+from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, incomplete
 
 HALF_BAR = 0.32  # of the distance between two bars
@@ -26,6 +27,7 @@ HANDS = {
     "channel": (Look("#E69F00", LINES[4]), "passive wave channel"),
     "spec": (Look("#0072B2", "-"), "nominal numbers"),
     "for_all": (Look("#D55E00", LINES[2]), "proved for all"),
+    "mean_square": (Look("#D55E00", LINES[2]), "proved in mean square"),
 }
 _COMPUTED = ("free", "operator", "spec")  # intervals of one loop; the others are searched for, at the swept values alone
 
@@ -94,7 +96,7 @@ def as_drawn(hand: str, rows: Columns) -> Columns:
     """
     if hand in _COMPUTED:
         return rows
-    if hand != "for_all":
+    if hand not in GUARANTEES:
         return {**rows, "certified": np.ones(len(rows["along"]), bool)}
     ends = {
         omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
@@ -174,7 +176,7 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
         if not stable.size:
             nothing = "nothing known to be stable" if unknown else "nowhere stable"
-            said = "nothing proved" if member.guarantee == "for_all" else nothing
+            said = "nothing proved" if member.guarantee in GUARANTEES else nothing
             axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
         for row in stable.tolist():
             low, high = rows["low"][row], rows["high"][row]

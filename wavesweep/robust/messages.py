@@ -26,6 +26,7 @@ from wavesweep.spec.expressions import value_of
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
 ANY = np.array([0.5, 2.0])  # stands for a number that varies
+ANY_NUMBER = -1  # of messages in a row that are lost
 MOST_SYMBOLS = 600  # matrices, beyond which no norm would be found in a useful time
 STILL = 1e-9  # of its terms: a change of what drifts below this is rounding
 # Where a channel takes what it shows, or what is in a register, apart from the number of a register.
@@ -36,7 +37,7 @@ KEPT, SENT, NOTHING = "kept", "sent", "nothing"
 class Channel:
     """A channel: when it sends, in ticks, how late its messages may be, and how many in a row may be lost.
 
-    zero: whether it shows zero without a message, and not the last one.
+    zero: whether it shows zero without a message, and not the last one. lost: ANY_NUMBER if they are lost at random.
     """
 
     name: str
@@ -115,6 +116,7 @@ def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel
     for block in drawing.channels:
         keys = dict(block.keys)
         ticks = [int(value_of(tree, known)) for tree in (block.every, block.phase, keys["late"], keys["lost"])]
+        ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]
         found.append(Channel(block.name, *ticks, zero=keys["missing"] == "zero"))
     return tuple(found)
 
@@ -176,7 +178,7 @@ def _steps(channels: tuple[Channel, ...], frame: int) -> Iterator[tuple]:
                 )
                 row.append((at % frame, taken))
             in_a_row = [
-                (lost + 1 if own is LOST else 0) if channel.sends(tick) and channel.lost else lost
+                (lost + 1 if own is LOST else 0) if channel.sends(tick) and channel.lost > 0 else lost
                 for channel, own, (lost, _) in zip(channels, late, before, strict=True)
             ]
             after = (moment + 1) % len(moments), tuple(zip(in_a_row, arriving, strict=True))
@@ -198,7 +200,7 @@ def _choices(channel, tick, lost):
     """What may happen to the message of a channel in a tick."""
     if not channel.sends(tick):
         return [LOST]
-    return [*range(channel.late + 1), *([LOST] if lost < channel.lost else [])]
+    return [*range(channel.late + 1), *([LOST] if lost < channel.lost or channel.lost == ANY_NUMBER else [])]
 
 
 def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:

@@ -32,7 +32,7 @@ class Effects:
     device moves for the real length, the controller uses the nominal one;
     `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
     `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
-    `seed` of jitter, lateness and losses, which have independent streams of numbers.
+    `seed` of jitter, lateness and losses, also of the messages of channels, which have independent streams of numbers.
 
     Errors: `UsageError` for a number out of range.
     """
@@ -107,6 +107,17 @@ def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
     late = _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
     lost = _source(effects, 2, *others).uniform(size=results) < effects.dropped
     return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
+
+
+def losses(effects: Effects, keys: Mapping[str, float], messages: int, *others: int) -> list[int | None]:
+    """Return what happens to each message of a channel with these keys: 0, or None for one that is lost at random; others: a
+    number of another channel."""
+    changes, lost = _source(effects, 3, *others).uniform(size=(2, messages))
+    found, burst = [], False
+    for change, chance in zip(changes.tolist(), lost.tolist(), strict=True):
+        burst = change >= keys["burst_end"] if burst else change < keys["burst"]
+        found.append(None if chance < (keys["burst_loss"] if burst else keys["loss"]) else 0)
+    return found
 
 
 def _source(effects: Effects, *stream: int) -> np.random.Generator:

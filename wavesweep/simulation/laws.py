@@ -172,9 +172,8 @@ def hold(period: float) -> Law:
     return gain(period, 1.0)
 
 
-def channel(period: float, late: int, lost: int, missing: str) -> Law:
-    """A hold; what happens to its messages is of `messages`."""
-    del late, lost, missing
+def channel(period: float, **_: object) -> Law:
+    """A hold; `march` has what happens to its messages."""
     return hold(period)
 
 

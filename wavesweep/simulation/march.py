@@ -18,7 +18,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
-from wavesweep.simulation.hardware import Effects, encoder, lateness, motor, tick_lengths
+from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, motor, tick_lengths
 from wavesweep.simulation.parts import (
     DEPTH,
     FORCE,
@@ -59,7 +59,7 @@ def simulate(
     `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages. entry: the signal from
     outside that the record is of, if not of the hand's force; all others are 0. frames: of the slow blocks, in place of the
     rate and the delay of the slow environment. messages: the ticks by which those of each channel are late in turn, repeated
-    for ever, None for one that is lost; those of other channels are in time.
+    for ever, None for one that is lost; those of other channels are in time, or lost at random by their own probabilities.
 
     The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
     `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
@@ -217,8 +217,9 @@ class March:
         for each in self.results:
             origin, others = each.origin, (len(drawn),) * bool(drawn)
             if each.channel:
-                sent = cycle(self.messages.get(each.channel, (0,)))
-                each.late = list(islice(sent, origin.count(count) + 1))
+                given, keys, most = self.messages.get(each.channel), self.loop.channels[each.channel], origin.count(count) + 1
+                number = [*self.loop.channels].index(each.channel)
+                each.late = list(islice(cycle(given), most)) if given else losses(self.effects, keys, most, number)
                 drawn.setdefault(origin, each.late)
                 continue
             if origin not in drawn:

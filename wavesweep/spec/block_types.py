@@ -68,6 +68,7 @@ _DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; 
 _B = _number("b", "N*s/m", "wave impedance", positive=True)
 _INTEGRATION = word("integration", "implicit", "how the velocity is integrated", INTEGRATIONS)
 _U_Y = (("u",), ("y",))
+_SHARE = {"low": 0.0, "high": 1.0}
 _METHOD = word("method", "implicit", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS)
 _KP = _number("kp", "", "gain")
 _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
@@ -188,6 +189,12 @@ TYPES = MappingProxyType(
             ),
             whole("lost", 0, "most messages in a row that are lost", 0, MOST_LOST),
             word("missing", "held", "y without a message: the last one, or zero from a run of the block on", ("held", "zero")),
+            _number(
+                "loss", "1", "probability that a message is lost, of itself; outside of bursts if there are such", 0.0, **_SHARE
+            ),
+            _number("burst", "1", "probability that a burst of losses begins with a message", 0.0, **_SHARE),
+            _number("burst_end", "1", "probability that a burst ends with a message", 1.0, **_SHARE),
+            _number("burst_loss", "1", "probability that a message is lost in a burst", 1.0, **_SHARE),
             settles=True,
         ),
         "difference": _type(

@@ -61,6 +61,18 @@ class DrawnBlock:
         return TYPES[self.type].is_plant(dict(self.keys))
 
     @property
+    def loses_at_random(self) -> bool:
+        """Whether it is a channel whose messages are lost with a probability."""
+        given = (dict(self.keys).get(key, ("number", 0.0)) for key in ("loss", "burst"))
+        return any(tree[:2] != ("number", 0.0) for tree in given)
+
+    def at_odds(self, known: Mapping[str, float | None]) -> Iterator[tuple[str, str]]:
+        """Yield name and expected text of each key of a channel that does not go with losses at random."""
+        for name in ("late", "lost") if self.loses_at_random else ():
+            if known[name]:
+                yield name, "0 beside loss or burst, since messages are lost either at random or by any pattern"
+
+    @property
     def dead_time(self) -> Tree | None:
         """The dead time (s) of a delay that is given in seconds; None for any other block."""
         return dict(self.keys).get("seconds")
@@ -281,6 +293,11 @@ class Drawing:
         return tuple(block for block in self.blocks if block.type == "channel")
 
     @property
+    def at_random(self) -> bool:
+        """Whether messages are lost with a probability."""
+        return any(block.loses_at_random for block in self.channels)
+
+    @property
     def alone(self) -> list[DrawnBlock]:
         """The blocks outside all plants."""
         members = {block for plant in self.plants for block in plant.members}
@@ -481,6 +498,7 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
         if known[name] is not None and name not in wrong and known[name] >= half:
             yield name, f"a number < {half:g} (half the block's own rate)"
     yield from _disordered(known)
+    yield from block.at_odds(known)
     if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
         yield "den", "a first coefficient other than 0"
 

@@ -13,6 +13,7 @@ from wavesweep.spec.keys import BUILT_IN, Names, whole
 from wavesweep.spec.reading import Leaf
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one is held", 0, 16)
+GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
 MOST_VARYING = 64  # values of a number that varies
 
 

@@ -219,7 +219,7 @@ _SIMULATE = [
         None,
         "tick",
         'table: of a channel by its name, how late its messages are in turn, repeated for ever: ticks, "lost", or "3 lost" for '
-        "so many in a row; absent: all in time",
+        "so many in a row; absent: all in time, or lost at random by the channel's own probabilities",
     ),
 ]
 

@@ -123,9 +123,14 @@ FOR_ALL = (
         "guarantee",
         "string",
         "",
-        "spec: of the spec's own numbers; for_all: proved for all numbers of [for_all], from low to high",
+        "spec: of the spec's own numbers; for_all: proved for all numbers of [for_all], or all messages, from low to high; "
+        "mean_square: proved in mean square, with messages lost at random",
         optional=True,
-        values={"spec": "the spec's own numbers", "for_all": "all numbers of [for_all]"},
+        values={
+            "spec": "the spec's own numbers",
+            "for_all": "all numbers of [for_all]",
+            "mean_square": "messages lost at random",
+        },
     ),
     *(
         Field(name, "number", OF_ALONG, f"nearest value {side} that numbers of [for_all] refute; missing without", True)

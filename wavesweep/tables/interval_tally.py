@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.doubts import DOUBTS, INCOMPLETE
 from wavesweep.spec import find_key
+from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.spec.require import BOUNDED, words_of
 from wavesweep.stability.certificate import FELT_ALIKE
 from wavesweep.tables.columns import felt_unit, numbers_of, swept_range
@@ -36,6 +37,9 @@ HANDS = {
     "spec": Hand("the spec's own numbers"),
     "for_all": Hand(
         "proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all] in the swept range"
+    ),
+    "mean_square": Hand(
+        "proved in mean square, with messages lost at random", "proved", "nothing proved in mean square in the swept range"
     ),
 }
 STIFFNESS = ("N/m", "N*m/rad")
@@ -167,7 +171,7 @@ class IntervalTally:
         row, ended = first.row, "stability"
         if not row:
             return None
-        if self._hand in (*SEARCHED, "for_all"):
+        if self._hand in (*SEARCHED, *GUARANTEES):
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
@@ -179,7 +183,7 @@ class IntervalTally:
         found = self._extreme(self._least)
         if not found or -self._least.value <= self._range[0]:
             return None
-        if self._hand == "for_all" and -self._least.value <= NEXT * self._largest.value:
+        if self._hand in GUARANTEES and -self._least.value <= NEXT * self._largest.value:
             return None  # what is proved begins there, next to 0
         largest = self._largest_numbers()
         upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
@@ -336,7 +340,7 @@ class Words:
     def _gap(self, low: float) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved."""
         start = self._found["range"][0]
-        if self._hand == "for_all" and low <= NEXT * self._found["largest"]["value"]:
+        if self._hand in GUARANTEES and low <= NEXT * self._found["largest"]["value"]:
             return ""
         begins = "so" if self._found["required"] else HANDS[self._hand].good
         return f" ({begins} from {low:.6g} on)" if low > (-np.inf if start is None else start) else ""
@@ -378,7 +382,7 @@ class HandTally:
         if hand not in self._tallies:
             self._tallies[hand] = IntervalTally(hand, self._axes, self._facts)
         self._tallies[hand].add({name: column for name, column in columns.items() if name != whose})
-        if "settled" in columns and hand in ("box", "for_all"):
+        if "settled" in columns and hand in ("box", *GUARANTEES):
             self._unsettled += int((~columns["settled"]).sum())
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -387,7 +391,7 @@ class HandTally:
         hands = {hand: tally.numbers() for hand, tally in self._tallies.items()}
         if "" in hands:
             return slices | hands[""]
-        if "for_all" in hands:
+        if hands.keys() & {*GUARANTEES}:
             return slices | {"guarantees": hands, "rows_not_settled": self._unsettled}
         return slices | {"hands": hands, "rows_of_the_box_not_proved": self._unsettled}
 
@@ -430,7 +434,7 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         yield f"{HANDS[hand].title} ({hand}): {Words(numbers, hand).one_line()}", False
     if unsettled := found.get("rows_not_settled"):
         between = "between what is proved and what is refuted more than 1 % is not known"
-        yield f"{count(unsettled, 'row')} of for_all not settled: {between}", True
+        yield f"{count(unsettled, 'row')} of {' and '.join(hands.keys() & {*GUARANTEES})} not settled: {between}", True
     if unproved := found.get("rows_of_the_box_not_proved"):
         missed = "a hand that the search missed may be unstable"
         yield f"{count(unproved, 'row')} of the box not proved (settled 0): {missed}", True

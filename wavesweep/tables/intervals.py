@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
+from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.tables.fields import ABOUT_ENDS, INTERVALS, INTERVALS_FOR_HANDS, Field
 from wavesweep.tables.interval_tally import HandTally, interval_lines
 from wavesweep.tables.kind import Again, Kind
@@ -160,7 +161,7 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
 
 def _finished(block, hand, hands, for_all=False) -> Columns:
     """The block with the column `hand` if there are hands, and those about the ends if these are of a box, in order."""
-    if hand == "for_all" or (hands is None and for_all):
+    if hand in GUARANTEES or (hands is None and for_all):
         rows = len(block["along"])
         missing = {"fails_below": np.full(rows, np.nan), "fails_from": np.full(rows, np.nan), "settled": block["certified"]}
         missing |= {"counterexample": np.full(rows, "", dtype=object)}

@@ -18,6 +18,7 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.doubts import INCOMPLETE
+from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
@@ -92,7 +93,7 @@ class View:
 def incomplete(columns: Columns) -> np.ndarray:
     """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
-    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", "for_all"))
+    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", *GUARANTEES))
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 

@@ -51,7 +51,8 @@ def simulate(spec: Spec) -> list[Table]:
     late = simulation.late
     facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
-    alike = spec.simulate["frames"] is None  # as those of the linear loop
+    at_random = spec.drawing is not None and spec.drawing.at_random
+    alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
     facts["settles_at"] = settled_values(spec, linear) if alike and spec.simulate["input"] == "step" else {}
     tables = [Table.of("simulate", columns, facts)]
     of_hand = spec.drawing is None or spec.entry == (spec.drawing.hand or ("",))[0]

@@ -57,7 +57,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
         )
     if spec.for_all:
-        notices.append(f"the spec's own design, for all of [for_all]: {for_all.in_words(for_all.verdict(spec))}")
+        notices.append(f"the spec's own design, {for_all.in_words(for_all.verdict(spec))}")
     notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}

@@ -1,0 +1,139 @@
+"""Messages lost at random, against closed forms, operators of their own, and many runs."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from support.messages import marched, random_loop, spec_of
+
+from wavesweep.errors import UsageError
+from wavesweep.robust.mean_square import bracket_on_average, chances, decays
+from wavesweep.spec import load
+
+
+def recursion(a, missing="zero", **channel):
+    """`x+ = a x + u`, where `u = -k x` unless it is lost."""
+    return {
+        "rates": {"tick_hz": 1.0},
+        "numbers": {"p": 0.1, "k": a},
+        "block": {
+            "plant": {"type": "ss", "A": [[a]], "B": [[1]], "C": [[1]], "discrete": True},
+            "net": {"type": "channel", "loss": "p", "missing": missing, **channel},
+        },
+        "wire": {"net.u": "-k*plant.y", "plant.u": "net.y"},
+    }
+
+
+def chain(spec, along="", **values):
+    spec = load(spec).with_values({f"numbers.{name}": value for name, value in values.items()})
+    return chances(spec.drawing, dict(spec.values), along)
+
+
+@pytest.mark.parametrize("a", [1.2, 2.0, 5.0])
+def test_a_deadbeat_loop_may_lose_one_message_in_a_squared(a):
+    """p < 1/a^2 (B. Sinopoli et al., Kalman filtering with intermittent observations, IEEE Trans. Autom. Control 49, 2004)."""
+    found = bracket_on_average(chain(recursion(a), "p"), 0.001, (0.0, 1.0))
+    assert found.low == 0
+    assert found.settled
+    assert found.high == pytest.approx(1 / a**2, rel=2e-5)
+    assert found.high < 1 / a**2 < found.fails_from
+
+
+def test_a_loop_with_bursts_has_the_radius_of_two_moments():
+    """With a deadbeat x+ is 0 or a x, so the moments are those of a chain of two states: burst 0.05, end q, loss p and 1."""
+    spec = recursion(1.3, burst=0.05, burst_end="k - 1.3 + q")
+    spec["numbers"]["q"] = 0.3
+    del spec["numbers"]["k"]
+    spec["block"]["net"]["burst_end"], spec["wire"]["net.u"] = "q", "-1.3*plant.y"
+    found = bracket_on_average(chain(spec, "q"), 0.9, (0.0, 1.0))
+
+    def radius(q):
+        lost = np.diag([0.1, 1.0]) @ np.array([[0.95, q], [0.05, 1 - q]])
+        return np.abs(np.linalg.eigvals(1.69 * lost)).max()
+
+    assert radius(found.low) < 1 < radius(found.fails_below)
+    assert found.low == pytest.approx(found.fails_below, rel=1e-4)
+
+
+def test_held_inputs_have_the_radius_of_their_second_moments():
+    found = bracket_on_average(chain(recursion(1.2, "held"), "k"), 1.0, (0.0, 3.0))
+
+    def radius(k):
+        sent, lost = np.array([[1.2 - k, 0], [-k, 0]]), np.array([[1.2, 1], [0, 1]])
+        return np.abs(np.linalg.eigvals(0.9 * np.kron(sent, sent) + 0.1 * np.kron(lost, lost))).max()
+
+    for inside, outside in ((found.low, found.fails_below), (found.high, found.fails_from)):
+        assert radius(inside) < 1 < radius(outside)
+        assert inside == pytest.approx(outside, rel=1e-4)
+    assert decays(chain(recursion(1.2, "held"), k=1.0)) == "proved"
+    assert decays(chain(recursion(1.2, "held"), k=0.1)) == "refuted"
+
+
+def test_a_number_in_probabilities_and_wires_is_refused():
+    spec = recursion(1.2)
+    spec["wire"]["net.u"] = "-k*(1 - p)*plant.y"
+    with pytest.raises(UsageError, match="that probabilities of channels alone read"):
+        chain(spec, "p")
+    spec = recursion(1.2)
+    spec["block"]["net"]["loss"] = "p*p"
+    with pytest.raises(UsageError, match="linearly"):
+        chain(spec, "p")
+
+
+def lossy(source):
+    """A random loop whose two channels lose messages at random, one message of each in a frame of few ticks."""
+    loop = random_loop(source)
+    for channel in loop["channels"]:
+        channel |= {"late": 0, "lost": 0}
+    spec, chance = spec_of(loop), source.uniform(0, 0.5, 2).tolist()
+    for name, p in zip(("up", "down"), chance, strict=True):
+        spec["block"][name]["loss"] = p
+    return loop, spec, chance
+
+
+def moments(loop, g, chance):
+    """The operator on the second moments of both states and of what the channels show, over a frame."""
+    ticks = int(np.lcm(*(channel["every"] for channel in loop["channels"])))
+    counts, whole = [ticks // channel["every"] for channel in loop["channels"]], 0
+    for fates in product([0, None], repeat=sum(counts)):
+        late = [list(fates[: counts[0]]), list(fates[counts[0] :])]
+        state, _ = marched(loop, g, ticks, late, list(np.eye(4)), [[], []])
+        weight = np.prod([p if each is None else 1 - p for p, row in zip(chance, late, strict=True) for each in row])
+        whole = whole + weight * np.kron(state, state)
+    return whole
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tick(seed):
+    loop, spec, chance = lossy(np.random.default_rng(seed))
+    found = bracket_on_average(chain(spec, "g"), 0.02, (0.0, 100.0))
+    assert np.isfinite(found.low)
+    for g in (found.low, (found.low + found.high) / 2, found.high):
+        assert np.abs(np.linalg.eigvals(moments(loop, g, chance))).max() < 1
+    assert np.isfinite(found.fails_from)
+    assert np.abs(np.linalg.eigvals(moments(loop, found.fails_from, chance))).max() > 1 - 1e-12
+    assert found.high == pytest.approx(found.fails_from, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_mean_square_of_many_runs_is_that_of_the_second_moments():
+    """x+ = 1.2 x + u, u = -x or held, in bursts: the mean of 200,000 runs after eight messages."""
+    burst = {"burst": 0.1, "burst_end": 0.4, "burst_loss": 0.9}
+    loop, source, runs = chain(recursion(1.2, "held", **burst), k=1.0), np.random.default_rng(1), 200_000
+    x, held, inside = np.ones(runs), np.zeros(runs), np.zeros(runs, bool)
+    operator, nodes = loop.operator(0.0), loop.graph.nodes
+    n = loop.family.kept.size
+    X = np.zeros((nodes, n * (n + 1) // 2))
+    states = [loop.family.ticks.states[state] for state in loop.family.kept]
+    assert states == ["plant.x0", "net.shown"]
+    X[0, 0] = 1.0
+    for _ in range(8):
+        inside = np.where(inside, source.random(runs) >= 0.4, source.random(runs) < 0.1)
+        lost = source.random(runs) < np.where(inside, 0.9, 0.1)
+        held = np.where(lost, held, -x)
+        x = 1.2 * x + held
+        X = (operator @ X.ravel()).reshape(X.shape)
+    expected, spread = X[:, 0].sum(), np.std(x**2) / np.sqrt(runs)
+    assert abs((x**2).mean() - expected) < 2 * spread < 0.05 * expected
