@@ -4,6 +4,7 @@ import http.client
 import json
 import threading
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -28,6 +29,7 @@ ARM = {
     "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
     "sweep": {"along": "c", "c": {"start": -1, "stop": 20}, "kp": [60, 120, 240]},
 }
+DRIVE = Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml"
 UNEVEN = HOLE | {"rates": {"slow_hz": 60.0}}
 
 

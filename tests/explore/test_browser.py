@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from tests.explore.conftest import ARM, HOLE
+from tests.explore.conftest import ARM, DRIVE, HOLE
 from wavesweep.explore.page import saved_page
 from wavesweep.spec import load
 
@@ -342,7 +342,33 @@ def test_drawn_loops_are_explored(opened, serving):
     page = settled(opened(serving(ARM).server.address))
     table = wavesweep.stability_region(ARM | {"sweep": ARM["sweep"] | {"kp": [240]}})
     assert ends(page, "numbers.c") == (list(zip(table.low, table.high, strict=True)), True)
-    assert "more slowly" in page.inner_text("#mode")
+    assert page.is_hidden("#loop")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_loop_without_a_hand_shows_step_and_margins_while_it_is_dragged(opened, serving, width):
+    page = settled(opened(serving(DRIVE).server.address, viewport={"width": width, "height": 1000}))
+    page.locator("#loop").scroll_into_view_if_needed()
+    until(page, "margins?.key === marginsKey()")
+    at_rest = page.locator("#m-phase").inner_text()
+    move(page, "numbers.J", 0.7)
+    page.locator("#loop").scroll_into_view_if_needed()
+    until(page, "answer.open && document.querySelectorAll('#l0 .curve, #l1 .curve, #l2 .curve, #l3 .curve').length === 4")
+    page.mouse.up()
+    until(page, "margins?.key === marginsKey() && !document.body.classList.contains('waiting')")
+    loop = wavesweep.compile(DRIVE).with_(J=page.evaluate("values['numbers.J']"))
+    phase = loop.margins("control.y").set_index("margin")["value"]["phase"]
+    assert float(page.get_attribute("#m-phase", "data-value")) == pytest.approx(phase, rel=1e-12)
+    assert page.locator("#m-phase").inner_text() != at_rest
+    assert page.locator("#l1 .disk").count() == 1
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.focus("#route")
+    page.keyboard.press("End")  # the last choice, by the keyboard
+    until(page, "route === null && answer.step.unit === '1' && document.querySelector('#l0 .title, #l0 text')")
+    enter(page, "numbers.kp", 9)
+    until(page, "margins?.key === marginsKey()")
+    assert "No margins" in page.inner_text("#loopnote")
+    assert page.locator("#l1 .disk, #l2 .margin").count() == 0
 
 
 def test_a_saved_page_works_without_a_server(opened, tmp_path):

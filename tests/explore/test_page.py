@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from tests.explore.conftest import ARM, HOLE, UNEVEN
+from tests.explore.conftest import ARM, DRIVE, HOLE, UNEVEN
 from tests.plots.test_near_boundaries import within
 from wavesweep.cli import main
 from wavesweep.explore.page import saved_page
@@ -83,13 +83,14 @@ def test_the_quick_plane_and_its_intervals_are_near_the_proved_ones(client):
 def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
     client = serving(source)
     plane = {**vars_of(client.page.plane)}
-    quick = client.ask("quick", plane=plane, cells=6)
+    quick = client.ask("quick", plane=plane)
     verdict = wavesweep.verdict(source)
     assert {name: quick["own"][name] for name in quick["own"]} == {name: verdict[name] for name in quick["own"]}
-    assert quick["plane"]["how"] == "cells"
     loop = wavesweep.compile(source)
+    assert quick["plane"]["how"] == "cells"
     axes = {plane["x"]: quick["plane"]["x"], plane["y"]: quick["plane"]["y"]}
     assert quick["plane"]["stable"] == (loop.spectral_radius(**axes) < 1).astype(int).tolist()
+    assert "assembled tick by tick" in client.send("GET", "")[2]
     found = client.ask("certified", plane=plane)
     assert sum(found["known"]) > 0.9 * len(found["known"])
     some = found["x"][::16]
@@ -97,7 +98,36 @@ def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
     expected = [[row.low, row.high, bool(row.certified)] for _, row in table.iterrows() if row.intervals]
     columns = [found["columns"][found["x"].index(x)] for x in some]
     np.testing.assert_allclose([each for column in columns for each in column], expected, rtol=1e-9)
-    assert "assembled tick by tick" in client.send("GET", "")[2]
+
+
+@pytest.mark.slow
+def test_a_loop_without_a_hand_has_its_step_response_and_its_margins(serving):
+    client, kp = serving(DRIVE), 0.3
+    loop = wavesweep.compile(DRIVE).with_(kp=kp)
+    asked = {"values": {"numbers.kp": kp}, "cut": "control.y"}
+    found = client.ask("quick", **asked, route=["ref", "speed"])
+    marched = loop.simulate(np.ones(20_000))["speed"].to_numpy()
+    plane = client.ask("quick", **asked, plane=vars_of(client.page.plane))["plane"]
+    table = loop.stable_intervals(along="kp", ki=plane["x"], span=client.page.plane.y_span)
+    assert plane["how"] == "columns"  # the proved ones, between which nothing is
+    np.testing.assert_allclose([row[:2] for (row,) in plane["columns"]], table[["low", "high"]], rtol=1e-12)
+    step, L = found["step"], np.array(found["open"]["re"]) + 1j * np.array(found["open"]["im"])
+    places = np.round(np.array(step["time_s"]) * 10_000).astype(int)
+    np.testing.assert_allclose(step["value"], marched[places], atol=1e-12)
+    assert step["overshoot"] == pytest.approx(marched.max() - 1, abs=1e-9)
+    outside = np.flatnonzero(np.abs(marched - 1) > 0.02)[-1]
+    assert step["settling_s"] == pytest.approx((outside + 1) / 10_000)
+    np.testing.assert_allclose(found["open"]["decibels"], 20 * np.log10(np.abs(L)))
+    back = client.ask("quick", **asked)["step"]
+    assert back["final"] == pytest.approx(1)  # of what comes back to the cut, behind an integrator
+    rows, table = client.ask("margins", **asked)["margins"], loop.margins("control.y")
+    assert [row["value"] for row in rows] == table["value"].tolist()
+    assert [row["doubt"] for row in rows] == table["doubt"].tolist()
+    unstable = {"values": {"numbers.kp": 9.0}, "cut": "control.y"}
+    assert client.ask("margins", **unstable)["margins"] == []
+    assert "unstable" in client.ask("quick", **unstable)["step"]["error"]
+    for wrong in ({"cut": "motor.y"}, {"cut": "control.y", "route": ["ref", "angle"]}):
+        assert client.send("POST", "quick", json.dumps({"values": {}, **wrong}))[0] == 400
 
 
 def vars_of(plane):

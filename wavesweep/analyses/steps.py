@@ -5,7 +5,7 @@ from dataclasses import replace
 from wavesweep.analyses.loops import Route, drift_of, named_loops, ports_of_batch
 from wavesweep.loops.from_drawing import refuse_unsuitable
 from wavesweep.response.port import port_between
-from wavesweep.response.step import Step, step_of
+from wavesweep.response.step import MOST, Step, step_of
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Loops, own_loop
 
@@ -18,16 +18,16 @@ def routes_of(spec: Spec) -> list[Route]:
     return [(name, output) for name, *_ in drawing.inputs for output, *_ in drawing.outputs] if drawing else []
 
 
-def step_between(spec: Spec, route: Route) -> Step:
-    """The response of an output to a step of an input, route, both of [ports]. Errors: see `step_of`."""
+def step_between(spec: Spec, route: Route, most: int = MOST) -> Step:
+    """The response of an output to a step of an input, route, both of [ports]. most, errors: see `step_of`."""
     _, port = next(ports_of_batch(own_loop(spec), 1, route))
-    return step_of(port)
+    return step_of(port, most)
 
 
-def step_at(spec: Spec, signal: str) -> Step:
+def step_at(spec: Spec, signal: str, most: int = MOST) -> Step:
     """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is read.
 
-    The transfer function is -L/(1 + L), with L as `broken_at` has it. Errors: see `step_of`.
+    The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `step_of`.
     """
     own = own_loop(spec)
     wires = tuple(
@@ -37,4 +37,4 @@ def step_at(spec: Spec, signal: str) -> Step:
     refuse_unsuitable(*loop)
     drawn = loop.drawn()
     with named_loops(drawn):
-        return step_of(port_between(drawn, ADDED, signal, drift_of(loop, watched=(signal,))))
+        return step_of(port_between(drawn, ADDED, signal, drift_of(loop, watched=(signal,))), most)

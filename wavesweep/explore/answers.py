@@ -60,30 +60,37 @@ class Plane:
         return cls(x, y, *spans)
 
 
-def quick(
-    spec: Spec,
-    plane: Plane | None,
-    cells: int = 0,
-    search: Mapping[str, tuple[float, float]] = MappingProxyType({}),
-    with_response: bool = True,
-) -> dict:
-    """The numbers of the spec's own design, its response and, if one is asked for, the fastest preview of a plane.
-
-    cells: samples along each side of a plane that has no curve; without any this plane is left out. search: path -> range of
-    the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.
-    """
-    cut = None if spec.drawing or plane is None else wall_cut(spec.values)
+def quick(spec: Spec, with_response: bool = True) -> dict:
+    """The numbers of the spec's own design and, if it is wanted, its response at the hand."""
     loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-    found = {"own": own_design(spec, loop)} | ({"response": response(spec, loop)} if with_response else {})
-    if plane is None:
-        return found
+    return {"own": own_design(spec, loop)} | ({"response": response(spec, loop)} if with_response else {})
+
+
+def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool) -> dict:
+    """The fastest preview of a plane, and the intervals through the design if these come with it.
+
+    By the boundary's explicit curve if the plane is that of a wall, by proved columns if y is a gain, see `is_gain`, and
+    otherwise by so many cells along each side; without any this plane is left out, and so are columns. search: path -> range of
+    the stable intervals through the design.
+    """
+    cut = None if spec.drawing else wall_cut(spec.values)
     if cut is not None and {plane.x, plane.y} == set(WALL):
-        return found | _by_curve(spec, cut, plane, search)
-    if cut is not None and plane.y in WALL:
+        return _by_curve(spec, cut, plane, search)
+    if not cells:
+        return {}
+    if by_gain or (cut is not None and plane.y in WALL):
         curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
         gaps = known_gaps(curve.columns, view, ROUGH * (plane.y_span[1] - plane.y_span[0]) / view.high)
-        return found | {"plane": plane_of(Curve(curve.columns, gaps), view) | {"how": "columns"}}
-    return found | ({"plane": _cell_plane(spec, plane, cells)} if cells else {})
+        return {"plane": plane_of(Curve(curve.columns, gaps), view) | {"how": "columns"}}
+    return {"plane": _cell_plane(spec, plane, cells)}
+
+
+def is_gain(spec: Spec, plane: Plane) -> bool:
+    """Whether intervals along y are those of a single gain of a frame, which take a few milliseconds for many values of x."""
+    try:
+        return cost_of(spec, _axis(spec, plane.y, (), plane.y_span))[1] is Way.CUT
+    except WavesweepError:
+        return False
 
 
 def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:

@@ -1,6 +1,6 @@
 // The questions to the server: a preview while something moves, and the certified answer if all rests.
-const REST = 220, SLOW = 60, QUICK = 25;
-let visible = saved, moves = 0, busy = false, again = false, timer = 0, cells = 12, stamps = [], refused = null, proving = Promise.resolve();
+const REST = 220;
+let visible = saved, moves = 0, busy = false, again = false, timer = 0, stamps = [], refused = null, proving = Promise.resolve();
 
 async function ask(name, question) {
   const reply = await fetch(name, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(question)});
@@ -29,19 +29,18 @@ function send() {
   again = false;
   const key = pictureKey(), drawn = picture && picture.key === key;
   const search = plane ? {[plane.y]: reach(plane.y), [plane.x]: reach(plane.x)} : {};
-  const question = {values: changedValues(), plane, cells: drawn ? 0 : cells, search, response: visible};
-  return {key, drawn, started: performance.now(), reply: ask("quick", question).catch(error => ({lost: error}))};
+  const question = {values: changedValues(), plane, preview: !drawn, search, response: visible, ...loopQuestion()};
+  return {key, drawn, reply: ask("quick", question).catch(error => ({lost: error}))};
 }
 async function follow() {
   busy = true;
   for (let sent = send(); sent;) {
-    const {key, drawn, started, reply} = sent, found = await reply, now = performance.now(), spent = now - started;
+    const {key, drawn, reply} = sent, found = await reply;
     sent = again && !found.lost ? send() : null;  // the server is at work while this answer is drawn
     if (found.lost) { lost(found.lost); again = false; break; }
     if (refuse(found)) continue;
-    if (!drawn && found.plane && found.plane.how === "cells") cells = Math.round(Math.max(6, Math.min(36, cells * (spent > SLOW ? 0.8 : spent < QUICK ? 1.25 : 1))));
     if (drawn) delete found.plane;
-    stamps = [...stamps, now];
+    stamps = [...stamps, performance.now()];
     setTimeout(how, 1010);
     take(found, key);
   }
@@ -57,6 +56,8 @@ function take(found, key) {
     answer.response = null;
     if (visible && data.hand) changed();  // it came into view after the question
   }
+  if (loopMissing()) changed();
+  else if (!again) proveMargins(false);
   ranges = Object.fromEntries((found.ranges || []).map(each => [each.path, each]));
   draw();
 }
@@ -66,6 +67,7 @@ function certify(at) {  // one after another: a proof that nobody waits for any 
 async function certified(stale) {
   while (busy) await new Promise(done => setTimeout(done, 15));
   if (stale() || !answer || await refit(stale) || refused) return;
+  proveMargins(true);
   const set = {values: changedValues()}, along = plane ? [plane.y, plane.x] : data.sliders.filter(s => s.search).slice(0, 1).map(s => s.path);
   for (const path of along) {
     if (ranges[path] && "certified" in ranges[path]) continue;

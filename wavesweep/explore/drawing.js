@@ -222,6 +222,7 @@ function draw() {
   if (plane) { drawPlane(); legend(); }
   how();
   $("responses").hidden = !data.hand;
+  drawLoop();
   if (answer.response && visible) {
     chart("c0", `admittance (m${data.units.admittance}) over Hz`, "admittance_abs", true, 1e3); chart("c1", `impedance (${data.units.impedance}) over Hz`, "impedance_abs", true);
     chart("c2", "admittance phase (deg)", "admittance_deg", false); chart("c3", "impedance phase (deg)", "impedance_deg", false);

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -21,18 +22,22 @@ from wavesweep.explore.answers import (
     certified_plane,
     first_plane,
     fitted,
+    is_gain,
     measured,
+    preview,
     quick,
     stable_ranges,
 )
+from wavesweep.explore.behaviour import behaviour, choices, proved_margins
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.identification.points import facts_of_points
 from wavesweep.spec import Spec
 
-FIRST_CELLS, MOST_CELLS = 12, 40
+FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
+PREVIEW_S = 0.02  # that a preview by cells may take
 WIDEST = 64.0  # times the range of a number that is searched for a limit, if the axes are to show one
-SCRIPTS = ("state.js", "asking.js", "drawing.js", "controls.js", "report.js")
+SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_ROWS = 5000  # of its table
 
@@ -44,11 +49,12 @@ class Page:
         self.spec = spec
         self.sliders = sliders_of(spec)
         self.plane = first_plane(spec, self.sliders)
+        self.choices = choices(spec)
+        self._cells, self._by_gain = FIRST_CELLS, {}
         search = {slider.path: slider.search for slider in self.sliders if slider.path in WALL}
-        try:
-            self.first = quick(spec, self.plane, FIRST_CELLS, search)
-        except WavesweepError:  # somewhere in the plane there is no loop
-            self.first = quick(spec, None)
+        self.first = quick(spec)
+        with suppress(WavesweepError):  # somewhere in the plane there is no loop
+            self.first |= self._preview(spec, self.plane, search) if self.plane else {}
 
     def text(self) -> str:
         """The page with the numbers of the spec's own design, before any question."""
@@ -57,7 +63,13 @@ class Page:
     @property
     def answers(self) -> Mapping[str, Answer]:
         """The questions of the page."""
-        answers = {"quick": self._quick, "certified": self._certified, "fit": self._fit, "toml": self._toml}
+        answers = {
+            "quick": self._quick,
+            "certified": self._certified,
+            "fit": self._fit,
+            "toml": self._toml,
+            "margins": self._margins,
+        }
         return {name: self._said(answer) for name, answer in answers.items()}
 
     def _data(self) -> dict:
@@ -71,11 +83,12 @@ class Page:
             "sliders": [asdict(slider) for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,
             "wall": [] if spec.drawing or spec.uneven else list(WALL),
-            "slow": bool(spec.drawing) or spec.uneven,
+            "slow": self.first.get("plane", {}).get("how") == "cells",
             "hand": self.first["response"] is not None,
             "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
             "first": self.first,
             "measured": measured(spec),
+            **self.choices,
         }
 
     def _said(self, answer):
@@ -99,8 +112,33 @@ class Page:
         spec = self._changed(question)
         plane = self._plane(spec, question["plane"]) if question.get("plane") else None
         search = {path: _span(span) for path, span in question.get("search", {}).items() if path in WALL}
-        cells = min(int(question.get("cells", 0)), MOST_CELLS)
-        return quick(spec, plane, cells, search, bool(question.get("response", True)))
+        found = quick(spec, bool(question.get("response", True)))
+        if plane:
+            found |= self._preview(spec, plane, search, bool(question.get("preview", True)))
+        if question.get("cut"):
+            found |= behaviour(spec, *self._chosen(question), stable=found["own"]["stable"])
+        return found
+
+    def _preview(self, spec, plane, search, wanted=True):
+        """The fastest preview of a plane, with as many cells as the one before shows that there is time for."""
+        if plane.y not in self._by_gain:
+            self._by_gain[plane.y] = is_gain(spec, plane)
+        started = time.perf_counter()
+        found = preview(spec, plane, self._cells if wanted else 0, search, self._by_gain[plane.y])
+        if found.get("plane", {}).get("how") == "cells":
+            more = (PREVIEW_S / (time.perf_counter() - started)) ** 0.5
+            self._cells = int(np.clip(self._cells * more, LEAST_CELLS, MOST_CELLS))
+        return found
+
+    def _margins(self, question):
+        return proved_margins(self._changed(question), self._chosen(question)[0])
+
+    def _chosen(self, question):
+        """The signal at which the loop is broken, and the input and the output of a step, if there are any."""
+        cut, route = question["cut"], question.get("route")
+        if cut not in self.choices["cuts"] or (route and tuple(route) not in self.choices["routes"]):
+            raise KeyError(cut)
+        return cut, route
 
     def _certified(self, question):
         spec = self._changed(question)
@@ -196,7 +234,7 @@ def _axes(plane):
 
 def _design(page, values):
     spec, plane = changed(page.spec, values), page.plane
-    found = quick(spec, None) | {"values": values, "toml": text_of(spec)}
+    found = quick(spec) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
     if plane:
         found["plane"] = certified_plane(spec, plane)

@@ -26,6 +26,8 @@ fill($("name"), data.name, " ", element("small", {}, `${data.kind} · wavesweep 
 build();
 buttons();
 if (plane) choices();
+loopChoices();
+$("loop").hidden = saved || !cut;
 if (saved) {
   const stops = Object.keys(data.stops).length;
   $("mode").textContent = data.left ? `Saved: the spec's own design. Its sweep has ${data.left} designs, too many for this page; all are in the table.` : stops ? "Saved: sliders with stops choose among the values of the sweep; the others are fixed." : "Saved: the numbers of the spec's own design.";
@@ -38,8 +40,8 @@ if (saved) {
   if (plane) pointing();
   new IntersectionObserver(entries => {
     visible = entries.at(-1).isIntersecting;
-    if (visible) { if (answer && !answer.response && data.hand) changed(); else draw(); }
-  }, {rootMargin: "100px"}).observe($("responses"));
+    if (visible) { if (answer && !answer.response && data.hand || loopMissing()) changed(); else draw(); }
+  }, {rootMargin: "100px"}).observe($(data.hand ? "responses" : "loop"));
   take(data.first, pictureKey());
   timer = setTimeout(certify, 0, moves);
   const alive = new EventSource("alive");

@@ -90,27 +90,40 @@ def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float]]) -> 
     from wavesweep.analyses.broken_loops import broken_at
 
     loop = broken_at(spec, cut)
-    angles = dense_angles(loop.response) if loop.times == 1 else np.geomspace(LEAST, 1.0, LOCI) * np.pi
-    L, hertz = np.ravel(loop.response(angles)), np.repeat(angles, loop.times) / loop.period / (2 * np.pi)
+    hertz, L = response_of(loop)
+    return OpenLoop(hertz, L, loop.times > 1, table, marks_of(loop, table))
+
+
+def response_of(loop: Any, step: float = STEP, first: int = FIRST, loci: int = LOCI) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) of a broken loop and L there, so densely that no step shows; of a lifted one its eigenvalues.
+
+    step, first: change of ln L between two of them, and the number to begin with; loci: their number for a lifted one.
+    """
+    angles = dense_angles(loop.response, step, first) if loop.times == 1 else np.geomspace(LEAST, 1.0, loci) * np.pi
+    return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(loop.response(angles))
+
+
+def marks_of(loop: Any, table: Mapping[str, tuple[float, float]]) -> dict[str, complex]:
+    """The value of L, or the eigenvalue of a lifted one, that the factor of each margin brings to -1."""
     marks = {}
     for name in _MARKS:
         value, omega = table.get(name, (np.nan, np.nan))
-        if omega > 0:  # the value of L, or the eigenvalue of a lifted one, that the factor of the margin brings to -1
+        if omega > 0:
             loci = np.ravel(loop.response(omega * loop.period))
             factor = value if name.startswith("gain") else np.exp(1j * np.radians(value)) if name == "phase" else -1 / loci
             missed = np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci))
             marks[name] = complex(loci[np.argmin(missed)])
-    return OpenLoop(hertz, L, loop.times > 1, table, marks)
+    return marks
 
 
-def dense_angles(response: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def dense_angles(response: Callable[[np.ndarray], np.ndarray], step: float, first: int) -> np.ndarray:
     """Angles up to pi between which ln L changes little, so that neither plot shows a step at a resonance."""
-    angles = np.concatenate([np.geomspace(1e-6, 1e-2, FIRST // 3, endpoint=False), np.linspace(1e-2, 1.0, FIRST)]) * np.pi
+    angles = np.concatenate([np.geomspace(1e-6, 1e-2, first // 3, endpoint=False), np.linspace(1e-2, 1.0, first)]) * np.pi
     values = response(angles)
     for _ in range(ROUNDS):
         with np.errstate(divide="ignore", invalid="ignore"):
             turned = np.abs(np.log(values[1:] / values[:-1]))
-        wide_steps = (turned > STEP) & np.isfinite(turned) & (np.diff(angles) > NEXT)
+        wide_steps = (turned > step) & np.isfinite(turned) & (np.diff(angles) > NEXT)
         if not wide_steps.any():
             break
         between = (angles[:-1] + angles[1:])[wide_steps] / 2
@@ -154,15 +167,20 @@ def in_words(name: str, value: float, omega: float) -> str:
     return f"{name.replace('_', ' ')} {size} at {omega / (2 * np.pi):.4g} Hz"
 
 
+def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (dB) and phase of L, which goes on at -180 degrees and begins at most at 180; of eigenvalues that of one turn."""
+    degrees = -(-np.degrees(np.angle(L)) % 360) if several else np.degrees(np.unwrap(np.angle(L)))
+    degrees -= 360 * np.ceil(np.max(degrees, where=np.isfinite(degrees), initial=-360) / 360 - 0.5)
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(np.abs(L)), degrees
+
+
 def draw_bode(gain: Any, phase: Any, loop: OpenLoop) -> None:
     """Draw gain (dB) and phase of L over its frequencies. The phases of the eigenvalues of a lifted L are those of one turn."""
     from matplotlib.ticker import MultipleLocator
 
     hertz, L = loop.hertz, loop.L
-    degrees = -(-np.degrees(np.angle(L)) % 360) if loop.several else np.degrees(np.unwrap(np.angle(L)))
-    degrees -= 360 * np.ceil(np.max(degrees, where=np.isfinite(degrees), initial=-360) / 360 - 0.5)  # at most 180
-    with np.errstate(divide="ignore"):
-        decibels = 20 * np.log10(np.abs(L))
+    decibels, degrees = decibels_and_degrees(L, loop.several)
     shown = (hertz >= LEAST * hertz[-1]) & np.isfinite(decibels)
     for axes, values, limit in ((gain, decibels, 0.0), (phase, degrees, -180.0)):
         axes.plot(hertz, values, color=_CURVE, **loop.style)

@@ -158,9 +158,9 @@ def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, he
     axes.plot(*extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
 
 
-def extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def extremes(times: np.ndarray, values: np.ndarray, most: int = _MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
-    size = -(-len(values) // (_MOST_POINTS // 2))
+    size = -(-len(values) // (most // 2))
     if size <= 2:
         return times, values
     whole = len(values) // size * size

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import Any
 
-import numpy as np
-
 from wavesweep.errors import UsageError
 from wavesweep.plots.simulation import extremes
 from wavesweep.plots.style import GRID, NOTE, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, wide
@@ -13,7 +11,6 @@ from wavesweep.plots.words import assumption, printed, with_unit
 from wavesweep.response.step import BAND, Step
 from wavesweep.spec import Spec
 
-LONGER = 1.4  # times the time to settle: the end of what is shown
 FEW = 60  # samples, up to which each has a dot
 MARK = "0.2"
 _MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
@@ -52,16 +49,13 @@ def step_responses(spec: Spec, routes: Sequence[tuple[str, str]] = ()) -> Any:
 
 def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
     """Draw a step response over time, with the name of its axis; gives the marks for a legend, each with its words."""
-    final, size = (step.final if np.isfinite(step.final) else 0.0), np.abs(step.value).max(initial=0.0)
-    moving = np.flatnonzero(np.abs(step.value - final) > BAND * size)
-    last = step.settling_s if step.settling_s > 0 else step.time_s[moving[-1]] if moving.size else step.time_s[-1]
-    shown = step.time_s <= max(LONGER * last, 10 * step.period)
-    unit, scale = ("ms", 1e3) if step.time_s[shown][-1] < 1 else ("s", 1.0)
-    dots = {"marker": ".", "markersize": 3} if shown.sum() <= FEW else {}
-    line = extremes(scale * step.time_s[shown], step.value[shown])
+    final, times, values = step.final, step.time_s[: step.shown], step.value[: step.shown]
+    unit, scale = ("ms", 1e3) if times[-1] < 1 else ("s", 1.0)
+    dots = {"marker": ".", "markersize": 3} if times.size <= FEW else {}
+    line = extremes(scale * times, values)
     axes.plot(*line, color=distinct_colour(0), drawstyle="steps-post", **dots)
     axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")
-    axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * step.time_s[shown][-1]))
+    axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * times[-1]))
     axes.grid(**GRID)
     first, second = step.rise_s
     rise = f"rise time {_in_time(second - first)}" if second > first else f"rise time < {_in_time(step.period)}"

@@ -15,6 +15,7 @@ MOST_TICKS = 2000  # of a frame
 MOST = 8_000_000  # samples times states
 REST = 1e-6  # of the largest sample: how far the last frame may be from all later ones
 HALF = 0.5  # size of a power of the frame that proves that a response comes to rest
+LONGER = 1.4  # times the time to settle: the end of what is worth showing
 BAND, LOW, HIGH = 0.02, 0.1, 0.9  # of the final value: where a response has settled, and between which it rises
 
 
@@ -61,6 +62,13 @@ class Step:
         """Time of the sample that is farthest beyond the final value, or from 0 if that is not known."""
         return float(self.time_s[np.argmax(self.value * np.sign(self.final) if self.known else np.abs(self.value))])
 
+    @property
+    def shown(self) -> int:
+        """How many samples show how it comes to rest: somewhat more than until it has settled."""
+        moving = np.flatnonzero(np.abs(self.value - self.final) > BAND * np.abs(self.value).max())
+        last = self.settling_s / self.period if self.settling_s > 0 else moving[-1] if moving.size else self.value.size
+        return int(min(max(LONGER * last, 10), self.value.size - 1)) + 1
+
     def value_at(self, time_s: float) -> float:
         """The sample that is seen at a time."""
         return float(self.value[round(time_s / self.period)])
@@ -75,15 +83,15 @@ class Step:
         return first, second
 
 
-def step_of(port: Port) -> Step:
+def step_of(port: Port, most: int = MOST) -> Step:
     """Return the step response of a single loop, given by its port between an input and a signal (see `port_between`).
 
     The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n more frames follow from A^n. In
     units in which no state exceeds 1, a power A^n of a size q < 1/2 shows that `sum |C A^j| <= S = sum_(j<n) |C A^j|/(1 - q)`.
     So a change d of the states between the last two frames moves no later sample by more than `S |d|`, and a residual r of the
     recursion, which has the rounding and the errors of A and g, no sample by more than `S |r|`.
-    Errors: UsageError for a loop that is not stable, or that does not come to rest within MOST numbers, and for a signal that a
-    constant input moves without end.
+    Errors: UsageError for a loop that is not stable, or that does not come to rest within `most` samples times states, and for
+    a signal that a constant input moves without end.
     Accuracy: as bounded; the bounds themselves are computed to first order.
     """
     loop, ticks = Lifted.of(port), port.kind.size
@@ -107,7 +115,7 @@ def step_of(port: Port) -> Step:
             tail = gain * float((np.abs(after - X[-1]) / unit).max(initial=0.0))
             if size <= HALF and tail <= REST * np.abs(value).max():
                 break
-            if not np.isfinite(largest).all() or 2 * rows.size > MOST:
+            if not np.isfinite(largest).all() or 2 * rows.size > most:
                 raise UsageError("step: expected a loop that comes to rest, found one that is unstable, or too slow to tell")
             X = np.concatenate([X, X + X @ power.T + after])
             rows = np.concatenate([rows, rows + rows @ power])

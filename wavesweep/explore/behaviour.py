@@ -1,0 +1,94 @@
+"""How a drawn loop without a hand behaves: its step response, L of the loop broken at a signal, and the margins of that."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wavesweep.analyses.broken_loops import broken_at, cuts_of
+from wavesweep.analyses.steps import routes_of, step_at, step_between
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.passive.lifted_margins import margins_of
+from wavesweep.plots.nyquist import decibels_and_degrees, marks_of, response_of
+from wavesweep.plots.simulation import extremes
+from wavesweep.response.step import Step
+from wavesweep.spec import Spec
+from wavesweep.stability.certificate import words
+from wavesweep.tables.margins import UNITS
+
+COARSE, FIRST = 0.2, 90  # change of ln L between two points of a curve, and the number of points to begin with
+MOST = 1_000_000  # samples of a step response times states
+SAMPLES = 600  # of a step response that are sent
+
+
+def choices(spec: Spec) -> dict[str, list]:
+    """The signals at which a drawn loop without a hand can be broken, and its pairs of an input and an output."""
+    if not spec.drawing or spec.drawing.hand:
+        return {"cuts": [], "routes": []}
+    return {"cuts": [cut for cut in cuts_of(spec) if _returns(spec, cut)], "routes": routes_of(spec)}
+
+
+def _returns(spec: Spec, cut: str) -> bool:
+    try:
+        broken_at(spec, cut)
+    except WavesweepError:
+        return False
+    return True
+
+
+def behaviour(spec: Spec, cut: str, route: Sequence[str] | None, *, stable: bool) -> dict:
+    """L over frequency, and the response to a step: of an input of `route`, or without one of the loop closed at the cut.
+
+    L is exact up to rounding at its points. The step response has bounds on its errors and on what comes after it, so that its
+    numbers are proved. If the loop is not `stable`, or does not come to rest, it has an `error` in place of these.
+    """
+    loop = broken_at(spec, cut)
+    hertz, L = response_of(loop, COARSE, FIRST, FIRST)
+    decibels, degrees = decibels_and_degrees(L, loop.times > 1)
+    found = {"hertz": hertz, "re": L.real, "im": L.imag, "decibels": decibels, "degrees": degrees}
+    curve = {name: each.tolist() for name, each in found.items()} | {"several": loop.times > 1, "cut": cut}
+    if not stable:
+        return {"open": curve, "step": {"error": "the loop is unstable, and nothing comes to rest"}}
+    try:
+        step = step_between(spec, (route[0], route[1]), MOST) if route else step_at(spec, cut, MOST)
+    except UsageError:
+        return {"open": curve, "step": {"error": "it does not come to rest, or too slowly to tell"}}
+    unit = spec.unit_between(*route) if route else "1"
+    return {"open": curve, "step": _numbers(step, 1.0 if route else -1.0) | {"unit": unit}}
+
+
+def _numbers(step: Step, sign: float) -> dict:
+    """The samples that are worth showing, and what is read from them; sign: of the values."""
+    times, values = extremes(step.time_s[: step.shown], step.value[: step.shown], SAMPLES)
+    first, second = step.rise_s
+    return {
+        "time_s": times.tolist(),
+        "value": (sign * values).tolist(),
+        "final": sign * step.final,
+        "rise": [[time, sign * step.value_at(time)] for time in (first, second)] if second > 0 else [],
+        "rise_s": second - first,
+        "peak": [step.peak_s, sign * step.value_at(step.peak_s)],
+        "known": bool(step.known),
+        "overshoot": step.overshoot,
+        "settling_s": step.settling_s,
+        "error": None,
+    }
+
+
+def proved_margins(spec: Spec, cut: str) -> dict:
+    """The margins of the loop that is broken at a signal, as the table has them, with L where each is set."""
+    loop = broken_at(spec, cut)
+    found, doubt = margins_of(loop)
+    marks = marks_of(loop, {each.name: (each.value, each.omega) for each in found})
+    rows = [
+        {
+            "name": each.name,
+            "value": each.value,
+            "unit": UNITS.get(each.name, "1"),
+            "hz": each.omega / (2 * np.pi),
+            "doubt": word,
+            "limited": each.limited,
+            "at": [marks[each.name].real, marks[each.name].imag] if each.name in marks else None,
+        }
+        for each, word in zip(found, words([each.doubt for each in found]), strict=True)
+    ]
+    return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}
