@@ -11,7 +11,7 @@ from wavesweep.analyses.hands import hands_of
 from wavesweep.errors import UsageError
 from wavesweep.passive.hand import HandBox
 from wavesweep.spec import load
-from wavesweep.tables.interval_tally import HandTally, interval_lines
+from wavesweep.tables.interval_tally import Tallies, interval_lines
 from wavesweep.tables.intervals import intervals
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
@@ -128,7 +128,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()
-    tally = HandTally()
+    tally = Tallies()
     tally.add(rows)
     assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
         interval_lines(tally.numbers({"slices": {}}))

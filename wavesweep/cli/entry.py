@@ -316,7 +316,7 @@ def _counted(stopped: list[int]) -> Iterator[None]:
     """Raise Stopped for a signal whose exception a library has dropped or replaced; stopped: the signals that came."""
     try:
         yield
-    except Exception as error:
+    except Exception as error:  # any that a library may have put in place of the signal's
         if stopped:
             raise Stopped(stopped[0]) from error
         raise

@@ -105,7 +105,7 @@ def _write_all(
     for form in formats if draw else ():
         try:
             draw(stem.with_suffix(f".{form}"))
-        except Exception as error:
+        except Exception as error:  # any: a style or a spec of the user's may make matplotlib fail in many ways; it goes on up
             if not isinstance(error, OSError):
                 error.add_note("This happened in the figure; --no-plot writes the table without it.")
             raise

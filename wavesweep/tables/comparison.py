@@ -11,8 +11,7 @@ from wavesweep.errors import SpecError
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.running import Options
 from wavesweep.tables.fields import BODE, COMPARE
-from wavesweep.tables.interval_tally import SpecTally, comparison_lines
-from wavesweep.tables.intervals import intervals
+from wavesweep.tables.intervals import interval_kind, intervals
 from wavesweep.tables.kind import Kind
 from wavesweep.tables.responses import METHODS, BodeTally, bode_lines, responses
 from wavesweep.tables.table import Table, facts_of, with_unlike_units
@@ -79,13 +78,6 @@ def _notices(specs, facts) -> Iterator[str]:
 
 
 KINDS = (
-    Kind(
-        "compare",
-        COMPARE,
-        lambda table: SpecTally(table.facts),
-        comparison_lines,
-        figure="intervals.compare",
-        before=1,
-    ),
+    interval_kind("compare", COMPARE, figure="intervals.compare", before=1),
     Kind("compare-bode", BODE, lambda _: BodeTally(), bode_lines, figure="responses.bode", study="bode"),
 )

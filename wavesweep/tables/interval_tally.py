@@ -77,7 +77,7 @@ class Extreme:
     def place(self) -> dict[str, float]:
         """The axes' values in that row, without those that the loop does not read."""
         names = list(self.row)[: list(self.row).index("along")]
-        return {name: self.row[name] for name in names if name != "spec" and not np.isnan(self.row[name])}
+        return {name: self.row[name] for name in names if not np.isnan(self.row[name])}
 
 
 class IntervalTally:
@@ -226,8 +226,8 @@ def _refuted(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def whose_column(columns: Columns) -> str:
-    """The column that says for whom a row is, if the table has one."""
-    return next((name for name in ("hand", "guarantee") if name in columns), "")
+    """The column that says for whom, or of which spec, a row is, if the table has one."""
+    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
 
 
 class Words:
@@ -362,62 +362,47 @@ class Words:
         return f" at {', '.join(at)}{more}"
 
 
-class HandTally:
-    """Counts the rows of a table of intervals, separately for each hand if it has several.
+class Tallies:
+    """Counts the rows of a table of intervals, for each hand, each guarantee or each spec by itself if it has such a column.
 
-    axes, facts: as for `IntervalTally`.
+    axes, facts: as for `IntervalTally`; each spec of a comparison has a range, axes and units of its own.
     """
 
     def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._axes, self._facts = axes, facts or {}
         self._tallies: dict[str, IntervalTally] = {}
-        self._unsettled = 0
+        self._whose, self._unsettled = "", 0
 
     def add(self, columns: Columns) -> None:
-        """Count a block of rows, all of one hand."""
-        if not len(columns["along"]):
-            return
-        whose = whose_column(columns)
-        hand = str(columns[whose][0]) if whose else ""
-        if hand not in self._tallies:
-            self._tallies[hand] = IntervalTally(hand, self._axes, self._facts)
-        self._tallies[hand].add({name: column for name, column in columns.items() if name != whose})
-        if "settled" in columns and hand in ("box", *GUARANTEES):
-            self._unsettled += int((~columns["settled"]).sum())
+        """Count a block of rows; of a spec that is compared, all of its rows."""
+        self._whose = whose = whose_column(columns)
+        words = list(dict.fromkeys(columns[whose].tolist())) if whose else [""]
+        for word in words if len(columns["along"]) else ():
+            rows = {name: column for name, column in columns.items() if name != whose}
+            if len(words) > 1:
+                rows = {name: column[columns[whose] == word] for name, column in rows.items()}
+            if whose == "spec":
+                names = list(rows)
+                axes = {name: np.unique(rows[name]).tolist() for name in names[: names.index("along")]}
+                specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
+                self._tallies[word] = IntervalTally(axes=axes, facts={"spec": specs[word]})
+            tally = self._tallies.setdefault(word, IntervalTally(word, self._axes, self._facts))
+            tally.add(rows)
+            if "settled" in rows and word in ("box", *GUARANTEES):
+                self._unsettled += int((~rows["settled"]).sum())
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
-        """The summary as numbers and words that JSON can hold, of each hand if there are several."""
+        """The summary as numbers and words that JSON can hold, of each hand, guarantee or spec if there are several."""
         slices = {"slices": dict(facts["slices"])}
-        hands = {hand: tally.numbers() for hand, tally in self._tallies.items()}
-        if "" in hands:
-            return slices | hands[""]
-        if hands.keys() & {*GUARANTEES}:
-            return slices | {"guarantees": hands, "rows_not_settled": self._unsettled}
-        return slices | {"hands": hands, "rows_of_the_box_not_proved": self._unsettled}
-
-
-class SpecTally:
-    """Counts the rows of a comparison, separately for each spec, which has a range and units of its own.
-
-    facts: those of the run, with all specs.
-    """
-
-    def __init__(self, facts: Mapping[str, Any]) -> None:
-        self._specs = facts.get("specs") or {facts["spec_name"]: facts["spec"]}
-        self._tallies: dict[str, IntervalTally] = {}
-
-    def add(self, columns: Columns) -> None:
-        """Count a block with all rows of its specs."""
-        names = list(columns)
-        for spec in dict.fromkeys(columns["spec"].tolist()):
-            rows = {name: column[columns["spec"] == spec] for name, column in columns.items()}
-            axes = {name: np.unique(rows[name]).tolist() for name in names[1 : names.index("along")]}
-            self._tallies[spec] = IntervalTally(axes=axes, facts={"spec": self._specs[spec]})
-            self._tallies[spec].add(rows)
-
-    def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
-        """The summary of each spec."""
-        return {"slices": dict(facts["slices"]), "specs": {spec: tally.numbers() for spec, tally in self._tallies.items()}}
+        found = {word: tally.numbers() for word, tally in self._tallies.items()}
+        match self._whose:
+            case "hand":
+                return slices | {"hands": found, "rows_of_the_box_not_proved": self._unsettled}
+            case "guarantee":
+                return slices | {"guarantees": found, "rows_not_settled": self._unsettled}
+            case "spec":
+                return slices | {"specs": found}
+        return slices | found[""]
 
 
 def interval_lines(found: Numbers) -> Iterator[Line]:
@@ -429,7 +414,9 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         yield words.certified()
         yield from ((f"  {word}: {DOUBTS[word].meaning}", True) for word in found["doubts"])
         return
-    hands = found.get("guarantees") or found["hands"]
+    for spec, numbers in found.get("specs", {}).items():
+        yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])
+    hands = found.get("guarantees") or found.get("hands", {})
     for hand, numbers in hands.items():
         yield f"{HANDS[hand].title} ({hand}): {Words(numbers, hand).one_line()}", False
     if unsettled := found.get("rows_not_settled"):
@@ -440,9 +427,3 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         yield f"{count(unproved, 'row')} of the box not proved (settled 0): {missed}", True
     elif "box" in hands:
         yield "every row of the box is proved (settled 1)", False
-
-
-def comparison_lines(found: Numbers) -> Iterator[Line]:
-    """Yield a line for each spec of a comparison."""
-    for spec, numbers in found["specs"].items():
-        yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])

@@ -12,9 +12,8 @@ import numpy as np
 from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.spec.for_all import GUARANTEES
-from wavesweep.tables.fields import ABOUT_ENDS, INTERVALS, INTERVALS_FOR_HANDS, Field
-from wavesweep.tables.interval_tally import HandTally, interval_lines
+from wavesweep.tables.fields import ABOUT_ENDS, FOR_ALL, INTERVALS, INTERVALS_FOR_HANDS, Field
+from wavesweep.tables.interval_tally import Tallies, interval_lines
 from wavesweep.tables.kind import Again, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
 
@@ -159,21 +158,20 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
         yield prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
 
 
-def _finished(block, hand, hands, for_all=False) -> Columns:
-    """The block with the column `hand` if there are hands, and those about the ends if these are of a box, in order."""
-    if hand in GUARANTEES or (hands is None and for_all):
-        rows = len(block["along"])
-        missing = {"fails_below": np.full(rows, np.nan), "fails_from": np.full(rows, np.nan), "settled": block["certified"]}
-        missing |= {"counterexample": np.full(rows, "", dtype=object)}
-        found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
-        block = missing | found | {"guarantee": np.full(rows, hand or "spec", dtype=object)}
-    elif hands is not None:
-        rows = len(block["along"])
-        about = [each.name for each in ABOUT_ENDS]
-        missing = {name: np.full(rows, np.nan) for name in about} | {"settled": block["certified"]}
-        block = missing | block | {"hand": np.full(rows, hand, dtype=object)}
-        block = {name: column for name, column in block.items() if hands.box or name not in about}
-    return KINDS[2 if hands else 0].completed(block)
+def _finished(block, word, hands, several) -> Columns:
+    """The block in order, with a column that says whose its rows are if there are several kinds of rows, or hands."""
+    if hands is None and not several:
+        return KINDS[0].completed(block)
+    rows, whose, about = len(block["along"]), "guarantee", [each.name for each in FOR_ALL[1:]]
+    if hands is not None:
+        whose, about = "hand", [each.name for each in ABOUT_ENDS]
+    missing = dict.fromkeys(about, np.full(rows, np.nan)) | {"settled": block["certified"]}
+    if "counterexample" in about:
+        missing["counterexample"] = np.full(rows, "", dtype=object)
+    found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
+    found = missing | found | {whose: np.full(rows, word or "spec", dtype=object)}
+    found = {name: column for name, column in found.items() if name not in about or hands is None or hands.box}
+    return KINDS[2 if hands else 0].completed(found)
 
 
 def _required(job) -> Iterator[str]:
@@ -234,15 +232,16 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     return Again(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
 
 
-def _kind(name: str, along: str | None, fields: tuple[Field, ...]) -> Kind:
-    again = partial(_again, along)
-    return Kind(name, fields, lambda table: HandTally(table.axes, table.facts), interval_lines, "intervals.zwidth", again)
+def interval_kind(name: str, fields: tuple[Field, ...], along: str | None = "", **more: Any) -> Kind:
+    """A kind of table of stable intervals; along: the axis (None: the spec's own) of one whose rows can be computed again."""
+    more = {"figure": "intervals.zwidth"} | more | ({} if along == "" else {"again": partial(_again, along)})
+    return Kind(name, fields, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
 
 
 KINDS = (
-    _kind("zwidth", "K_VE", INTERVALS),
-    _kind("stability-region", None, INTERVALS),
-    _kind("zwidth-hands", "K_VE", INTERVALS_FOR_HANDS),
-    _kind("stability-region-hands", None, INTERVALS_FOR_HANDS),
-    _kind("passivity-along", None, INTERVALS_FOR_HANDS),
+    interval_kind("zwidth", INTERVALS, "K_VE"),
+    interval_kind("stability-region", INTERVALS, None),
+    interval_kind("zwidth-hands", INTERVALS_FOR_HANDS, "K_VE"),
+    interval_kind("stability-region-hands", INTERVALS_FOR_HANDS, None),
+    interval_kind("passivity-along", INTERVALS_FOR_HANDS, None),
 )
