@@ -202,7 +202,7 @@ def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
     """Its matrix grows with the frame on both sides with a local model; without one it has a single row."""
     spec = load(nested(values_of(kind) | {"rates.fast_hz": 10_000.0, "rates.ratio": 200}))
     assert (own_design(spec)["channel_norm"] is not None) == known
-    said = [line for line in verdict_lines(spec, wavesweep.verdict(spec)) if "wave channel: norm" in line]
+    said = [line for _, line in verdict_lines(spec, wavesweep.verdict(spec)) if "wave channel: norm" in line]
     assert len(said) == 1
     assert ("not computed" in said[0]) != known
 
@@ -250,7 +250,7 @@ def test_a_range_that_takes_long_ends_next_to_the_value(monkeypatch):
     found = limit_of(wavesweep.verdict(spec), "tau")
     assert (found["stable"], found["certified"], found["stopped"]) == (True, True, True)
     assert (found["from"] <= 4.8 <= found["to"], found["to"] - found["from"]) == (True, pytest.approx(0.1))
-    text = "\n".join(verdict_lines(spec, wavesweep.verdict(spec)))
+    text = "\n".join(line for _, line in verdict_lines(spec, wavesweep.verdict(spec)))
     assert "--set sweep.along=tau --set 'sweep.tau={start=0.48, stop=48}'" in text
 
 

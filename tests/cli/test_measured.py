@@ -20,7 +20,7 @@ def test_runs_of_the_simulation_are_on_the_right_side_of_the_boundary_of_the_sam
 
 def test_check_says_that_a_model_does_not_explain_limits(wavesweep, tmp_path):
     spec_of(tmp_path, "z_width", "B_VE,K_VE\n" + 3 * "0,1000\n0,1200\n2,3500\n")
-    lines = wavesweep("check", str(tmp_path / "mine.toml"))[1].splitlines()
+    lines = wavesweep("check", str(tmp_path / "mine.toml"), "--all")[1].splitlines()
     start = next(number for number, line in enumerate(lines) if "measured limits" in line)
     assert lines[start : start + 3] == [
         (

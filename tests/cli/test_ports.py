@@ -37,7 +37,7 @@ def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(r
 
 
 def test_check_draws_a_root_locus_and_lists_the_pairs(run):
-    code, text, results = run("check", "drive.toml", "--root-locus", "kp")
+    code, text, results = run("check", "drive.toml", "--root-locus", "kp", "--all")
     assert (code, "bode: 8 curves (ref to speed, " in text, "passivity: not possible" in text) == (0, True, True)
     assert [path.name for path in results.iterdir()] == ["root-locus.png"]
     code, text, _ = run("check", "drive.toml", "--root-locus", "kq")

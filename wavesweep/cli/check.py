@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain
 from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import click
 
 from wavesweep.cli.options import FORMATS, folder, override
 from wavesweep.cli.talk import talk
+from wavesweep.cli.verdict import DETAIL, distance
+from wavesweep.doubts import DOUBTS
 
 if TYPE_CHECKING:
+    from wavesweep.cli.verdict import Facts, Ranked
     from wavesweep.spec import Axis, Spec
 
 PATIENT = 1.0  # s, after which ranges that are not done have a bar on a terminal
+MOST = 15  # lines without --all
+NARROWEST, WIDEST = 80, 100  # letters in them
+STEPS = 3  # commands that are named, at most
 
 
 @click.command("check")
 @click.argument("spec")
+@click.option(
+    "--all",
+    "whole",
+    is_flag=True,
+    help="Print all that is known, not only the 15 lines that matter most: also states, methods, times, and what is skipped.",
+)
 @click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
 @click.option(
     "--root-locus",
@@ -29,22 +46,27 @@ PATIENT = 1.0  # s, after which ranges that are not done have a bar on a termina
 @folder("Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.", or_file=True)
 @click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable.")
 @override
-def command(spec: str, plot: bool, locus: str | None, out: str | None, exit_code: bool, overrides: tuple[str, ...]) -> int:
-    """Judge a spec's own design, and list the work that each command would do.
+def command(
+    spec: str, whole: bool, plot: bool, locus: str | None, out: str | None, exit_code: bool, overrides: tuple[str, ...]
+) -> int:
+    """Judge a spec's own design, and say what to do next.
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
-    whether the loop is stable; the range in which it stays so if one number changes and all others are kept; the delay up to
-    which it is stable; the stiffness and the damping that the hand feels; the slowest mode and, if it rings, the least damped
-    one, with the states that take part most; the norm of the wave channel; the assumptions. A number that the spec does not
-    give has its default, and is marked so.
+    whether the loop is stable. Then comes what decides it, in up to 15 lines, the most important ones: the range in which the
+    loop stays stable if one number changes and all others are kept; the delay up to which it is stable; the stiffness that the
+    hand feels; the slowest mode and, if it rings, the least damped one; the norm of the wave channel; the assumptions. A number
+    that the spec does not give has its default, and is marked so. The last lines name the commands that go on from there.
 
-    Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time, and the axes and
-    keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop, diagram.png, and
-    with --root-locus its poles per frame over a number, root-locus.png. Earlier ones are replaced.
+    With --all nothing is left out, and the states of the loop follow, the methods, the numbers of slices and workers, the
+    estimated time, and the axes and keys that are skipped, with the reason.
+
+    Nothing is written, except with --plot the picture of the loop, diagram.png, and with --root-locus its poles per frame over
+    a number, root-locus.png. Earlier ones are replaced.
 
     \b
     Examples:
       wavesweep check mine.toml --set environment.delay=20
+      wavesweep check mine.toml --all
       wavesweep check mine.toml --exit-code --quiet
       wavesweep check mine.toml --plot --out loop.svg
       wavesweep check sweeps/templates/drive.toml --root-locus kp
@@ -63,29 +85,93 @@ def command(spec: str, plot: bool, locus: str | None, out: str | None, exit_code
     read_points(loaded)
     places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
 
-    def show(lines: Iterable[str]) -> None:
-        if not silent:
-            click.echo(printable("\n".join(lines)))
+    def show(lines: Iterable[str]) -> int:
+        text = "\n".join(lines)
+        if text and not silent:
+            click.echo(printable(text))
+        return len(text.splitlines())
 
     with progress(talk().quiet, "at work on the ranges of its numbers") as report:
         verdict = own_design(loaded)
-        show(own_lines(loaded, verdict))
+        said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
         verdict |= further(loaded, verdict, report and _after(PATIENT, report))
-    show(verdict_lines(loaded, verdict))
     lines = plan(loaded)
     if loaded.design:
         from wavesweep.search import study
 
         lines += study.plan(loaded)
-    notices = [*unusual(loaded), *over_preset(loaded), *(within_ticks(loaded) if loaded.drawing else ())]
+    own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
+    ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
+    steps = list(_steps(loaded, verdict, lines, overrides, whole))
     files = [str(path) for path in _drawn(loaded, places, poles)]
     if talk().as_json:
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
-        show_json(summary | {"verdict": verdict, "plan": lines, "notices": notices} | ({"files": files} if files else {}))
-    show([*(f"  {line}" for line in notices), *lines])
+        summary |= {"verdict": verdict, "plan": lines, "notices": [*own, *within]}
+        show_json(summary | ({"files": files} if files else {}))
+    if whole:
+        show([*(line for _, line in ranked), *lines, *steps])
+    else:
+        show([*_foremost(ranked, MOST - said - len(steps)), *steps])
     if files and not silent:
         say(f"Wrote {', '.join(files)}")
     return int(exit_code and not verdict["stable"])
+
+
+def _folded(line: str) -> list[str]:
+    """A line as lines that a terminal shows whole, of about the same length."""
+    indent = " " * (len(line) - len(line.lstrip()) + 4)
+    cut = partial(wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    width = min(max(get_terminal_size((WIDEST, 0)).columns, NARROWEST), WIDEST)
+    fewest = len(cut(width))
+    return next(lines for narrower in range(NARROWEST // 2, width + 1) if len(lines := cut(narrower)) == fewest)
+
+
+def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
+    """Yield the lines of the lowest ranks, in their order: as many as there is room for."""
+    folded, kept = [_folded(line) for _, line in ranked], set()
+    for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
+        if ranked[number][0] < DETAIL and len(folded[number]) <= most:
+            kept.add(number)
+            most -= len(folded[number])
+    yield from (line for number in sorted(kept) for line in folded[number])
+
+
+def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[str], whole: bool) -> Iterator[str]:
+    """Yield the commands that go on from a verdict, each with what it gives.
+
+    plan: the lines about all commands. whole: whether all that is known has been said.
+    """
+    from wavesweep.analyses.broken_loops import times_per_frame
+    from wavesweep.sweep.grid import own_loop
+
+    possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
+    doubts = [each["doubt"] for each in verdict["limits"] if each["doubt"] and each["doubt"] in DOUBTS]
+    name, stable, drawing = shlex.quote(spec.source or spec.name), verdict["stable"], spec.drawing
+    region = next((name for name in ("zwidth", "stability-region") if name in possible), "")
+    steps = [(f"explain {doubts[0]}", "what this doubt means, and what helps")] if doubts else []
+    if region and stable and not spec.require and len(verdict["limits"]) > 1:
+        steps.append((f"why {name}", "what sets each limit"))
+    if region:
+        what = "all stable walls" if region == "zwidth" else "all stable intervals"
+        steps.append((f"{region} {name}", f"{what}, for all of [for_all]" if spec.for_all else what))
+    elif limits := [each for each in verdict["limits"] if each["stable"] is not None]:
+        axis = min(limits, key=distance)
+        span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
+        steps.append((f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""))
+    if "design" in possible:
+        steps.append((f"design {name}", "designs that meet the wishes of [design]"))
+    if not stable and (not drawing or drawing.hand or drawing.inputs):
+        steps.append((f"simulate {name}", "what it does, tick by tick"))
+    if stable and "bode" in possible:
+        steps.append((f"bode {name}", "the response over frequency"))
+    if stable and drawing and (cuts := times_per_frame(own_loop(spec))):
+        steps.append((f"margins {name} --cut {min(cuts, key=cuts.get)}", "gain, phase, delay margins"))
+    steps[STEPS:] = [] if whole else [(f"check {name} --all", "the rest: states, methods, times")]
+    wide = max((len(line) for line, text in steps if len(line) + len(text) <= WIDEST - 14), default=0)
+    yield f"next{', with the same --set' if overrides else ''}:"
+    for line, text in steps:
+        fits = text and max(len(line), wide) + len(text) <= WIDEST - 14
+        yield f"  wavesweep {line:{wide}}  {text}" if fits else f"  wavesweep {line}"
 
 
 def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:

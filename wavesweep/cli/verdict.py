@@ -1,65 +1,89 @@
-"""The lines of `check`: the verdict on the spec's own design, and how far it is from what was measured."""
+"""The lines of `check`: the verdict on the spec's own design, and how far it is from what was measured.
+
+Each line has a rank, by which the short form of `check` chooses: 0 is always shown, and a DETAIL only with --all.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import pi
+from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
 
 Facts = Mapping[str, Any]
+Ranked = tuple[float, str]
 RINGS = 0.5  # damping ratio, below which a mode rings
+DETAIL = 9.0
+LONG_UNIT = 12  # letters of a unit that is not said twice in a line
 
 
 def own_lines(spec: Spec, found: Facts) -> Iterator[str]:
-    """Yield whether the design is stable, in a line or two."""
-    if _favourable(found):
-        yield f"assumes: {found['assumes']}"
+    """Yield whether the design is stable, in a line or two, and what it assumes if it is better only by that."""
     yield from _stability(spec, found)
+    if _favourable(found):
+        yield f"  assumes: {found['assumes']}"
 
 
 def _favourable(found: Facts) -> bool:
-    """Whether the design is better only by what it assumes, which is then said first."""
+    """Whether the design is better only by what it assumes, which is then said with the verdict."""
     from wavesweep.analyses.assumptions import FAVOURABLE
 
     return FAVOURABLE in found["assumes"]
 
 
-def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
-    """Yield what the verdict says beside `own_lines`, in about eight lines."""
+def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
+    """Yield what the verdict says beside `own_lines`, each line with its rank."""
+    from wavesweep.analyses.for_all import in_words
     from wavesweep.passive.channel import has_waves
     from wavesweep.passive.margin import LONGEST
     from wavesweep.sweep.grid import own_loop
 
-    yield from _for_all(found.get("for_all"))
+    if found.get("for_all"):
+        yield 1, f"  {in_words(found['for_all'])}"
+    yield from _limit_lines(spec, found)
+    if found["delay"] and found["spectral_radius"] is not None:
+        yield 3, f"  {_delay(found['delay'])}"
+    if found["stable"] and found["felt"]:
+        yield from ((rank, f"  {line}") for rank, line in _felt(found["felt"], *spec.units_felt))
+    hardware = _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
+    yield from ((rank, f"  {line}") for rank, line in hardware)
+    if found["stable"]:
+        rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
+        yield from _mode(4 if rings else 3, "slowest mode", found["slowest"])
+        yield from _mode(3, "least damped mode", found["least_damped"]) if rings else ()
+    if found["channel_norm"] is not None:
+        yield 5, f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    elif not spec.drawing and has_waves(own_loop(spec).drawing):
+        yield 6, f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
+    for line in measured_lines(spec, found.get("measured", {})):
+        yield 6 if line.startswith(" ") else 1, f"  {line}"
+    if found["assumes"] and not _favourable(found):
+        yield 4, f"  assumes: {found['assumes']}"
+
+
+def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
+    """The range of each number in which the design stays as it is, the nearest end with the lowest rank."""
     bounded = [each for each in found["limits"] if _bounded(each)]
-    yield from (f"  {_limit(spec, each)}" for each in bounded)
+    for each in bounded:
+        yield 2 + distance(each), f"  {_limit(spec, each)}"
+        if going_on := _going_on(spec, each):
+            yield DETAIL, f"    {going_on}"
     others = [each for each in found["limits"] if each not in bounded]
     if others:
         state = "stable" if found["stable"] else "unstable"
         spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
-        yield f"  {state} at every value searched: {spans}"
-    if found["delay"] and found["spectral_radius"] is not None:
-        yield f"  {_delay(found['delay'])}"
-    if found["stable"] and found["felt"]:
-        stiffness, damping = spec.units_felt
-        yield f"  felt at rest: {_felt(found['felt'], stiffness, damping)}"
-    yield from (
-        f"  {line}" for line in _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
-    )
-    if found["stable"]:
-        yield f"  slowest mode: {_mode(found['slowest'])}"
-        if found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS:
-            yield f"  least damped mode: {_mode(found['least_damped'])}"
-    if found["channel_norm"] is not None:
-        yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
-    elif not spec.drawing and has_waves(own_loop(spec).drawing):
-        yield f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
-    yield from (f"  {line}" for line in measured_lines(spec, found.get("measured", {})))
-    if found["assumes"] and not _favourable(found):
-        yield f"  assumes: {found['assumes']}"
+        yield 5, f"  {state} at every value searched: {spans}"
+
+
+def distance(limit: Facts) -> float:
+    """The rank of a limit among others, from 0 for one that is not known or not stable to 1 for ends that are far away."""
+    value = limit["value"]
+    if not limit["stable"] or not value:
+        return 0.0
+    factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
+    return 1 - 1 / max(min(abs(each) for each in factors), 1.0)
 
 
 def _stability(spec: Spec, found: Facts) -> Iterator[str]:
@@ -78,13 +102,6 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  {BOUNDED}"
 
 
-def _for_all(found: Facts | None) -> Iterator[str]:
-    from wavesweep.analyses.for_all import in_words
-
-    if found:
-        yield f"  {in_words(found)}"
-
-
 def _bounded(limit: Facts) -> bool:
     """Whether stability changes in the range searched, or is not known there."""
     whole = [[limit["from"], limit["to"]]]
@@ -93,13 +110,13 @@ def _bounded(limit: Facts) -> bool:
 
 def _limit(spec: Spec, limit: Facts) -> str:
     name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
-    default = "" if spec.drawing or spec.names.find(name).path in spec.given else ", the default"
+    default = "" if spec.drawing or spec.names.find(name).path in spec.given else " (default)"
     here = f"{name} = {value:g}{unit}{default}"
-    return f"{here}: {_stable_where(limit, unit)}{_going_on(spec, limit)}"
+    return f"{here}: {_stable_where(limit, unit if len(unit) < LONG_UNIT else '')}"
 
 
 def _going_on(spec: Spec, limit: Facts) -> str:
-    """A line with what finds the rest of a range that ended early, unless both ends of the interval are known."""
+    """What finds the rest of a range that ended early, unless both ends of the interval are known."""
     from wavesweep.analyses.verdict import searched
 
     name = limit["name"]
@@ -108,7 +125,7 @@ def _going_on(spec: Spec, limit: Facts) -> str:
     if not (limit["stopped"] and any(ended)):
         return ""
     axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
-    return f"\n    the whole range takes longer: wavesweep stability-region {spec.source or spec.name} {axes}"
+    return f"the whole range takes longer: wavesweep stability-region {spec.source or spec.name} {axes}"
 
 
 def _stable_where(limit: Facts, unit: str) -> str:
@@ -139,7 +156,7 @@ def _factors(limit: Facts) -> str:
     """The factors by which the value may shrink and grow."""
     ways = [("fall to", limit["low"]), ("rise to", limit["high"])]
     said = [f"{way} {100 * end / limit['value']:.3g} %" for way, end in ways if end]
-    return f" (it may {' and '.join(said)})" if said else ""
+    return f" (may {' and '.join(said)})" if said else ""
 
 
 def _unit(spec: Spec, name: str) -> str:
@@ -157,53 +174,62 @@ def _delay(delay: Facts) -> str:
     return f"{here}: stable up to {least}{delay['most']} ticks"
 
 
-def _felt(felt: Facts, *units: str) -> str:
-    stiffness, damping = felt["stiffness"], felt["damping"]
-    if felt["rigid"]:
-        return "rigid, a constant force moves nothing in the end"
-    if stiffness is None and damping is None:
-        return "not known"
-    if felt["over_band"] is None:
+def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
+    """What the hand feels of the wall."""
+    from wavesweep.analyses.feel import sizes_in_words
+
+    stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
+    if felt["rigid"] or (stiffness is None and damping is None):
+        yield 3, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
+        return
+    if band is None:
         known = (
             f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
             for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
         )
-        return " and ".join(known)
-    from wavesweep.analyses.feel import in_words
+        yield 3, f"felt at rest: {' and '.join(known)}"
+        return
+    holds, most, line = band["holds_to_hz"], band["outweighed_hz"], f"felt at rest: {stiffness:.6g} {units[0]}"
+    line += f"; within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
+    yield 3, line + (f"; free motion outweighs it from {most:.3g} Hz on" if most else "")
+    if sizes := sizes_in_words(band):
+        yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
 
-    return f"{stiffness:.6g} {units[0]}{in_words(felt['over_band'])}"
 
-
-def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[str]:
+def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[Ranked]:
     """What encoder, friction and motors do to the design."""
+    unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
     if "chatter" in found:
         known = "makes a force that is not known to be bounded"
         if found["chatter"] is not None:
-            largest = f"moves the force by up to {found['step_force']:.4g} {force}"
-            known = f"{largest}, and the rounding of all readings by at most {found['chatter']:.4g} {force}"
-        yield f"encoder: a step of {found['resolution']:.4g} {length} {known}"
-    unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
+            rounding = f"all rounding by at most {found['chatter']:.4g}"
+            known = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
+        yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {known}"
     if "holds_to" in found:
-        held = f"holds the device against a step of the encoder up to {found['holds_to']:.6g} {unit}"
-        yield f"friction: {found['friction']:.4g} {force} {held}; a wall that is felt stiffer may buzz ({source})"
+        held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"
+        yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
+        yield DETAIL, f"  after {source}"
         if not stable:
-            yield "  nothing but friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
+            yield 2, "  only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
     if "passive_to" in found:
-        yield f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
+        yield 5, f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
     if found.get("depth") is not None:
         depth, most = f"{found['depth']:.4g} {length}", f"{found['max_force']:.4g} {force}"
-        yield f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
+        yield 4, f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
 
 
-def _mode(mode: Facts | None) -> str:
+def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
     if mode is None:
-        return "none"
-    return (
-        f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
+        yield rank, f"  {name}: none"
+        return
+    yield (
+        rank,
+        f"  {name}: falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
         + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
-        + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else "")
-        + (f"; most in {', '.join(mode['states'])}" if mode["states"] else "")
+        + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""),
     )
+    if mode["states"]:
+        yield DETAIL, f"    most in {', '.join(mode['states'])}"
 
 
 def _text(value: float | None, digits: int = 6) -> str:
