@@ -141,8 +141,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
-    from wavesweep.analyses.broken_loops import times_per_frame
-    from wavesweep.sweep.grid import own_loop
+    from wavesweep.analyses.broken_loops import cuts_of
 
     possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
     doubts = [each["doubt"] for each in verdict["limits"] if each["doubt"] and each["doubt"] in DOUBTS]
@@ -162,10 +161,10 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[
         steps.append((f"design {name}", "designs that meet the wishes of [design]"))
     if not stable and (not drawing or drawing.hand or drawing.inputs):
         steps.append((f"simulate {name}", "what it does, tick by tick"))
-    if stable and "bode" in possible:
-        steps.append((f"bode {name}", "the response over frequency"))
-    if stable and drawing and (cuts := times_per_frame(own_loop(spec))):
-        steps.append((f"margins {name} --cut {min(cuts, key=cuts.get)}", "gain, phase, delay margins"))
+    if stable and drawing and not drawing.hand and cuts_of(spec):
+        steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
+    if stable:
+        steps.append((f"report {name}", "all of it in one HTML file"))
     steps[STEPS:] = [] if whole else [(f"check {name} --all", "the rest: states, methods, times")]
     wide = max((len(line) for line, text in steps if len(line) + len(text) <= WIDEST - 14), default=0)
     yield f"next{', with the same --set' if overrides else ''}:"

@@ -54,7 +54,7 @@ COMMANDS = MappingProxyType(
         "plot": "Draw the figure of a table again, as PNG, SVG, PDF or EPS.",
         "inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.",
         "verify": "Hold results against their data packages, and compute a sample of the rows again.",
-        "check": "Judge a spec's own design, and list the work that each command would do.",
+        "check": "Judge a spec's own design, and say what to do next.",
         "explore": "Show the boundary of stability in a browser, and vary every number by a slider.",
         "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",

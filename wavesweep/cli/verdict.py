@@ -44,15 +44,15 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         yield 1, f"  {in_words(found['for_all'])}"
     yield from _limit_lines(spec, found)
     if found["delay"] and found["spectral_radius"] is not None:
-        yield 3, f"  {_delay(found['delay'])}"
+        yield 2.5, f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
         yield from ((rank, f"  {line}") for rank, line in _felt(found["felt"], *spec.units_felt))
     hardware = _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
     yield from ((rank, f"  {line}") for rank, line in hardware)
     if found["stable"]:
         rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
-        yield from _mode(4 if rings else 3, "slowest mode", found["slowest"])
-        yield from _mode(3, "least damped mode", found["least_damped"]) if rings else ()
+        yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
+        yield from _mode(2.5, "least damped mode", found["least_damped"]) if rings else ()
     if found["channel_norm"] is not None:
         yield 5, f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
     elif not spec.drawing and has_waves(own_loop(spec).drawing):
@@ -180,18 +180,18 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
 
     stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
     if felt["rigid"] or (stiffness is None and damping is None):
-        yield 3, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
+        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
         return
     if band is None:
         known = (
             f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
             for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
         )
-        yield 3, f"felt at rest: {' and '.join(known)}"
+        yield 2.5, f"felt at rest: {' and '.join(known)}"
         return
     holds, most, line = band["holds_to_hz"], band["outweighed_hz"], f"felt at rest: {stiffness:.6g} {units[0]}"
     line += f"; within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
-    yield 3, line + (f"; free motion outweighs it from {most:.3g} Hz on" if most else "")
+    yield 2.5, line + (f"; free motion outweighs it from {most:.3g} Hz on" if most else "")
     if sizes := sizes_in_words(band):
         yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
 

@@ -164,7 +164,7 @@ def _own_lines(spec: Spec) -> list[Line]:
     from wavesweep.cli.verdict import own_lines, verdict_lines
 
     found = verdict(spec)
-    lines = (*own_lines(spec, found), *verdict_lines(spec, found), *unusual(spec), *over_preset(spec))
+    lines = (*own_lines(spec, found), *(line for _, line in verdict_lines(spec, found)), *unusual(spec), *over_preset(spec))
     return [(line, any(word in line for word in ("not proved", "not known", "not stable", "UNSTABLE"))) for line in lines]
 
 
