@@ -134,7 +134,7 @@ def test_controllers_devices_and_keys_are_completed(complete):
     assert complete("init", "dr") == ["drive"]
     assert complete("init", "pmw", "--device", "") == list(DEVICES)
     assert complete("keys", "environment.i") == ["environment.integration"]
-    assert complete("keys", "sweep.dev") == ["sweep.device.mass", "sweep.device.damping"]
+    assert complete("keys", "sweep.dev") == ["sweep.device.mass", "sweep.device.damping", "sweep.device.delay"]
 
 
 def test_every_argument_of_a_command_is_completed():

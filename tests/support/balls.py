@@ -133,10 +133,22 @@ def tick(values, phase) -> Tick:
     forms = Forms(_states(values, sections, delay))
     draw = _direct if values["controller.kind"].startswith("dc") else _waves
     f_m, v_m, x_tilde, x_dot = draw(forms, values, sections, (phase, ratio, delay, T))
+    f_m = _late(forms, values, f_m)
     put = _closer(forms, v_m)
     seen = {name: put(form) for name, form in {**forms.seen, "x": forms.now["x"], "v": forms.now["v"], "f_m": f_m}.items()}
     step = _step(forms, values, seen["f_m"], T, put)
     return Tick(step, seen["x"], seen["f_m"], put(x_tilde), put(x_dot), seen)
+
+
+def _late(forms, values, f_m):
+    """The force of motors whose amplifier is late."""
+    names = _amplifier(values)
+    forms.after |= dict(zip(names, [f_m, *(forms.now[name] for name in names)], strict=False))
+    return forms.now[names[-1]] if names else f_m
+
+
+def _amplifier(values):
+    return [f"f_m of {i} ticks ago" for i in range(1, values.get("device.delay", 0) + 1)]
 
 
 def frame(values) -> Frame:
@@ -202,7 +214,7 @@ def _states(values, sections, delay):
         names += ["x_s", "x_dot"]
     if kind == "pmw-lm":
         names += ["x_l", "x_dot_l"] + (["v_2"] if values["local_model.delay"] else [])
-    return names
+    return names + _amplifier(values)
 
 
 def _velocity(forms, values, T):

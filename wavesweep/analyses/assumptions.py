@@ -34,6 +34,11 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
         parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
+    late = values["device.delay"]
+    if "device.delay" in swept:
+        parts.append("amplifier's delay swept")
+    elif late:
+        parts.append(f"amplifier late by {late} tick{'s' * (late > 1)}")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
     return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
 

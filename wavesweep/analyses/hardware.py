@@ -73,22 +73,22 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
 
     holds_to: `2 f_c/D`. A device at rest whose reading changes by one step D sees its force change by the stiffness times D;
     friction f_c holds it in both readings if half of that is less. passive_to: `d/(T/2 + delay)`, of direct coupling without
-    B_VE and with no delay or one of whole frames: the wall up to which the damping d of the device takes up what sampling and
-    delay generate. Sources: Abbott and Okamura 2005, Effects of position quantization and sampling rate on virtual-wall
-    passivity; with a delay Diolaiti and others 2006, Stability of haptic rendering.
+    B_VE and with no delay or one of whole frames, that of the amplifier included: the wall up to which the damping d of the
+    device takes up what sampling and delay generate. Sources: Abbott and Okamura 2005, Effects of position quantization and
+    sampling rate on virtual-wall passivity; with a delay Diolaiti and others 2006, Stability of haptic rendering.
     """
     found, values = {}, spec.values
     step, friction = spec.simulate["resolution"], spec.simulate["friction"]
     if step and friction:
         found["holds_to"] = 2 * friction / step
     if spec.kind == "dc":
-        found["passive_to"] = 2 * values["device.damping"] * values["rates.fast_hz"]
-    elif spec.kind == "dc-slow" and values["environment.delay"] in (0, values["rates.ratio"]):
-        ticks = values["rates.ratio"] / 2 + values["environment.delay"]
+        found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / (0.5 + values["device.delay"])
+    elif spec.kind == "dc-slow" and (late := values["environment.delay"] + values["device.delay"]) % values["rates.ratio"] == 0:
+        ticks = values["rates.ratio"] / 2 + late
         found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / ticks
     return found
 
 
 def deciding(path: str) -> bool:
     """Whether `limits_of_walls` depends on a key of the loop."""
-    return path in ("device.damping", "environment.delay", "controller.kind") or path.startswith("rates.")
+    return path in ("device.damping", "device.delay", "environment.delay", "controller.kind") or path.startswith("rates.")

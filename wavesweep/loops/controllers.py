@@ -15,6 +15,7 @@ _DECIDING = (
     *("rates.ratio", "environment.delay", "environment.integration", "device.velocity"),
     *("local_model.delay", "local_model.integration"),
 )
+_AMPLIFIER = "device.delay"
 _GAIN = "controller.Kp"  # without it, nothing holds the avatar's position
 
 
@@ -44,19 +45,25 @@ def _page_of(values, varied=()):
     if kind not in CONTROLLERS:
         raise UsageError(f"controller.kind: expected one of {', '.join(CONTROLLERS)}, found {kind}, which has no page")
     gain = _GAIN in varied or bool(values[_GAIN] != 0 if isinstance(values[_GAIN], float) else values[_GAIN].any())
-    return kind, (*((path, values[path]) for path in _DECIDING), (_GAIN, gain))
+    late = int(values.get(_AMPLIFIER, 0))
+    return kind, (*((path, values[path]) for path in _DECIDING), (_AMPLIFIER, late), (_GAIN, gain))
 
 
 @lru_cache(maxsize=256)
 def _drawing(kind, items):
-    return drawing_of_page(CONTROLLERS[kind].page(dict(items)))
+    return drawing_of_page(_late(kind, dict(items)))
 
 
 @lru_cache(maxsize=256)
 def _read(kind, items):
     watched = _Watched(items)
-    page = CONTROLLERS[kind].page(watched)
+    page = _late(kind, watched)
     return frozenset({"controller.kind", *WALL}) | watched.seen | drawing_of_page(page).reads
+
+
+def _late(kind, values):
+    """The page of a controller, its force as late as the amplifier is."""
+    return CONTROLLERS[kind].page(values).behind_amplifier(values[_AMPLIFIER])
 
 
 class _Watched(dict):

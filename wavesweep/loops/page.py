@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from math import ceil, floor
@@ -37,6 +37,14 @@ class Page:
     wires: Mapping[str, str]
     reaction: str
     assumes: str = "a wall of which its controller's page says nothing"
+
+    def behind_amplifier(self, ticks: int) -> Page:
+        """Return the loop whose motors exert the control force so many ticks later, and the device feels theirs."""
+        if not ticks:
+            return self
+        blocks = {**self.blocks, "amplifier": {"type": "delay", "steps": ticks}}
+        wires = {**self.wires, "amplifier.u": self.reaction, "device.f": "f_h - amplifier.y"}
+        return replace(self, blocks=blocks, wires=wires, reaction="amplifier.y")
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ _SYMBOLS = {
     "rates.tick_hz": "rate of the ticks",
     "rates.ratio": "ratio of the rates",
     "environment.delay": "delay",
+    "device.delay": "delay of the amplifier",
     "local_model.delay": "delay of the local model",
     **{
         f"filters.{name}.{part}_hz": f"{name.upper()} {part}"

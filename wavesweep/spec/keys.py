@@ -144,6 +144,7 @@ _LOOP = [
     _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
     word("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
+    whole("device.delay", 0, "fast ticks until the motors exert the control force, as of an amplifier", 0, 1000, "tick"),
     _gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
     _gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
     _gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),

@@ -28,7 +28,7 @@ UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", 
 TURNING = {"mass": "kg*m^2"}
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
 EARLY = 1.5  # ticks; a log whose rows have the position after their force is one tick ahead
-TOLD = 0.1  # ticks of delay that are said not to be in the spec
+TOLD = 0.1  # ticks that a delay may differ from the one in the spec
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
     "spring": "a spring; --spring fits it",
@@ -274,8 +274,11 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield f"the model explains the {what}", False
         if band := found["residual"].get("resonance_hz"):
             yield "a resonance of a quarter of the mass would show from {:.3g} to {:.3g} Hz".format(*band), False
-        if found["parameters"]["delay"]["high"] > TOLD:
-            yield "the spec's device has no delay, so what is proved of it is not proved of this one: a drawn loop has it", True
+        if _whole(found["parameters"]["delay"]) is None:
+            yield (
+                "the spec's device has no such delay, so what is proved of it is not proved of this one: a drawn loop has it",
+                True,
+            )
         return
     if found["missing"] == "unseen":
         yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
@@ -321,6 +324,12 @@ def spoken(each: Mapping[str, Any]) -> str:
     return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
 
 
+def _whole(delay: Mapping[str, Any]) -> int | None:
+    """The delay as a whole number of ticks, which a spec's device may have; None if it is not known to be one."""
+    ticks = max(round(delay["value"]), 0)
+    return ticks if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD else None
+
+
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
     parameters = facts["parameters"]
@@ -332,6 +341,8 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     for path, each in known.items():
         room, name = path.split(".")
         tables.setdefault(room, {})[name] = max(each["value"], 0.0)
+    if ticks := _whole(parameters["delay"]):
+        tables["device"]["delay"] = ticks
     effects = {"resolution": facts["resolution"]} if facts["resolution"] else {}
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
@@ -347,7 +358,7 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
         "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
         f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",
-        "# Of the built-in loops only dc-slow can have it, as environment.delay, if it is whole.",
+        "# It is no whole number of them, so no built-in loop has it." if _whole(delay) is None else "# It is device.delay.",
     ]
     if "stiffness" in facts["parameters"]:
         lines.append("# The spring stands as that of the hand, which acts as well on the device.")
