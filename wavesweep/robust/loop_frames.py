@@ -41,7 +41,7 @@ class LoopFrames:
     ticks: one of each kind, open at the number, in states relative to those that drift. rows: the kinds of each symbol's ticks
     after its sample; samples: the kind of the sample that ends it. patterns: entries of each symbol that may be nonzero. kept:
     the states that remain: without drift, and without those that every frame forgets or sets to zero. symbols: the kind of
-    frame of each matrix. at_sample: the frames in a simpler form if the number acts only at the sample.
+    frame of each matrix. at_once: the frames in a simpler form if the number acts in no more than one of their ticks.
     """
 
     ticks: Ticks
@@ -51,7 +51,7 @@ class LoopFrames:
     kept: np.ndarray
     symbols: tuple[Symbol, ...]
     follows: np.ndarray
-    at_sample: _AtSample | None
+    at_once: _AtOnce | None
 
     @staticmethod
     def of(ticks, kept, rows, samples, symbols, follows) -> LoopFrames:
@@ -67,15 +67,17 @@ class LoopFrames:
                 break
             kept = kept[live]
         rows, samples = tuple(map(tuple, rows)), tuple(samples)
-        at_sample = None
-        if not any(ticks.maps[kind].inputs for row in rows for kind in row):
-            at_sample = _AtSample.of(ticks, rows, samples, kept)
-        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_sample)
+        whole = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
+        acting = [[i for i, kind in enumerate(row) if ticks.maps[kind].inputs] for row in whole]
+        at_once = None
+        if all(len(each) <= 1 for each in acting):
+            at_once = _AtOnce.of(ticks, whole, [(*each, -1)[0] for each in acting], kept)
+        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once)
 
     def at(self, x: float) -> np.ndarray:
         """See `Family`."""
-        if self.at_sample is not None:
-            return self.at_sample.at(x)
+        if self.at_once is not None:
+            return self.at_once.at(x)
         maps = []
         for each in self.ticks.maps:
             E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
@@ -90,8 +92,10 @@ class LoopFrames:
         E = np.empty((len(self.rows), self.kept.size, self.kept.size))
         dE = np.empty_like(E)
         for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
-            first = self.at_sample.rest[i] if self.at_sample is not None else _in_a_row(row, changes, errors)
-            whole, error = both(first, (changes[sample], errors[sample]))
+            if self.at_once is not None:
+                whole, error = self.at_once.enclosed(i, changes, errors)
+            else:
+                whole, error = both(_in_a_row(row, changes, errors), (changes[sample], errors[sample]))
             whole = np.where(self.patterns[i], whole, -np.eye(len(whole)))
             error = np.where(self.patterns[i], error, 0.0)
             E[i], dE[i] = (part[np.ix_(self.kept, self.kept)] for part in (whole, error))
@@ -104,8 +108,8 @@ class LoopFrames:
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """See `Family`.
 
-        If the number acts only at the sample, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between
-        its poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
+        If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between its
+        poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
         second order (see `Enclosure`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
         values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve.
         """
@@ -114,7 +118,7 @@ class LoopFrames:
         closing = 1 - through
         if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
             return None
-        if self.at_sample is not None or low == high:
+        if self.at_once is not None or low == high:
             return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
         middle, half = (low + high) / 2, (high - low) / 2
         (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
@@ -126,36 +130,44 @@ class LoopFrames:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _AtSample:
-    """Frames in which the number acts only at the sample, `A + f(x) b c'` with `f(x) = x/(1 - d x)`.
+class _AtOnce:
+    """Frames in which the number acts in one tick, `A + f(x) b c'` with `f(x) = x/(1 - d x)`.
 
-    rest: the product of the ticks before the sample, minus the identity, with bounds on its errors, for each symbol.
+    kind: of that tick; before, after: the products of the ticks before and after it, minus the identity, with bounds on their
+    errors, for each symbol; None after the last tick.
     """
 
     A: np.ndarray
     b: np.ndarray
     c: np.ndarray
     d: np.ndarray
-    rest: tuple
+    kind: tuple[int, ...]
+    before: tuple
+    after: tuple
 
     @staticmethod
-    def of(ticks, rows, samples, kept):
+    def of(ticks, rows, acting, kept):
+        """acting: the index of the tick in which the number acts in each row."""
         changes, errors = [each.E for each in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
-        known = {row: _in_a_row(row, changes, errors) for row in set(rows)}
-        rest, parts = tuple(known[row] for row in rows), []
-        n = len(ticks.states)
-        for (E, _), sample in zip(rest, samples, strict=True):
-            own = ticks.maps[sample]
-            before = np.eye(n) + E
-            b, c, d = own.B, own.C @ before, own.D
-            if not own.inputs:
-                b, c, d = np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1))
-            A = (np.eye(n) + own.E) @ before
-            parts.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], d[0, 0]))
-        return _AtSample(*(np.array(part) for part in zip(*parts, strict=True)), rest)
+        parts = [(row[:i], row[i], row[i + 1 :] if i >= 0 else ()) for row, i in zip(rows, acting, strict=True)]
+        known = {row: _in_a_row(row, changes, errors) for first, _, last in parts for row in (first, last)}
+        found, one = [], np.eye(len(ticks.states))
+        for first, kind, last in parts:
+            own, E = ticks.maps[kind], one + known[last][0]
+            B, C, D = (own.B, own.C, own.D) if own.inputs else (np.zeros((len(E), 1)), np.zeros((1, len(E))), np.zeros((1, 1)))
+            A, b, c = E @ (one + own.E) @ (one + known[first][0]), E @ B, C @ (one + known[first][0])
+            found.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], D[0, 0]))
+        arrays = (np.array(part) for part in zip(*found, strict=True))
+        before, after = (tuple(known[part[at]] if part[at] or not at else None for part in parts) for at in (0, 2))
+        return _AtOnce(*arrays, tuple(kind for _, kind, _ in parts), before, after)
 
     def at(self, x):
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
+
+    def enclosed(self, symbol, changes, errors):
+        """The frame minus the identity and bounds on its errors, of ticks at a value of the number."""
+        first = both(self.before[symbol], (changes[self.kind[symbol]], errors[self.kind[symbol]]))
+        return first if self.after[symbol] is None else both(first, self.after[symbol])
 
 
 def _closed(ticks, x):
