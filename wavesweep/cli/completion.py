@@ -66,30 +66,29 @@ def _completer(candidates: Callable[..., Iterable[CompletionItem]]) -> Callable:
 
 
 def _drawn_keys(context: click.Context) -> dict[str, Key]:
-    """The keys of the drawn loops among the specs that are typed already, by their names; empty if none is drawn."""
+    """The keys of the drawn loops among the specs that are typed already, by their names; empty if none is drawn.
+
+    These are its rate, its numbers by their names and paths and as axes, and the keys of its blocks.
+    """
     found: dict[str, Key] = {}
     given = [context.params.get("spec"), *(context.params.get("specs") or ())]
     # Where an option has no value yet, click leaves arguments where they are.
     for path in filter(None, [*given, *context.args]):
+        tables: dict = {}
         with suppress(WavesweepError):  # a spec that is still written, or none at all
             tables = read_file(path)[0]
-            found |= _keys_of(tables) if any(mark in tables for mark in MARKS) else {}
-    return found
-
-
-def _keys_of(tables: Mapping[str, object]) -> dict[str, Key]:
-    """Keys of a drawn loop: its rate, its numbers by their names and paths and as axes, and those of its blocks."""
-    numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
-    found = {RATE: TICK_HZ}
-    for name, given in numbers.items():
-        text = str(given.get("description", "")) if isinstance(given, dict) else ""
-        key = Key(f"numbers.{name}", "number", None, "", text)
-        found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
-    for name, given in blocks.items():
-        kind = TYPES.get(given.get("type")) if isinstance(given, dict) else None
-        own = {f"block.{name}.{key}": row for key, row in (keys_of_block(given["type"]) if kind else {}).items()}
-        axes = [path for path, row in own.items() if row.type in ("number", "integer")]
-        found |= own | {f"{study}.{path}": own[path] for path in axes for study in STUDIES}
+        if not any(mark in tables for mark in MARKS):
+            continue
+        numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
+        found[RATE] = TICK_HZ
+        for name, number in numbers.items():
+            text = str(number.get("description", "")) if isinstance(number, dict) else ""
+            key = Key(f"numbers.{name}", "number", None, "", text)
+            found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
+        for name, block in blocks.items():
+            known = isinstance(block, dict) and block.get("type") in TYPES
+            own = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if known else {}).items()}
+            found |= own | {f"{study}.{path}": row for path, row in own.items() if row.numeric for study in STUDIES}
     return found
 
 
@@ -98,20 +97,25 @@ def commands(helps: Iterable[tuple[str, str]], incomplete: str) -> list[Completi
     return [CompletionItem(name, help=text) for name, text in helps if name.startswith(incomplete)]
 
 
+def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
+    return (CompletionItem(name, help=key.description) for name, key in known.items() if name.startswith(incomplete))
+
+
 def keys(incomplete: str) -> Iterator[CompletionItem]:
-    """Keys, symbols and axes that begin with `incomplete`."""
-    for name, key in _settable(incomplete).items():
-        yield CompletionItem(name, help=key.description)
+    """Keys, symbols and axes that begin with `incomplete`; of the axes the symbols, or all behind `sweep.`."""
+    known = {**KEYS, **STUDY_KEYS, **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
+    for study in STUDIES:
+        known |= {f"{study}.{name}": find_key(name) for name in (_axes() if incomplete.startswith(f"{study}.") else ())}
+    yield from _items(known, incomplete)
     if incomplete.startswith("block."):
-        known = {f"block.{kind}": each.description for kind, each in TYPES.items()}
-        yield from commands(known.items(), incomplete)
+        yield from commands([(f"block.{kind}", each.description) for kind, each in TYPES.items()], incomplete)
 
 
 def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
     """`KEY=` for --set, and behind the `=` the values that the key takes, if these are words. drawn: see `_drawn_keys`."""
     name, equals, value = incomplete.partition("=")
     if not equals:
-        for item in _offered(drawn, incomplete) if drawn else keys(incomplete):
+        for item in _items({**drawn, **STUDY_KEYS}, incomplete) if drawn else keys(incomplete):
             yield CompletionItem(f"{item.value}=", help=item.help)
         return
     key = drawn.get(name) or find_key(name) or STUDY_KEYS.get(name)
@@ -121,16 +125,9 @@ def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionIt
             yield CompletionItem(f"{name}={choice}", help=meaning)
 
 
-def _offered(drawn: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
-    """Keys of drawn loops and of the studies."""
-    for name, key in {**drawn, **STUDY_KEYS}.items():
-        if name.startswith(incomplete):
-            yield CompletionItem(name, help=key.description)
-
-
 def axes(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
     """Names of axes. drawn: see `_drawn_keys`."""
-    return (CompletionItem(name, help=text) for name, text in _axes(drawn).items() if name.startswith(incomplete))
+    return iter(commands(_axes(drawn).items(), incomplete))
 
 
 def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
@@ -138,15 +135,6 @@ def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
         return {name: key.description for name, key in drawn.items() if "." not in name}
     names = [*SYMBOLS, *(path for path, key in KEYS.items() if key.numeric and path not in SYMBOLS.values())]
     return {name: find_key(name).description for name in names}
-
-
-def _settable(incomplete: str) -> dict[str, Key]:
-    """Everything that --set takes and that begins with `incomplete`; of the axes the symbols, or all behind `sweep.`."""
-    known = {**KEYS, **STUDY_KEYS, **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
-    for study in STUDIES:
-        names = _axes() if incomplete.startswith(f"{study}.") else ()
-        known |= {f"{study}.{name}": find_key(name) for name in names}
-    return {name: key for name, key in known.items() if name.startswith(incomplete)}
 
 
 def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
@@ -166,12 +154,13 @@ def _files(incomplete: str) -> list[CompletionItem]:
 
 # Name of a parameter of any command -> its candidates.
 COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
-    "spec": _files,
-    "specs": _files,
+    **dict.fromkeys(("spec", "specs", "log", "table", "tables", "out", "directory", "save"), _files),
+    **dict.fromkeys(("kind", "example"), _loops),
     "overrides": settings,
     "along": axes,
     "name": keys,
-    "kind": _loops,
+    "device": _among({name: device.title for name, device in DEVICES.items()}),
+    "backend": _among({"loky": "processes of this machine", "threading": "threads", "dask": "with --scheduler"}),
     "for_hands": _among(
         {
             "passive": "stable with every passive hand",
@@ -179,11 +168,4 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
             "port": "the hand's port is passive for held forces",
         }
     ),
-    "device": _among({name: device.title for name, device in DEVICES.items()}),
-    "log": _files,
-    "table": _files,
-    "tables": _files,
-    "out": _files,
-    "directory": _files,
-    "save": _files,
 }

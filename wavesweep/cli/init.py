@@ -167,24 +167,18 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
     path: the file's name in the commands that the text shows. Errors: KeyError if there is no such kind or device, UsageError
     for a setting of a key that the loop does not read, SpecError for a value that a spec refuses.
     """
-    read = _read(kind)
+    from wavesweep.loops.controllers import keys_of_page
+
+    values = {path: KEYS[path].default for path in VALUE_PATHS}
+    read = keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})  # as if no gain were zero
     given = {".".join(name): value for name, value, _ in map(read_override, settings)}
     for name in given:
         _known(name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all")
     if {"rates.ratio", "rates.slow_hz", "rates.fast_hz"} & given.keys() and "environment.delay" in read:
         given = {"environment.delay": "frame"} | given
-    parts = (_head(kind, path), _loop(kind, device, read, given), _sweep(read), _bode(), _simulate(device))
-    text = "\n".join(line for part in parts for line in part) + "\n"
+    text = "\n".join((*_head(kind, path), *_loop(kind, device, read, given), *_studies(device, read))) + "\n"
     load(tomllib.loads(text))
     return text
-
-
-def _read(kind: str) -> frozenset[str]:
-    """The keys that a loop of that kind reads if no gain is zero."""
-    from wavesweep.loops.controllers import keys_of_page
-
-    values = {path: KEYS[path].default for path in VALUE_PATHS}
-    return keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})
 
 
 def _head(kind: str, path: str) -> Iterator[str]:
@@ -203,22 +197,20 @@ def _loop(kind: str, device: str | None, read: frozenset[str], given: Mapping[st
     """The tables of the loop: keys that a design begins with or that are given, and the others that it reads as comments."""
     numbers = DEVICES[device].numbers if device else {}
     active = {path: value for path, value in CHOSEN.items() if path not in numbers} | {"controller.kind": kind} | given
-    shown = read - {"rates.ratio"} | ({"rates.slow_hz"} if "rates.ratio" in read else set())
-    if "rates.ratio" in given:
-        shown = shown - {"rates.slow_hz"} | {"rates.ratio"}
+    rate, other = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in given else -1]
+    shown = read - {other} | ({rate} if "rates.ratio" in read else set())
     notes = NOTES | _origins(device)
     if device:
         active["device.preset"], shown = device, shown | {"device.preset"}
         notes |= dict.fromkeys(DEVICES[device].unknown(), f"A GUESS, none is published for {device}: put your own")
     table = ""
     for path, key in KEYS.items():
-        name, _, last = path.rpartition(".")
         if path in shown:
-            if name != table:
-                yield from ("", f"[{name}]")
-                table = name
+            if path.rpartition(".")[0] != table:
+                table = path.rpartition(".")[0]
+                yield from ("", f"[{table}]")
             default = numbers[path].value if path in numbers else key.default
-            yield from _entry(last, key, active.get(path), default, notes.get(path, ""))
+            yield from _entry(key, active.get(path), default, notes.get(path, ""))
 
 
 def _origins(device: str | None) -> dict[str, str]:
@@ -227,35 +219,29 @@ def _origins(device: str | None) -> dict[str, str]:
     return {path: "ASSUMED, put your own" if n.assumed else f"from the preset {device}" for path, n in numbers.items()}
 
 
-def _sweep(read: frozenset[str]) -> Iterator[str]:
-    along = STUDY_KEYS["sweep.along"]
-    yield from ("", "[sweep]", *_entry("along", along, None, along.default, "for `wavesweep stability-region`"))
+def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
+    """The tables [sweep], [bode] and [simulate]; defaults of the latter are those of the device, if it has any."""
+    along, frequency = STUDY_KEYS["sweep.along"], STUDY_KEYS["bode.frequency_hz"]
+    yield from ("", "[sweep]", *_entry(along, None, along.default, "for `wavesweep stability-region`"))
     for symbol, axis in AXES.items():
         key = KEYS[SYMBOLS[symbol]]
         if key.path in read:
             yield from (*_prose(f"{key.unit}: {key.description}"), f"{symbol} = {axis}")
-
-
-def _bode() -> Iterator[str]:
     span = ", ".join(f"{part} = {show(value)}" for part, value in DEFAULT_FREQUENCIES.written().items())
-    key = STUDY_KEYS["bode.frequency_hz"]
-    yield from ("", "[bode]", *_prose(f"{key.unit}: {key.description}"), f"#frequency_hz = {{ {span} }}")
-
-
-def _simulate(device: str | None) -> Iterator[str]:
+    yield from ("", "[bode]", *_prose(f"{frequency.unit}: {frequency.description}"), f"#frequency_hz = {{ {span} }}")
+    yield from ("", "[simulate]")
     numbers, notes = DEVICES[device].numbers if device else {}, _origins(device)
     defaults = {path: numbers[path].value if path in numbers else key.default for path, key in SIMULATE_KEYS.items()}
-    yield from ("", "[simulate]")
     for path, default in defaults.items():
         if default is not None:
-            yield from _entry(path.rpartition(".")[2], SIMULATE_KEYS[path], None, default, notes.get(path, ""))
+            yield from _entry(SIMULATE_KEYS[path], None, default, notes.get(path, ""))
     others = ", ".join(path.rpartition(".")[2] for path, default in defaults.items() if default is None)
     yield from _prose(f"Without a default: {others}. See `wavesweep keys simulate`.")
 
 
-def _entry(name: str, key: Key, value: object, default: object, note: str) -> Iterator[str]:
+def _entry(key: Key, value: object, default: object, note: str) -> Iterator[str]:
     """A comment with unit, meaning, choices and note; then the key, as a comment with its default if there is no value."""
-    description = described(key)
+    description, name = described(key), key.path.rpartition(".")[2]
     unit = f"{description['unit']}: " if description["unit"] else ""
     meaning = meaning_of(description) if key.choices else key.description
     yield from _prose(f"{unit}{meaning}{f'; {note}' if note else ''}")
