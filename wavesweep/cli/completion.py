@@ -22,7 +22,7 @@ NO_SPACE = "[[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o 
 
 
 class Bash(BashComplete):
-    """Bash, which takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it, as it stands."""
+    """Bash takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it."""
 
     source_template = BashComplete.source_template.replace("    return 0\n", f"    {NO_SPACE}\n\n    return 0\n")
     _typed = ""
@@ -66,7 +66,7 @@ def _completer(candidates: Callable[..., Iterable[CompletionItem]]) -> Callable:
 
 
 def _drawn_keys(context: click.Context) -> dict[str, Key]:
-    """The keys of the drawn loops among the specs that are typed already, by their names; empty if none is drawn.
+    """The keys of the drawn loops among the specs that are typed already, by their names; empty without a drawn loop.
 
     These are its rate, its numbers by their names and paths and as axes, and the keys of its blocks.
     """

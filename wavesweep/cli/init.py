@@ -202,7 +202,7 @@ def _loop(kind: str, device: str | None, read: frozenset[str], given: Mapping[st
     notes = NOTES | _origins(device)
     if device:
         active["device.preset"], shown = device, shown | {"device.preset"}
-        notes |= dict.fromkeys(DEVICES[device].unknown(), f"A GUESS, none is published for {device}: put your own")
+        notes |= dict.fromkeys(DEVICES[device].unknown(), f"A GUESS, as nobody publishes it for {device}: put your own")
     table = ""
     for path, key in KEYS.items():
         if path in shown:

@@ -21,7 +21,7 @@ EACH_AXIS = (
     "values, or { start, stop, num, scale }."
 )
 MORE = """
-[design] has the tables vary, wish and for_all besides: `wavesweep keys design.vary` and so on.
+[design] also has the tables vary, wish and for_all: `wavesweep keys design.vary` and so on.
 What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.
 A spec can draw its loop without [controller]: `wavesweep keys block`, numbers, signals, wire, ports, rates.tick_hz.
 Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."""
@@ -116,7 +116,7 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
     if taken := describing.TAKEN.get(name):
-        yield f"  names of columns of tables, which none may have: {', '.join(sorted(taken))}"
+        yield f"  names of columns of tables, which are taken: {', '.join(sorted(taken))}"
 
 
 def _types(types: Mapping[str, Description]) -> Iterator[str]:

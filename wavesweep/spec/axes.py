@@ -16,13 +16,8 @@ def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
     """Return the values of `numpy.linspace(start, stop, num)`, bit for bit; both ends are exact."""
     if num == 1:
         return (start,)
-    span = stop - start
-    step = span / (num - 1)
-    if step == 0.0:  # a span of a few denormal numbers: the quotient underflows, the products need not
-        inner = [i / (num - 1) * span + start for i in range(num - 1)]
-    else:
-        inner = [i * step + start for i in range(num - 1)]
-    return (*inner, stop)
+    step = (stop - start) / (num - 1)
+    return (*(i * step + start for i in range(num - 1)), stop)
 
 
 def logarithmic(start: float, stop: float, num: int) -> tuple[float, ...]:
@@ -34,14 +29,7 @@ def logarithmic(start: float, stop: float, num: int) -> tuple[float, ...]:
     if num == 1:
         return (start,)
     exponents = linear(math.log10(start), math.log10(stop), num)[1:-1]
-    return (start, *(_power_of_ten(exponent, start, stop) for exponent in exponents), stop)
-
-
-def _power_of_ten(exponent: float, lowest: float, highest: float) -> float:
-    try:
-        return min(max(10.0**exponent, lowest), highest)
-    except OverflowError:  # an exponent that rounding has put above the largest double's
-        return highest
+    return (start, *(min(max(10.0**exponent, start), stop) for exponent in exponents), stop)
 
 
 SPACINGS = {"linear": linear, "log": logarithmic}
@@ -107,7 +95,7 @@ def _values_of_list(label: str, key: Key, leaf: Leaf, mistakes: Mistakes) -> lis
     values, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
         if len(mistakes) == before + MOST_MISTAKES:
-            rest = f"so many wrong ones that the {len(leaf.value) - index} values from [{index}] on were not looked at"
+            rest = f"many wrong ones; the {len(leaf.value) - index} values from [{index}] on were not looked at"
             mistakes.refuse(leaf, label, "numbers of this axis", rest, of_key=False)
             break
         values.append(mistakes.check(key, replace(leaf, value=item), f"{label}[{index}]"))

@@ -38,7 +38,7 @@ def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
         if name in TYPES:
             mistakes.refuse(place, f"type.{name}", "a name that no type of block has", show(name))
         elif name not in used:
-            mistakes.refuse(place, f"type.{name}", "a type that a block has", "one that none has")
+            mistakes.refuse(place, f"type.{name}", "a type that a block has", "one that no block has")
         for path, leaf in parts.items():
             _refuse_part(f"type.{name}", path, leaf, mistakes)
     return found

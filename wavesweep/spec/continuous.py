@@ -43,7 +43,7 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
         if one and other and not _balance([*one, *other]):
             (signal, gain), (far, _) = one[0], other[0]
             raise Fault(
-                _offset(tree, signal),
+                min(at for each, at in names_in(tree) if each == signal),
                 f"a product of {far} - {signal} for a spring or a damper, and what is computed from samples in a block hold",
                 f"{text_of(gain)} times {signal}, which may be either",
             )
@@ -100,11 +100,6 @@ def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
         return False
     values = [evaluate(gain, {}) for gain in gains]
     return abs(sum(values)) <= SAME * sum(map(abs, values))
-
-
-def _offset(tree: Tree, name: str) -> int:
-    """The offset of a name's first place in the text."""
-    return min(at for each, at in names_in(tree) if each == name)
 
 
 def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:

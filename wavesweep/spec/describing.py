@@ -36,11 +36,11 @@ TABLES = {
     "{ signal = ..., unit = ... }, for bode, simulate and to_control",
     "design.vary": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
     "design.wish": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as possible",
-    "design.for_all": "what each design has to hold for, of which the worst counts: NAME = [values] of device, hand, delay or "
+    "design.for_all": "what each design has to hold for; the worst case counts: NAME = [values] of device, hand, delay or "
     'a ratio ("one key/another"); hand = { mass = [...], damping = [...], stiffness = [...] }',
     "for_all": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that is not known, "
     "with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or the number in every of "
-    "blocks); lost = slow results in a row that may fail to come, of which the last one is held",
+    "blocks); lost = slow results in a row that may fail to come; the last one that came is held",
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
 TAKEN = {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}  # names of columns, which no number or port may have
@@ -126,7 +126,7 @@ def named(name: str) -> dict[str, Description]:
 
 
 def meant(name: str) -> str:
-    """Return the name that an unknown one is nearest to; empty if none is near."""
+    """Return the known name that is nearest to an unknown one; empty if no name is near."""
     if name.startswith("block."):
         near = nearest(name.removeprefix("block."), TYPES)
         return near and f"block.{near}"

@@ -253,7 +253,9 @@ class Design:
         for_all |= {"hand": {part: list(values) for part, values in self.hand.items()}} if self.hand else {}
         return {
             **self.settings,
-            "vary": {axis.name: _varied(axis) for axis in self.vary},
+            "vary": {
+                axis.name: axis.written() if axis.values else {**axis.written(), "scale": axis.scale} for axis in self.vary
+            },
             "wish": {wish.name: wish.written() for wish in self.wishes},
             **({"for_all": for_all} if for_all else {}),
         }
@@ -267,10 +269,6 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
         ordered += [ratio for ratio in waiting if ratio[1] not in open_]
         waiting = [ratio for ratio in waiting if ratio[1] in open_]
     return ordered
-
-
-def _varied(axis: Axis) -> object:
-    return axis.written() if axis.values else {"start": axis.start, "stop": axis.stop, "scale": axis.scale}
 
 
 def build_design(
@@ -353,7 +351,7 @@ class _Reader:
             yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
 
     def _numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
-        """The different numbers of a list of so many, any number of them if that is None; a single one is no list."""
+        """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
         if count == 1:
             items = {path: leaf.value}
         elif isinstance(leaf.value, list) and leaf.value and count in (None, len(leaf.value)):
@@ -386,7 +384,7 @@ class _Reader:
         return tuple(axes), tuple(ratios.values()), hand
 
     def _refuse_twice(self, axes: list[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
-        """Refuse numbers of which more than one thing is said, and ratios that lead to no number."""
+        """Refuse numbers that are given twice, and ratios that lead to no number."""
         varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
         numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{part}", f"hand.{part}") for part in hand]

@@ -12,7 +12,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.block_types import EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
-from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, text_of, value_of
+from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, sum_of, value_of
 from wavesweep.spec.firmware_blocks import stepwise, transfer_function
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
@@ -189,7 +189,7 @@ class Drawing:
     gains, held over a tick at a plant. hand: the signal of the hand's force; the displacement, and the force against the hand
     if it is named, as signals and gains. wall: the numbers that are the stiffness and the damping of a wall. turns: whether the
     hand turns, and its force and displacement are a torque and an angle. couplings: as wires, by which plants act on each other
-    continuously. inputs: name, signal and unit of each signal from outside besides the hand's force. outputs: name, terms and
+    continuously. inputs: name, signal and unit of each signal from outside, without the hand's force. outputs: name, terms and
     unit of each. named: the names in [signals], which `simulate` shows too, and their terms.
     """
 
@@ -566,8 +566,7 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
             tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
     asked = [each for each in drawing.outputs if f"ports.outputs.{each[0]}" not in given.leaves]
     for name, terms, unit in asked:  # by [bode] or [simulate], see `Drawing.signals`
-        text = " + ".join(f"({text_of(gain)})*{signal}" for signal, gain in terms)
-        tables |= {("ports", "outputs", name, "signal"): text, ("ports", "outputs", name, "unit"): unit}
+        tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
     return tables
 
 

@@ -306,7 +306,7 @@ class _TableReader(KeyReader):
             return f"{NAME}, for {what}", show(signal)
         if signal in self.numbers:
             return "a name that is no number", show(signal)
-        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which none reads")
+        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
 
     def read_outputs(
         self, table: Mapping[str, dict[str, Leaf]], inputs: Mapping[str, object]

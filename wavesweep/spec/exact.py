@@ -12,7 +12,7 @@ LEAST = 1e-320  # below it a part is 0
 
 
 def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | complex:
-    """Return the value of a tree without signals, rounded once, for numbers that are exact; NaN or infinite if there is none.
+    """Return the value of a tree without signals, rounded once, for numbers that are exact; NaN or infinite if it has no value.
 
     It is complex if it is not real. A part that is below 1e-320, or cannot be told from 0 with 4096 bits, is 0.
     """

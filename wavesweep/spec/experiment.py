@@ -197,7 +197,7 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
 def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
     """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
 
-    usual: the input if none is given.
+    usual: the input that is taken by default.
     """
     given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: given.pop(path) for path in list(given) if path.startswith(MESSAGES)}
@@ -248,6 +248,6 @@ def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistak
     elif axis.values:
         return axis.values
     else:
-        expected, found = "num beside start and stop, or a list", "only a span"
+        expected, found = "num with start and stop, or a list", "only a span"
     mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
     return ()

@@ -94,17 +94,16 @@ class _Reader:
         return tree
 
     def sum(self) -> Tree:
-        tree = self.product()
-        while self.text in ("+", "-"):
-            sign, at = self.take()
-            tree = (sign, tree, self.product(), at)
-        return tree
+        return self.chain(self.product, "+", "-")
 
     def product(self) -> Tree:
-        tree = self.signed()
-        while self.text in ("*", "/"):
+        return self.chain(self.signed, "*", "/")
+
+    def chain(self, part: Callable[[], Tree], *signs: str) -> Tree:
+        tree = part()
+        while self.text in signs:
             sign, at = self.take()
-            tree = (sign, tree, self.signed(), at)
+            tree = (sign, tree, part(), at)
         return tree
 
     def signed(self) -> Tree:
@@ -245,7 +244,11 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
     if operation == "negative":
         return {name: ("negative", gain, at) for name, gain in parts[0].items()}
     if operation in ("+", "-"):
-        return _added(operation, *parts, at)
+        total, other = dict(parts[0]), parts[1]
+        for name, gain in other.items():
+            alone = gain if operation == "+" else ("negative", gain, at)
+            total[name] = (operation, total[name], gain, at) if name in total else alone
+        return total
     left, right = ([name for name in part if name] for part in (parts[0], parts[-1]))
     fault = {
         **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
@@ -258,23 +261,11 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
     if not left and not right:
         return {"": tree}
     factor, of_signals = (parts[0][""], parts[1]) if right else (parts[1][""], parts[0])
-    return {name: _times(operation, gain, factor, at) for name, gain in of_signals.items()}
-
-
-def _added(operation: str, one: dict[str, Tree], other: dict[str, Tree], at: int) -> dict[str, Tree]:
-    total = dict(one)
-    for name, gain in other.items():
-        if name in total:
-            total[name] = (operation, total[name], gain, at)
-        else:
-            total[name] = gain if operation == "+" else ("negative", gain, at)
-    return total
-
-
-def _times(operation: str, gain: Tree, factor: Tree, at: int) -> Tree:
-    if operation == "*" and ONE in (gain, factor):
-        return factor if gain == ONE else gain
-    return (operation, gain, factor, at)
+    ones = operation == "*"
+    return {
+        name: factor if ones and gain == ONE else gain if ones and factor == ONE else (operation, gain, factor, at)
+        for name, gain in of_signals.items()
+    }
 
 
 def evaluate(

@@ -12,7 +12,7 @@ from wavesweep.spec.design import Design
 from wavesweep.spec.keys import BUILT_IN, Names, whole
 from wavesweep.spec.reading import Leaf
 
-LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one is held", 0, 16)
+LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
 GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
 MOST_VARYING = 64  # values of a number that varies
 
@@ -58,18 +58,16 @@ class ForAll:
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        table: dict[str, object] = {axis.name: _written(axis, axis.path in self.varying) for axis in self.axes}
+        table: dict[str, object] = {}
+        for axis in self.axes:
+            range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
+            table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
         return table | ({"lost": self.lost} if self.lost else {})
 
 
 def values_of_range(axis: Axis) -> tuple:
     """The values of a range, those of a whole number one by one."""
     return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
-
-
-def _written(axis, varying):
-    range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
-    return range_ | ({"varying": True} if varying else {})
 
 
 def build_for_all(

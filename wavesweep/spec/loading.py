@@ -7,7 +7,6 @@ from functools import lru_cache
 from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError, UsageError
-from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Mistakes, Rejected, check, show
 from wavesweep.spec.classes import expanded, numbers_of_blocks
 from wavesweep.spec.drawing import MARKS, RATE, is_derived, names_of, path_of
@@ -151,7 +150,8 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     studies = build_studies(belongs, given, mistakes)
     mistakes += unknown_ends(belongs, None)
     if not wrong:
-        followers = _followers(studies, values)
+        wall = next((axis.stop for axis in studies.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1])
+        followers = tuple(studies.design.followers(values, wall)) if studies.design else ()  # set by ratios of [design.for_all]
         for study, axes in (*studies.axes, ("design.for_all", followers)):
             mistakes += beyond_limits(study, axes, values)
         for axis in followers:
@@ -167,14 +167,6 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, studies, given)
-
-
-def _followers(studies: Studies, values: Mapping) -> tuple[Axis, ...]:
-    """Return the ranges of the numbers that ratios of [design.for_all] set."""
-    if studies.design is None:
-        return ()
-    axis = next((axis for axis in studies.sweep if axis.path == "environment.K_VE"), None)
-    return tuple(studies.design.followers(values, axis.stop if axis else K_VE_SPAN[1]))
 
 
 def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:

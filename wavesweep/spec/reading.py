@@ -24,6 +24,7 @@ from wavesweep.spec.toml_errors import syntax_mistake
 # Compiled where they are used: most runs report no mistake.
 DEEPEST = 16  # inline tables nested deeper than any key are stepped over
 MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
+UTF_8 = "text in UTF-8 (save the file in this encoding)"
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
 PASSED = r"-|/dev/stdin|/dev/fd/(\d+)"  # files that are open already
@@ -60,7 +61,7 @@ class Place:
     exact: bool = True
 
     def location(self, of_key: bool = False) -> str:
-        """Return the prefix of a mistake's line, for the value here or for its key; empty if there is none."""
+        """Return the prefix of a mistake's line, for the value here or for its key; empty without a text."""
         if self.text is None:
             return self.name
         line, column = locate(self.text, self.path, of_key)
@@ -105,16 +106,12 @@ def read_file(path: str) -> tuple[dict, Place]:
     try:
         text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise SpecError([_undecoded(content, error, path)]) from error
+        before = error.object[: error.start]
+        line, column = before.count(b"\n") + 1, len(before[before.rfind(b"\n") + 1 :].decode()) + 1
+        wide = content.startswith((codecs.BOM_UTF16_BE, codecs.BOM_UTF16_LE))
+        found = "UTF-16" if wide else f"byte {error.object[error.start]:#04x}"
+        raise SpecError([Mistake(f"{path}:{line}:{column}", "", UTF_8, found)]) from error
     return _parse(text, path), Place(path, text)
-
-
-def _undecoded(content: bytes, error: UnicodeDecodeError, path: str) -> Mistake:
-    before = error.object[: error.start]
-    line, column = before.count(b"\n") + 1, len(before[before.rfind(b"\n") + 1 :].decode()) + 1
-    wide = content.startswith((codecs.BOM_UTF16_BE, codecs.BOM_UTF16_LE))
-    found = "UTF-16" if wide else f"byte {error.object[error.start]:#04x}"
-    return Mistake(f"{path}:{line}:{column}", "", "text in UTF-8 (save the file in this encoding)", found)
 
 
 def read_bytes(path: str | os.PathLike, most: int) -> bytes:
@@ -172,7 +169,7 @@ def _parse(text: str, name: str) -> dict:
 def _unlike_text(text: str, name: str) -> Mistake | None:
     """Return the mistake of a file with bytes of 0, as UTF-16 has, or with a number of too many digits; None for any other."""
     for pattern, expected in (
-        ("\0", "text in UTF-8 (save the file in this encoding)"),
+        ("\0", UTF_8),
         (r"\d{4301,}", "a number of fewer digits"),
     ):
         if match := re.search(pattern, text):

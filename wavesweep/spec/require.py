@@ -53,7 +53,7 @@ def build_require(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> Require | N
         return mistakes.refuse(whole, TABLE, f"a table with some of {', '.join(KEYS_BY_NAME)}", found, of_key=False)
     numbers = mistakes.read(KEYS_BY_NAME, leaves, TABLE)
     if numbers.get("bounded") and len(numbers) > 1:
-        mistakes.refuse(leaves["bounded"], f"{TABLE}.bounded", "true alone", "others beside it", of_key=False)
+        mistakes.refuse(leaves["bounded"], f"{TABLE}.bounded", "true alone", "other requirements as well", of_key=False)
     return Require(**numbers) if any(numbers.values()) else None
 
 

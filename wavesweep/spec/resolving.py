@@ -79,8 +79,11 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     # A limit is not applied where the value that sets it is itself a mistake.
     wrong |= {mistake.key for mistake in mistakes}
     for path, limiting in LIMITS.items():
-        if not wrong & {path, *limiting}:
-            _check_limit(path, given, values, mistakes)
+        if wrong & {path, *limiting} or not _is_read(path, values):
+            continue
+        if expected := exceeds_limit(path, values[path], values):
+            default = "" if path in given.leaves else " (the default)"
+            mistakes.refuse(given.leaf(path), path, expected, show(values[path]) + default, of_key=False)
     return values, mistakes
 
 
@@ -100,14 +103,17 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict, rate_known: boo
         else:
             expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of "
             expected += f"at least 2 after which both are in step again within {LONGEST_FRAME} ticks"
-            expected += f" (the nearest: {_nearest_rates(fast_hz, checked[path])})"
+            below = math.floor(min(fast_hz / checked[path], HIGHEST_RATIO))
+            # With their ratios, as few of these rates are short decimals.
+            ratios = [each for each in (below, below + 1) if 1 <= each <= HIGHEST_RATIO]
+            expected += f" (the nearest: {' and '.join(f'{fast_hz / each:g} Hz, ratio = {each}' for each in ratios)})"
             if checked[path] > fast_hz:
                 expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
             mistakes.refuse(given.leaf(path), path, expected, show(given.leaf(path).value), of_key=False)
 
 
 def _ratio(fast_hz: float, slow_hz: float) -> float | None:
-    """A whole number if the fast rate is a multiple of the slow one, otherwise a fraction as a float; None if there is none."""
+    """A whole number if the fast rate is a multiple of the slow one, otherwise a fraction; None if that is not small."""
     quotient = fast_hz / slow_hz
     if not 0.5 <= quotient <= HIGHEST_RATIO + 0.5:
         return None
@@ -121,13 +127,6 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
     ticks, steps = Fraction(quotient).limit_denominator(MOST_SLOW_STEPS).as_integer_ratio()
     fits = math.isclose(slow_hz * ticks, fast_hz * steps, rel_tol=5e-16) and ticks <= LONGEST_FRAME
     return ticks / steps if fits and 2 <= quotient <= HIGHEST_RATIO else None
-
-
-def _nearest_rates(fast_hz: float, slow_hz: float) -> str:
-    """Describe the slow rates next to `slow_hz`, by their ratios too, because few of the rates are short decimals."""
-    below = math.floor(min(fast_hz / slow_hz, HIGHEST_RATIO))
-    ratios = [ratio for ratio in (below, below + 1) if 1 <= ratio <= HIGHEST_RATIO]
-    return " and ".join(f"{fast_hz / ratio:g} Hz, ratio = {ratio}" for ratio in ratios)
 
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes) -> None:
@@ -199,15 +198,13 @@ def longest_delay(ratio: float) -> int:
     return ratio if isinstance(ratio, int) else int(ratio) if ratio >= 3 else 0
 
 
-def _check_limit(path: str, given: Given, values: Mapping, mistakes: Mistakes) -> None:
-    if path.endswith(".cutoff_hz"):
-        controller = CONTROLLERS.get(values["controller.kind"])
-        unread = controller and path.split(".")[1] not in controller.filters
-        if unread or values[path.replace("cutoff_hz", "order")] == 0:  # no filter, so nothing reads its cutoff
-            return
-    if expected := exceeds_limit(path, values[path], values):
-        default = "" if path in given.leaves else " (the default)"
-        mistakes.refuse(given.leaf(path), path, expected, show(values[path]) + default, of_key=False)
+def _is_read(path: str, values: Mapping) -> bool:
+    """Whether the loop reads a key with a limit: a controller reads the cutoffs of its filters, unless their order is 0."""
+    if not path.endswith(".cutoff_hz"):
+        return True
+    controller = CONTROLLERS.get(values["controller.kind"])
+    unread = controller and path.split(".")[1] not in controller.filters
+    return not unread and values[path.replace("cutoff_hz", "order")] != 0
 
 
 def butterworth_order(

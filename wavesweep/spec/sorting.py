@@ -1,4 +1,4 @@
-"""Assignment of every leaf of the tables to a key or an axis; a leaf that fits none is a mistake."""
+"""Every leaf of the tables is put under its key or its axis; a leaf without one is a mistake."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, DESIGN_KEYS, KEYS, MEASURED
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode", "for_all")
-# Keys in the tables of studies besides the axes. A number of a drawn loop may have the last name of some of them.
+# Keys in the tables of studies that are no axes. A number of a drawn loop may have the last name of some of them.
 OF_STUDIES = ("sweep.along", "sweep.require", "bode.from", "bode.to", "for_all.lost")
 RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
@@ -154,7 +154,9 @@ def _sort_section(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, na
 
 def _sort_axis(study: str, parts: Sequence[str], leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
     """Put a leaf with the parts of its axis. parts: of its path in the table of the study."""
-    tables = TABLES if names is BUILT_IN else _tables_of(names)
+    of_blocks = (path for path in names.keys if path.startswith("block."))
+    own = {"numbers", "rates"} | {path.rsplit(".", n)[0] for path in of_blocks for n in (1, 2, 3)}
+    tables = TABLES if names is BUILT_IN else own
     for length in range(1, len(parts) + 1):
         name = ".".join(parts[:length])
         if names.find(name) or (study == "bode" and name == "frequency_hz"):
@@ -166,12 +168,6 @@ def _sort_axis(study: str, parts: Sequence[str], leaf: Leaf, result: Sorted, mis
         if leaf.value == {}:
             return
     _refuse_axis(study, ".".join(parts[:3]) if parts[0] == "block" else name, leaf, mistakes, names)
-
-
-def _tables_of(names: Names) -> set[str]:
-    """The tables of a drawn loop in which keys are that may be axes."""
-    of_numbers = {"numbers", "rates"}
-    return of_numbers | {path.rsplit(".", n)[0] for path in names.keys for n in (1, 2, 3) if path.startswith("block.")}
 
 
 def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], mistakes: Mistakes) -> None:

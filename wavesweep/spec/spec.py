@@ -46,7 +46,7 @@ class Spec:
         """The paths of the keys of the loop and of [simulate] that were given, or follow from a device preset that was.
 
         Overrides by `--set` and values of `with_values` are given too. All others have their defaults. A swept key is given
-        only if it has a value of its own besides; a slow rate appears as `rates.slow_hz`, and a filter's band edges under
+        only if it has a value of its own as well; a slow rate appears as `rates.slow_hz`, and a filter's band edges under
         their own names.
         """
         device = self._given.device()
@@ -56,7 +56,7 @@ class Spec:
         """Return whether a number decides how the loop is built, or others follow from it, so that it cannot vary smoothly.
 
         The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
-        number. changes: paths that are given besides the spec's own.
+        number. changes: paths that are given in addition to the spec's own.
         """
         given = (*self._given.leaves, *changes)
         alone = not any(each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in given)
@@ -64,7 +64,7 @@ class Spec:
 
     @property
     def preset(self) -> str | None:
-        """The name of the device in `device.preset`, None if none is named; its numbers are in `values` and `simulate`."""
+        """The name of the device in `device.preset`, None without one; its numbers are in `values` and `simulate`."""
         return str(self._given.leaves["device.preset"].value) if self._given.device() else None
 
     @property
@@ -209,7 +209,7 @@ class Spec:
     def refuse_require(self, what: str) -> None:
         """Raise UsageError if [sweep] requires more than stability, which is all that `what` is about."""
         if self.require:
-            expected = f"no [sweep] require beside {what}, which is about stability alone"
+            expected = f"no [sweep] require with {what}, which is about stability alone"
             raise UsageError(f"{self.name}: expected {expected} (--set sweep.require= leaves it out), found one")
 
     @property
@@ -311,9 +311,6 @@ class Spec:
     def _written(self) -> dict[tuple[str, ...], object]:
         if self.drawing:
             return written(self.drawing, self._values, self._given)
-        return {tuple(path.split(".")): value for path, value in self._with_band_edges().items()}
-
-    def _with_band_edges(self) -> dict[str, float | int | str]:
         edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
         known = {**edges, **self._values}
         if self.uneven:
@@ -325,7 +322,7 @@ class Spec:
             del known["device.delay"]  # so that the digest of a spec without it is what it was
         if "environment.step" in self._given.leaves:
             known["environment.step"] = self.step
-        return {path: known[path] for path in KEYS if path in known}
+        return {tuple(path.split(".")): known[path] for path in KEYS if path in known}
 
     @property
     def sha256(self) -> str:

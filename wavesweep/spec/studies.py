@@ -52,7 +52,7 @@ class Studies:
 def build_studies(belongs: Sorted, given: Given, mistakes: Mistakes, names: Names = BUILT_IN, usual: str = "sine") -> Studies:
     """Return the studies and add their mistakes; limits that the loop's values set are checked by `beyond_limits`.
 
-    usual: the input of a simulation if none is given.
+    usual: the input of a simulation that names no input.
     """
     keys, device = belongs.keys, given.device()
     along = _read_along(keys.get("sweep.along"), mistakes, names)
@@ -66,7 +66,7 @@ def build_studies(belongs: Sorted, given: Given, mistakes: Mistakes, names: Name
         mistakes += _at_odds_with_filters(study, axes[study], given)
     for axis in axes["bode"]:
         if not axis.values:
-            mistakes.refuse(axis.place, f"bode.{axis.name}", "num beside start and stop, or a list", "only a span")
+            mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
     experiment = build_experiment(belongs, usual, mistakes)
@@ -120,7 +120,7 @@ def unmeasurable(belongs: Sorted, drawing: Drawing) -> Iterator[Mistake]:
     """Yield the mistakes of files that [measured] names, of a wall or a hand that the drawn loop does not have."""
     for path, port, what in (("measured.z_width", drawing.wall, "a wall"), ("measured.response", drawing.hand, "a hand")):
         if port is None and (leaf := belongs.keys.get(path)):
-            yield leaf.mistake(path, f"{what} in [ports], of which it was measured", "none", of_key=True)
+            yield leaf.mistake(path, f"{what} in [ports], where it was measured", "none", of_key=True)
 
 
 def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
