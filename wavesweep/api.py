@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import count
+from itertools import count, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
@@ -290,6 +290,20 @@ class Loop:
             values = np.linspace(span.start, span.stop, LOCUS)
         (axis,) = axes_asked(spec, {number: values})
         return drawn_into(ax, lambda: locus_of(spec, axis))
+
+    def plot_margins(self, cut: str, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+        """Nyquist curve, open-loop Bode plot and step response with the margins, as `wavesweep margins` draws them.
+
+        cut: as for `margins`. axes: numbers with several values each (see `Loop`); each combination has a curve in each panel.
+        By default these are the ends of the ranges of [for_all]. Errors: as for `margins`.
+        """
+        from wavesweep.plots import drawn_into
+        from wavesweep.plots.nyquist import margins, named_specs
+
+        asked, table = axes_asked(self.spec, axes), of_margins.margins(self.spec, cut)
+        places = [dict(zip(axes, each, strict=True)) for each in product(*(axis.values for axis in asked)) if each]
+        family = named_specs(self.spec, places)
+        return drawn_into(ax, lambda: margins(table.columns, table.facts, family))
 
     def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
         """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""

@@ -35,10 +35,10 @@ def sampled():
     return whole[:2, :2], whole[:2, 2]
 
 
-def open_loop(theta):
+def open_loop(theta, kp=KP):
     A, b = sampled()
     z = np.exp(1j * theta)[:, None, None]
-    return np.linalg.solve(z * np.eye(2) - A, np.broadcast_to(b[:, None], (len(theta), 2, 1)))[..., 0] @ np.array([KP, KD])
+    return np.linalg.solve(z * np.eye(2) - A, np.broadcast_to(b[:, None], (len(theta), 2, 1)))[..., 0] @ np.array([kp, KD])
 
 
 def far_from(points, line):
@@ -105,3 +105,17 @@ def test_a_root_locus_has_lines_through_the_poles_and_the_whole_circle():
         for pole in np.linalg.eigvals(A - np.outer(b, [kp, KD])):
             assert np.abs(vertices - pole).min() < 1e-9
     assert axes.get_xlim()[0] <= -1 < 1 <= axes.get_xlim()[1]
+
+
+def test_a_family_over_a_number_has_a_curve_for_each_value_and_one_legend():
+    spec = drive() | {"for_all": {"kp": {"start": 10, "stop": 900}}}
+    figure = wavesweep.compile(spec).plot_margins("s.y")
+    panels = {axes.get_label(): axes for axes in figure.axes}
+    for kp, line in zip((10, 900), panels["gain"].lines, strict=False):
+        hertz, decibels = line.get_data()
+        np.testing.assert_allclose(decibels, 20 * np.log10(np.abs(open_loop(2 * np.pi * hertz * FRAME, kp))), atol=1e-6)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [text for text in texts if "kp" in text or "nominal" in text] == ["L at s.y, nominal", "kp = 10", "kp = 900"]
+    assert "kp = 900" in figure.get_supxlabel()  # which is unstable
+    other = wavesweep.compile(drive()).plot_margins("s.y", kp=[5, 15], kd=[0.3, 0.5])
+    assert len([text for text in other.legends[0].get_texts() if "kp" in text.get_text()]) == 4

@@ -1,16 +1,20 @@
 """The figure of margins: Nyquist curve, open-loop Bode plot and step response of a loop that is broken at a signal."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.plots.steps import MARK, draw_step
-from wavesweep.plots.style import GRID, TWO_COLUMNS, figure, fitting, is_narrow, note_below, wide
-from wavesweep.plots.words import assumption
+from wavesweep.plots.layout import MOST_MEMBERS
+from wavesweep.plots.steps import MARK, draw_others, draw_step
+from wavesweep.plots.style import GRID, TWO_COLUMNS, Look, family_looks, figure, fitting, is_narrow, note_below, wide
+from wavesweep.plots.words import assumption, valued
+from wavesweep.response.step import Step
+from wavesweep.spec import Axis, Spec
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)
@@ -19,6 +23,7 @@ ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
 FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it; it shows the circle, the disk and the marks whole
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D"}
+Family = Sequence[tuple[str, Spec]]
 _TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 
 
@@ -41,48 +46,98 @@ class OpenLoop:
         """The style of the curve, or of the points."""
         return {"linestyle": "none", "marker": ".", "markersize": 1.5} if self.several else {"linewidth": 1.2}
 
+    def drawn(self, look: Look) -> dict[str, Any]:
+        """The style of the curve as a member of a family."""
+        return {
+            "color": look.colour,
+            "zorder": 1.9,
+            **(self.style if self.several else {"linestyle": look.line, "linewidth": 0.9}),
+        }
+
     @property
     def disk(self) -> np.ndarray | None:
         """The disk about -1 that L leaves free, with the gains `gain` and 1/gain at its ends; None if there is no limit."""
-        gain, omega = self.table["disk_gain"]
+        gain, omega = self.table.get("disk_gain", (np.nan, np.nan))
         return None if np.isnan(omega) else -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _TURN
 
 
-def margins(columns: Columns, facts: Mapping[str, Any]) -> Any:
+def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> Any:
     """Draw a `margins` table: L over the frequencies of the frame, the point -1, the circle of the gain 1, and the disk margin.
 
     Beside it are gain (dB) and phase of L over frequency, with the margins as lines between the curve and its limit, and below
     it the closed loop's response to a step of the signal. All of this is computed from the spec of the table, the curves so
-    densely that no step shows.
+    densely that no step shows. family: names and specs of other loops, which have a curve in each panel and no margins; by
+    default those at the ends of the ranges of [for_all], see `ends_of_ranges`.
     """
-    from wavesweep.analyses.steps import step_at
     from wavesweep.spec import load
 
     spec, cut = load(facts["spec"]), facts["cut"]
     rows = zip(*(columns[name].tolist() for name in ("margin", "value", "omega")), strict=True)
-    loop = open_loop(spec, cut, {name: (value, omega) for name, value, omega in rows})
-    try:
-        step = step_at(spec, cut)
-    except UsageError:  # it comes to rest too slowly, or not at all
-        step = None
-    left, right = ["nyquist"] + ["step"] * (step is not None), ["gain", "phase"]
+    loop, family = open_loop(spec, cut, {name: (value, omega) for name, value, omega in rows}), family or ends_of_ranges(spec)
+    others = [
+        (open_loop(one, cut, {}), look, name) for (name, one), look in zip(family, family_looks(len(family)), strict=True)
+    ]
+    steps = [_closed_step(each, cut) for each in (spec, *(one for _, one in family))]
+    left, right = ["nyquist"] + ["step"] * bool(steps[0]), ["gain", "phase"]
     if is_narrow():
         mosaic, ratios, height = [[name] for name in (*left[:1], *right, *left[1:])], [2, 1, 1, *[1] * (len(left) - 1)], 6.0
     else:
         mosaic, ratios, height = [["nyquist", "gain"], [left[-1], "phase"]], [1, 1], 3.6
-    with figure(TWO_COLUMNS, height + 1.3 * (step is not None)) as canvas:
+    with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
         panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
-        draw_nyquist(panels["nyquist"], loop, cut)
-        draw_bode(panels["gain"], panels["phase"], loop)
+        draw_nyquist(panels["nyquist"], loop, cut, others)
+        draw_bode(panels["gain"], panels["phase"], loop, others)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
-        if step is not None:
-            marks = draw_step(panels["step"], replace(step, value=-step.value, final=-step.final), "step response of T")
+        if steps[0]:
+            marks = draw_step(panels["step"], steps[0], "step response of T")
             handles, labels = [*handles, *(handle for handle, _ in marks)], [*labels, *(words for _, words in marks)]
+            draw_others(panels["step"], [(step, look) for step, (_, look, _) in zip(steps[1:], others, strict=True) if step])
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
-        note_below(canvas, assumption(facts))
+        slow = "; ".join(name for (name, _), step in zip(family, steps[1:], strict=True) if not step)
+        note_below(canvas, f"Unstable, or too slow for a step response: {slow}." if slow else "", assumption(facts))
     return canvas
+
+
+def ends_of_ranges(spec: Spec) -> list[tuple[str, Spec]]:
+    """The spec at the ends of the ranges of [for_all], named: in all combinations or, if these are many, each by itself.
+
+    Numbers that change from frame to frame are left out, since they make no loop of their own.
+    """
+    axes = [axis for axis in (spec.for_all.unknown if spec.for_all else ()) if axis.start < axis.stop]
+    if 2 ** len(axes) <= MOST_MEMBERS:
+        places = [{axis.name: end for axis, end in zip(axes, ends, strict=True)} for ends in product(*map(_ends, axes))]
+    else:
+        places = [{axis.name: end} for axis in axes for end in _ends(axis)][:MOST_MEMBERS]
+    return named_specs(spec, [place for place in places if place])
+
+
+def _ends(axis: Axis) -> tuple[float, float]:
+    return axis.start, axis.stop
+
+
+def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple[str, Spec]]:
+    """The spec with other numbers, and these in words; places: their names, as axes have them, and values."""
+    paths, facts = {name: spec.names.find(name).path for place in places for name in place}, {"spec": spec.tables()}
+    return [
+        (
+            ", ".join(valued(name, value, facts) for name, value in place.items()),
+            spec.with_values({paths[name]: value for name, value in place.items()}),
+        )
+        for place in places
+    ]
+
+
+def _closed_step(spec: Spec, cut: str) -> Step | None:
+    """The response of T = L/(1 + L) to a step; None of a loop that comes to rest too slowly, or not at all."""
+    from wavesweep.analyses.steps import step_at
+
+    try:
+        step = step_at(spec, cut)
+    except UsageError:
+        return None
+    return replace(step, value=-step.value, final=-step.final)
 
 
 def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float]]) -> OpenLoop:
@@ -132,11 +187,22 @@ def dense_angles(response: Callable[[np.ndarray], np.ndarray], step: float, firs
     return angles
 
 
-def draw_nyquist(axes: Any, loop: OpenLoop, cut: str) -> None:
-    """Draw L of a loop that is broken at `cut`, with what limits it."""
+Others = Sequence[tuple[OpenLoop, Look, str]]
+
+
+def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> None:
+    """Draw L of a loop that is broken at `cut`, with what limits it, and L of others."""
     L, disk = loop.L, loop.disk
     axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1")
-    axes.plot(L.real, L.imag, color=_CURVE, label=f"{'eigenvalues of ' * loop.several}L at {cut}", **loop.style)
+    axes.plot(
+        L.real,
+        L.imag,
+        color=_CURVE,
+        label=f"{'eigenvalues of ' * loop.several}L at {cut}{', nominal' * bool(others)}",
+        **loop.style,
+    )
+    for each, look, name in others:
+        axes.plot(each.L.real, each.L.imag, label=name, **each.drawn(look))
     axes.plot(L.real, -L.imag, color=_CURVE, **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}))
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
@@ -146,7 +212,8 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str) -> None:
         said = in_words(name, *loop.table[name])
         axes.plot([at.real], [at.imag], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name), label=said)
     whole = np.concatenate([_TURN, [*loop.marks.values()], disk if disk is not None else [-1]])
-    near = L[np.abs(L) <= min(FARTHEST, 1.15 * np.abs(whole).max())]
+    near = np.concatenate([L, *(each.L for each, *_ in others)])
+    near = near[np.abs(near) <= min(FARTHEST, 1.15 * np.abs(whole).max())]
     reach = np.concatenate([whole, near])
     for part, limit in ((reach.real, axes.set_xlim), (np.append(reach.imag, -reach.imag), axes.set_ylim)):
         room = ROOM * np.ptp(part)
@@ -175,14 +242,20 @@ def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.n
         return 20 * np.log10(np.abs(L)), degrees
 
 
-def draw_bode(gain: Any, phase: Any, loop: OpenLoop) -> None:
+def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> None:
     """Draw gain (dB) and phase of L over its frequencies. The phases of the eigenvalues of a lifted L are those of one turn."""
     from matplotlib.ticker import MultipleLocator
 
     hertz, L = loop.hertz, loop.L
     decibels, degrees = decibels_and_degrees(L, loop.several)
-    shown = (hertz >= LEAST * hertz[-1]) & np.isfinite(decibels)
-    for axes, values, limit in ((gain, decibels, 0.0), (phase, degrees, -180.0)):
+    shown, family_seen = (hertz >= LEAST * hertz[-1]) & np.isfinite(decibels), ([], [])
+    for each, look, _ in others:
+        both = decibels_and_degrees(each.L, each.several)
+        inside = (each.hertz >= LEAST * each.hertz[-1]) & np.isfinite(both[0])
+        for axes, values, seen in zip((gain, phase), both, family_seen, strict=True):
+            axes.plot(each.hertz, values, **each.drawn(look))
+            seen.append(values[inside])
+    for part, axes, values, limit in ((0, gain, decibels, 0.0), (1, phase, degrees, -180.0)):
         axes.plot(hertz, values, color=_CURVE, **loop.style)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
         for name, at in loop.marks.items():
@@ -196,7 +269,8 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop) -> None:
             axes.plot([place], [level], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name))
         axes.set_xscale("log")
         axes.set_xlim(LEAST * hertz[-1], hertz[-1])
-        low, high = min(values[shown].min(), limit), max(values[shown].max(), limit)
+        seen = [values[shown], *family_seen[part]]
+        low, high = min(limit, *(each.min() for each in seen)), max(limit, *(each.max() for each in seen))
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)
     gain.set_ylabel("gain of L (dB)")

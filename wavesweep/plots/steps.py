@@ -6,7 +6,7 @@ from typing import Any
 
 from wavesweep.errors import UsageError
 from wavesweep.plots.simulation import extremes
-from wavesweep.plots.style import GRID, NOTE, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, wide
+from wavesweep.plots.style import GRID, NOTE, TWO_COLUMNS, Look, distinct_colour, figure, is_narrow, note_below, wide
 from wavesweep.plots.words import assumption, printed, with_unit
 from wavesweep.response.step import BAND, Step
 from wavesweep.spec import Spec
@@ -76,6 +76,16 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
         if kind == "peak":
             axes.plot([scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0)
     return marks
+
+
+def draw_others(axes: Any, steps: Sequence[tuple[Step, Look]]) -> None:
+    """Draw the step responses of a family in a panel that has one; all are shown until the last one has come to rest."""
+    scale = 1e3 if "ms" in axes.get_xlabel() else 1.0
+    for step, look in steps:
+        shown = step.time_s <= max(axes.get_xlim()[1] / scale, step.time_s[step.shown - 1])
+        line = extremes(scale * step.time_s[shown], step.value[shown])
+        axes.plot(*line, color=look.colour, linestyle=look.line, linewidth=0.9, drawstyle="steps-post", zorder=1.9)
+        axes.set_xlim(0, max(axes.get_xlim()[1], scale * step.time_s[step.shown - 1]))
 
 
 def _in_time(seconds: float) -> str:

@@ -54,7 +54,9 @@ def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
 def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:
     """The name of an axis with a value and its unit; facts: see `label`."""
     each = unit(name, facts)
-    return f"{symbol(name)} = {value:.6g} {'ticks' if each == 'tick' and value != 1 else each}".rstrip()
+    digits, _, power = f"{value:.6g}".partition("e")
+    said = f"{digits}·10$^{{{int(power)}}}$" if power else digits
+    return f"{symbol(name)} = {said} {'ticks' if each == 'tick' and value != 1 else each}".rstrip()
 
 
 def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) -> str:
@@ -72,7 +74,10 @@ def with_unit(text: str, printed_unit: str) -> str:
 
 def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
-    texts = [re.sub(r"\^\((.*?)\)", r"$^{\1}$", as_it_stands(each).replace("*", "·")) if each != "1" else "" for each in units]
+    texts = [
+        re.sub(r"\^(?:\((.*?)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(each).replace("*", "·")) if each != "1" else ""
+        for each in units
+    ]
     return texts[0] if len(texts) == 1 else " or ".join(each or "no unit" for each in texts)
 
 
