@@ -29,6 +29,7 @@ CASES = [
     ("delay", {"steps": 2}),
     ("delay", {"steps": 0}),
     ("hold", {}),
+    ("impulse", {}),
     ("saturation", {"high": 1e3, "low": -2e3}),
     ("channel", {"late": 1, "lost": 1, "missing": "zero"}),
     ("difference", {}),

@@ -185,6 +185,7 @@ def test_every_type_has_a_march_or_runs_in_every_tick_or_is_refused():
     assert {name for name, kind in TYPES.items() if not (kind.steps or kind.plant)} == {
         "butterworth",
         "channel",
+        "impulse",
         "lead",
         "notch",
     }

@@ -171,6 +171,12 @@ def integrator(name, period, method="explicit") -> Block:
     return _defined("integrator", name, numbers(period), method=method)
 
 
+def impulse(name, period) -> Block:
+    """`sum` of `u` in all runs, whose change is `u` in the tick of a run and otherwise 0."""
+    del period
+    return _defined("impulse", name, 1.0)
+
+
 def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
     """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
     return sections(name, order, cutoff_hz, period, highpass=passes == "high")

@@ -24,7 +24,7 @@ class Equations(NamedTuple):
     D: Rows
 
 
-def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations:  # noqa: PLR0911 - a table of the blocks
+def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations:  # noqa: C901, PLR0911 - a table
     """Return what a block does in a run. T: its own period (s).
 
     Errors: KeyError for a type that is not defined here.
@@ -47,6 +47,8 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
             return Equations(("u1",), [[-1]], [[1]], [[-1 / T]], [[1 / T]])
         case "integrator":
             return Equations(("s",), [[0]], [[T]], [[1]], [[_ahead(T, keys["method"])]])
+        case "impulse":
+            return Equations(("s",), [[0]], [[1]], [[1]], [[1]])
         case "avatar":
             # The state is the start of the step, so that s+ = s + T v in all integrations; a trapezium has half of the last
             # step in it.
@@ -98,7 +100,7 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
             return ([[1]],)
         case "difference":
             return ([[0]],)
-        case "integrator":
+        case "integrator" | "impulse":
             return [[0]], [[1]], [[1]], [[0]]
         case "avatar":
             return [[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]]

@@ -172,6 +172,12 @@ def hold(period: float) -> Law:
     return gain(period, 1.0)
 
 
+def impulse(period: float) -> Law:
+    """The sum of all `u`, whose change in a tick is `u` if the block runs in it and otherwise 0."""
+    del period
+    return Law({"sum": ((1.0, "before"), (1.0, "u"))}, {"before": ((1.0, "sum"),)})
+
+
 def channel(period: float, **_: object) -> Law:
     """A hold; `march` has what happens to its messages."""
     return hold(period)
@@ -392,6 +398,7 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
                 gain,
                 hold,
                 channel,
+                impulse,
                 saturation,
                 delay,
                 difference,

@@ -25,10 +25,11 @@ class BlockType:
     then neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate,
     unless its order is 0. body: the key of the mass, of a type with a position x and a velocity v. settles: whether it comes
     to rest by itself, whatever its keys are. limits: keys that say what it does beyond limits, within which it is linear;
-    only the simulation and C read them. either: two keys, of which a block has one. formula: numerator and denominator of the
-    transfer function that a block of firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks.
-    stepwise: rows of its matrices A and B, then those of C and D, in states that mean the same at every period, if its own do
-    not. The names in both are explained in `wavesweep.spec.firmware_blocks`.
+    only the simulation and C read them. moments: outputs that are not held, each with the expression in those that are.
+    either: two keys, of which a block has one. formula: numerator and denominator of the transfer function that a block of
+    firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks. stepwise: rows of its matrices A and
+    B, then those of C and D, in states that mean the same at every period, if its own do not. The names in both are explained
+    in `wavesweep.spec.firmware_blocks`.
     """
 
     keys: Mapping[str, Key]
@@ -40,6 +41,7 @@ class BlockType:
     body: str = ""
     settles: bool = False
     limits: tuple[str, ...] = ()
+    moments: tuple[tuple[str, str], ...] = ()
     below_half: tuple[str, ...] = ()
     either: tuple[str, ...] = ()
     formula: tuple[tuple[str, ...], ...] = ()
@@ -180,6 +182,11 @@ TYPES = MappingProxyType(
             either=("steps", "seconds"),
         ),
         "hold": _type("u as it was when the block ran last", _U_Y, steps=_SAME, settles=True),
+        "impulse": _type(
+            "y = u in the tick in which the block runs, 0 in all others: corrects a state once a run; sum adds up all y so far",
+            (("u",), ("sum",)),
+            moments=(("y", "{name}.sum - prev({name}.sum)"),),
+        ),
         "channel": _type(
             "hold whose runs send messages, which may come late, be overtaken and then dropped, or be lost; the loop's own "
             "intervals and responses have all of them in time",

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from types import MappingProxyType
 
-from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ
+from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ, TYPES
 from wavesweep.spec.checking import Mistakes, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
-from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, names_in
+from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, extent, names_in, parse
 from wavesweep.spec.keys import TURNED, Key
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import names_in_list, normal_path
@@ -123,6 +123,7 @@ class _TableReader(KeyReader):
             self.optional += [] if {*second} & {*tables["wire"]} else second
         self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
         self.signals |= self.outside
+        self.define_moments(blocks)
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
         periods = {block.name: ("/", block.every, tick, 0) for block in blocks}
@@ -181,6 +182,15 @@ class _TableReader(KeyReader):
                 numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
         self.define(derived)
         return tuple(numbers), values
+
+    def define_moments(self, blocks: Iterable[DrawnBlock]) -> None:
+        """Outputs that are not held stand for expressions in those that are, see `BlockType.moments`."""
+        for block in blocks:
+            for port, text in TYPES[block.type].moments:
+                name = f"{block.name}.{port}"
+                self.meanings[name] = parse(text.format(name=block.name))
+                self.extents[name] = extent(self.meanings[name], {})
+                self.signals.add(name)
 
     def read_signals(self, table: Mapping[str, Leaf]) -> None:
         """Read the names of signals, each with the expression that it stands for."""

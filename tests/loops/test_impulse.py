@@ -1,0 +1,140 @@
+"""What a block corrects once a run, against programs that do so in a line of code."""
+
+import numpy as np
+import pytest
+from flint import arb
+from support.exports import made, present, put
+
+import wavesweep
+from wavesweep import load
+from wavesweep.export.source import exported
+from wavesweep.prove.ticks import Loop
+
+T, M, D, KD = 1e-3, 0.1, 0.2, 2.0
+DECAY = np.exp(-D / M * T)
+
+
+def observer(n, phase=0, **more):
+    """An arm behind an observer that predicts in every tick and is corrected in each n-th one."""
+    blocks = {
+        "arm": {"type": "mass", "mass": M, "damping": D},
+        "fix": {"type": "impulse", "every": n, "phase": phase},
+        "model": {
+            "type": "ss",
+            "discrete": True,
+            "A": [[1, "dt"], [0, 1 - D / M * T]],
+            "B": [[0, 1, 0], [T / M, 0, 1]],
+            "C": [[1, 0], [0, 1]],
+            "inputs": ["f", "cx", "cv"],
+            "outputs": ["x", "v"],
+        },
+    }
+    force = f"-kp*model.x - {KD}*model.v"
+    wires = {
+        "fix.u": "arm.x - model.x",
+        "model.cx": "l*fix.y",
+        "model.cv": "8*l*fix.y",
+        "model.f": force,
+        "arm.f": f"{force} + push",
+    }
+    return {
+        "rates": {"tick_hz": 1 / T},
+        "numbers": {"kp": 60.0, "l": 0.5},
+        "block": blocks,
+        "wire": wires,
+        "ports": {"hand": {"force": "push", "displacement": "arm.x"}, "outputs": {"fixed": "fix.y"}},
+        "sweep": {"along": "l", "l": {"start": 0, "stop": 4}},
+        **more,
+    }
+
+
+def marched(state, push, n, phase, kp, l):
+    """States (x, v, and those of the model) after ticks, the positions and the corrections."""
+    x, v, xh, vh = state
+    rows = []
+    for k, f in enumerate(push):
+        off = x - xh if k % n == phase else 0.0
+        u = -kp * xh - KD * vh
+        rows.append((x, off))
+        xh, vh = xh + T * vh + l * off, (1 - D / M * T) * vh + T / M * u + 8 * l * off
+        a = (f + u) / D
+        x, v = x + a * T + (v - a) * (1 - DECAY) * M / D, a + (v - a) * DECAY
+    return np.array([x, v, xh, vh]), np.array(rows)
+
+
+def radius(n, phase, kp, l):
+    A = np.stack([marched(unit, np.zeros(n), n, phase, kp, l)[0] for unit in np.eye(4)], -1)
+    return np.abs(np.linalg.eigvals(A)).max()
+
+
+@pytest.mark.parametrize(("n", "phase"), [(1, 0), (4, 0), (10, 3)])
+def test_an_observer_that_is_corrected_once_a_run(n, phase):
+    loop = wavesweep.compile(observer(n, phase))
+    assert loop.spectral_radius() == pytest.approx(radius(n, phase, 60.0, 0.5), rel=1e-9)
+    found = loop.stable_intervals()
+    assert found.certified.all()
+    grid = np.linspace(0, 4, 201)[1:]
+    inside = ((grid[:, None] > found.low.to_numpy()) & (grid[:, None] < found.high.to_numpy())).any(1)
+    truth = np.array([radius(n, phase, 60.0, l) for l in grid])
+    sure = np.abs(truth - 1) > 1e-6
+    np.testing.assert_array_equal(inside[sure], truth[sure] < 1)
+    push = np.random.default_rng(n).normal(size=300)
+    _, expected = marched(np.zeros(4), push, n, phase, 60.0, 0.5)
+    np.testing.assert_allclose(loop.simulate(push)[["x", "fixed"]], expected, rtol=0, atol=1e-12)
+
+
+def test_at_rest_the_mean_of_a_frame_is_felt():
+    """A constant push leaves a correction in each frame: the response at 0 Hz is the mean of the march."""
+    found = wavesweep.compile(observer(10)).response([0.0])
+    _, rows = marched(np.zeros(4), np.ones(20000), 10, 0, 60.0, 0.5)
+    assert found.admittance_re[0] == pytest.approx(rows[-10:, 0].mean(), rel=1e-9)
+    assert rows[-10, 1] > 1e-4
+
+
+def test_a_projection_of_a_physics_engine():
+    """A body on a rail: Baumgarte's spring in every step, and once in n steps a share s of the error is taken out."""
+    n, h, k = 5, 0.01, 900.0
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"s": 0.3},
+        "block": {
+            "v": {"type": "integrator", "method": "implicit"},
+            "x": {"type": "integrator", "method": "implicit"},
+            "project": {"type": "impulse", "every": n},
+        },
+        "wire": {"v.u": f"-{k}*prev(x.y)", "project.u": "prev(x.y)", "x.u": "v.y - s*project.y/dt"},
+        "sweep": {"along": "s", "s": {"start": -1, "stop": 4}},
+    }
+
+    def radius(s):
+        A = np.eye(2)
+        for i in range(n):
+            off = s if i == 0 else 0.0
+            step = np.array([[1 - off - h * h * k, h], [-h * k, 1.0]])  # of x and v
+            A = step @ A
+        return np.abs(np.linalg.eigvals(A)).max()
+
+    found = wavesweep.compile(tables).stable_intervals()
+    assert found.certified.all()
+    for end in {*found.low, *found.high} - {-1.0, 4.0}:
+        assert radius(end) == pytest.approx(1, abs=1e-9)
+    middles = (found.low + found.high) / 2
+    assert all(radius(s) < 1 for s in middles[found.intervals > 0])
+
+
+def test_balls_have_the_same_frame():
+    spec = load(observer(4))
+    frame, _ = Loop(spec.drawing, spec.values, "numbers.l").frame(arb(0.5))
+    A = np.array([[float(entry.mid()) for entry in row] for row in frame.tolist()])
+    sizes = np.sort(np.abs(np.linalg.eigvals(A)))[::-1]
+    assert sizes[0] == pytest.approx(1, abs=1e-12)  # the sum of all corrections, which nothing holds
+    assert sizes[1] == pytest.approx(radius(4, 0, 60.0, 0.5), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_no_bit_of_c_differs(tmp_path):
+    if "gcc" not in present():
+        pytest.skip("no gcc")
+    put(exported(load(observer(4, simulate={"input": "noise", "duration_s": 0.2}))), tmp_path)
+    code, said = made(tmp_path, "check", "gcc", "-O0")
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said
