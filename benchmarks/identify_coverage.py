@@ -40,6 +40,15 @@ KINDS = {
     "spring": (1000, 0.0, 0.0, "spring"),
     "friction": (1000, 0.0, 0.0, "sliding"),
     "friction, white": (1000, 1.0, 0.0, "sliding"),
+    "velocity": (1000, 0.0, 0.0, "velocity"),
+    "velocity, white": (1000, 1.0, 0.0, "velocity"),
+    "velocity, coloured": (1000, 1.0, 0.95, "velocity"),
+    "velocity, friction": (1000, 1.0, 0.0, "velocity sliding"),
+    "velocity, spring": (1000, 1.0, 0.0, "velocity spring"),
+    "acceleration": (1000, 0.0, 0.0, "acceleration"),
+    "acceleration, white": (1000, 1.0, 0.0, "acceleration"),
+    "acceleration, spring": (1000, 1.0, 0.0, "acceleration spring"),
+    "10^4 acceleration": (10_000, 3.0, 0.0, "acceleration"),
     "300 quantised": (300, 0.0, 0.0, ""),
     "300 white": (300, 1.0, 0.0, ""),
     "300 coloured 0.95": (300, 1.0, 0.95, ""),
@@ -86,12 +95,12 @@ def moved(mass, damping, force, friction=0.0, spring=0.0):
     return wavesweep.compile(tables).simulate(force, friction=friction)["x"].to_numpy()
 
 
-def marched(mass, damping, force, late=0.0, velocity=0.0, friction=0.0):
-    """The position (m) at each tick by the solution of m v' = f - d v - F sgn v from one change to the next."""
+def marched(mass, damping, force, late=0.0, velocity=0.0, friction=0.0, measured="position"):
+    """The position (m), or velocity, at each tick by the solution of m v' = f - d v - F sgn v from one change to the next."""
     whole, part = divmod(late, 1.0)
     now, rate, x, v, places = np.concatenate([np.full(int(whole) + 1, force[0]), force]), damping / mass, 0.0, velocity, []
     for tick in range(len(force)):
-        places.append(x)
+        places.append(x if measured == "position" else v)
         for push, seconds in ((now[tick], part / RATE), (now[tick + 1], (1 - part) / RATE)):
             left = seconds
             while left > 0 and (v or abs(push) > friction):
@@ -112,8 +121,8 @@ def euler(mass, damping, force, velocity):
     return np.array(places)
 
 
-def linear(A, push, force, late, state):
-    """The first state at each tick of x' = A x + push f, with the force a part of a tick late."""
+def linear(A, push, force, late, state, row=0):
+    """A state at each tick of x' = A x + push f, the first one, with the force a part of a tick late."""
     from scipy.linalg import expm
 
     size, (whole, part) = len(A), divmod(late, 1.0)
@@ -122,7 +131,7 @@ def linear(A, push, force, late, state):
     now, steps = np.concatenate([np.full(int(whole) + 1, force[0]), force]), [expm(wide * s / RATE) for s in (part, 1 - part)]
     state, places = np.append(state, 0.0), []
     for tick in range(len(force)):
-        places.append(state[0])
+        places.append(state[row])
         for at, step in enumerate(steps):
             state[size] = now[tick + at]
             state = step @ state
@@ -152,18 +161,22 @@ def log_of(kind, source, force_kind):
     rows, deviation, colour, special = KINDS[kind]
     mass, damping, late = source.uniform(0.03, 0.3), source.uniform(0.2, 2.0), source.choice([0, 2, source.uniform(0, 6)])
     force, velocity = force_of(force_kind, source, rows), source.choice([0.0, source.uniform(-0.2, 0.2)])
-    friction = 0.1 * np.abs(force).max() if special in ("sliding", "rubbing") else 0.0
+    friction = 0.1 * np.abs(force).max() if special.endswith(("sliding", "rubbing")) else 0.0
+    sensor = next((name for name in ("velocity", "acceleration") if special.startswith(name)), "position")
     felt = np.clip(force, *(np.array([-0.7, 0.7]) * np.abs(force).max())) if special == "saturation" else force
     if special.startswith("two"):
         places = two_masses(mass, damping, felt, float(special.split()[-1]), late)
     elif special == "euler":
         places, late = euler(mass, damping, felt, velocity), 0.5  # the delay that its rule amounts to
-    elif special == "spring":
-        places = linear(np.array([[0, 1], [-40 / mass, -damping / mass]]), [0, 1 / mass], felt, late, [0.0, velocity])
+    elif special.endswith("spring"):
+        A = np.array([[0, 1], [-40 / mass, -damping / mass]])
+        places = linear(A, [0, 1 / mass], felt, late, [0.0, velocity], int(sensor != "position"))
     else:
-        places = marched(mass, damping, felt, late, velocity, friction)
+        places = marched(mass, damping, felt, late, velocity, friction, sensor)
+    if sensor == "acceleration":  # the mean over the tick before, with an offset
+        places = np.diff(places, prepend=velocity) * RATE + source.uniform(-0.3, 0.3)
     places, force = places[BEFORE:], force[BEFORE:]
-    q = min(10 ** source.uniform(-6, -4), np.ptp(places) / 30)
+    q = min(10 ** source.uniform(-6, -4) if sensor == "position" else np.ptp(places) / 100, np.ptp(places) / 30)
     if special == "bad encoder":
         places = places + 2 * q * np.sin(2 * np.pi * places / (60 * q))
     errors = source.standard_normal(rows + 500) if deviation else np.zeros(rows + 500)
@@ -175,7 +188,7 @@ def log_of(kind, source, force_kind):
     position = places if special == "unrounded" else read(places, q, source)
     if special == "wild":
         position[source.integers(rows)] += 1e-3
-    model = Model(special == "spring", special == "sliding", 0.0 if special == "held" else None)
+    model = Model(special.endswith("spring"), special.endswith("sliding"), 0.0 if special == "held" else None, (), sensor)
     truth = {"mass": mass, "damping": damping, "delay": late, "friction": friction}
     return truth, force, position, 0.0 if special == "unrounded" else q, model
 

@@ -72,3 +72,20 @@ def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pu
         "--friction fits it" in err
     )
     assert "# The model does NOT explain the log" in Path("results/pushed/device.toml").read_text()
+
+
+@pytest.mark.slow
+def test_a_current_has_the_bounds_of_the_motors_constant_in_its_intervals(wavesweep, tmp_path, monkeypatch):
+    """A motor of 0.05 N*m/A within 4 %, read by a tachometer: mass and damping are known to 4 % and their own intervals."""
+    monkeypatch.chdir(tmp_path)
+    torque = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
+    speed = np.diff(moved(0.06, 0.8, torque), prepend=0.0) * RATE  # half a tick late
+    rows = np.c_[np.arange(600) / RATE, torque / 0.05, speed]
+    np.savetxt(tmp_path / "motor.csv", rows, delimiter=",", header="time,current,speed", comments="", fmt="%.9g")
+    code, out, _ = wavesweep("identify", "motor.csv", "--motor-constant", "0.048..0.052", "--no-plot", "--json")
+    assert code == 0
+    mass = json.loads(out)["parameters"]["mass"]
+    assert mass["unit"] == "kg*m^2"
+    assert mass["low"] == pytest.approx(0.96 * 0.06, rel=2e-3)
+    assert mass["high"] == pytest.approx(1.04 * 0.06, rel=2e-3)
+    assert "resolution" not in (tmp_path / "results/motor/device.toml").read_text()

@@ -41,6 +41,9 @@ LOGS = {
     "a number too long": with_row(f"0.029,{'1' * 400},0"),
     "a short row": with_row("0.029,1"),
     "a constant force": [HEAD, *(f"{k / 1000},1,{k}" for k in range(60))],
+    "a current without a constant": [HEAD.replace("force", "current"), *GOOD[1:]],
+    "a torque and a position": [HEAD.replace("force", "torque"), *GOOD[1:]],
+    "a constant velocity": ["time,force,velocity", *(f"{k / 1000},{k},1" for k in range(60))],
     "a constant position": [HEAD, *(f"{k / 1000},{k},0" for k in range(60))],
 }
 SIZES = "frequency_hz,admittance_abs,admittance_deg"

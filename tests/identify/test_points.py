@@ -47,8 +47,8 @@ def test_a_drawn_loop_without_wall_or_hand_has_no_measured_ones():
     with pytest.raises(SpecError) as caught:
         wavesweep.load(drawn)
     assert [(each.key, each.expected) for each in caught.value.mistakes] == [
-        ("measured.z_width", "a wall in [ports], of which it was measured"),
-        ("measured.response", "a hand in [ports], of which it was measured"),
+        ("measured.z_width", "a wall in [ports], where it was measured"),
+        ("measured.response", "a hand in [ports], where it was measured"),
     ]
 
 

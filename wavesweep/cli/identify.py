@@ -33,11 +33,18 @@ OWN = "# The device of "  # what a spec of this command begins with
     help="Of a frequency response: the rate at which its force was held.",
 )
 @click.option(
+    "--motor-constant",
+    metavar="LOW..HIGH",
+    help="Of a log with a current (A): the force or torque per ampere (N/A or N*m/A), a number or bounds, to which mass, "
+    "damping and more are proportional.",
+)
+@click.option(
     "--column",
     "columns",
     multiple=True,
     metavar="NAME=COLUMN",
-    help="Which column of the log is time, force, position (or torque, angle), e.g. position=enc. May be repeated.",
+    help="Which column of the log is time, force, position (or torque, current, velocity, acceleration, angle, speed, "
+    "angular_acceleration), e.g. position=enc. May be repeated.",
 )
 @click.option(
     "--scale",
@@ -51,12 +58,21 @@ OWN = "# The device of "  # what a spec of this command begins with
 )
 @overwriting("Replace a spec, or results, that are not of the same log.")
 @click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out.")
-def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[str, ...], **given: Any) -> None:
+def command(
+    log: str,
+    out: str | None,
+    columns: tuple[str, ...],
+    scales: tuple[str, ...],
+    motor_constant: str | None,
+    **given: Any,
+) -> None:
     """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
 
-    LOG is a CSV file with the columns time (s), force (N) and position (m), or torque (N*m) and angle (rad), a sample a row,
-    equally spaced. A force is held to the next row. The numbers are those of the sampled model, with intervals of 95 % that
-    know of the encoder's rounding; and the summary says whether the model explains the log or, if it does not, what is missing.
+    LOG is a CSV file with the columns time (s), force (N) and position (m), a sample a row, equally spaced. In place of the
+    force there may be a current (A), in place of the position a velocity or an acceleration; of a device that turns torque
+    (N*m), angle, speed (rad/s) or angular_acceleration. A force is held to the next row. The numbers are those of the sampled
+    model, with intervals of 95 % that know of the encoder's rounding; and the summary says whether the model explains the log
+    or, if it does not, what is missing.
 
     A CSV file with the columns frequency_hz, admittance_abs and admittance_deg (or _re and _im), and maybe coherence, is a
     frequency response (m/N), to which mass, damping, spring and delay are fitted; it needs --rate.
@@ -78,6 +94,7 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
 
     started = time.perf_counter()
     asked = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
+    asked |= {"motor_constant": _bounds(motor_constant)} if motor_constant else {}
     asked |= {name: given[name] for name in ("resolution", "spring", "friction", "delay", "rate_hz")}
     directory = Path("results", Path(log).stem)
     target = Path(out) if out else directory / "device.toml"
@@ -108,6 +125,18 @@ def command(log: str, out: str | None, columns: tuple[str, ...], scales: tuple[s
         for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
             say(line, warning)
         say(f"{where(paths[:-1], seconds)}; the device: {target}")
+
+
+def _bounds(text: str) -> tuple[float, float]:
+    """The two numbers of LOW..HIGH, or one twice."""
+    low, dots, high = text.partition("..")
+    try:
+        found = float(low), float(high if dots else low)
+    except ValueError:
+        found = (0.0, 0.0)
+    if not 0 < found[0] <= found[1] < float("inf"):
+        raise UsageError(f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}")
+    return found
 
 
 def _factors(given: dict[str, str]) -> dict[str, float]:

@@ -4,13 +4,14 @@ The force before the first row is not known, so the fit begins where it no longe
 """
 
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from wavesweep.errors import UsageError
 from wavesweep.identification.intervals import Estimate, estimated
-from wavesweep.identification.model import STEP, Model, euler, positions, sensitivities
+from wavesweep.identification.model import ORDER, OWN, STEP, Model, euler, measured, readings, sensitivities
 
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 RESTING = 10  # equal readings at the start of a log show a device held by friction
@@ -21,6 +22,7 @@ RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
 TONES = np.geomspace(0.2, 100, 16)  # natural frequencies tried first (Hz)
 NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
+SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force
 NO_MASS = "no mass, however large or small, fits the log; do force and position have the same sign?"
 SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
 ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
@@ -32,26 +34,26 @@ SETTLED = 0.05  # half-widths; smaller changes end the rounds
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """A log as it is fitted: force (N), held over each tick, and position (m), both of all rows; period (s).
+    """A log as it is fitted: force (N), held over each tick, and what was read, both of all rows; period (s).
 
-    resolution: step of the encoder (m), 0 for none. skip: rows at the start that are left out; used: false for outliers
+    resolution: step of the readings, 0 for none. skip: rows at the start that are left out; used: false for outliers
     among the others, `(ticks - skip,)`.
     """
 
     force: np.ndarray
-    position: np.ndarray
+    reading: np.ndarray
     period: float
     resolution: float = 0.0
     skip: int = 0
     used: np.ndarray | float = 1.0
 
     def residual(self, model: Model, theta: np.ndarray) -> np.ndarray:
-        """Position minus that of the model (m), 0 for an outlier."""
-        found = positions(model, theta, self.force, self.period, self.skip)
-        return (self.position[self.skip :] - found) * self.used
+        """Reading minus that of the model, 0 for an outlier."""
+        found = readings(model, theta, self.force, self.period, self.skip)
+        return (self.reading[self.skip :] - found) * self.used
 
     def slopes(self, model: Model, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Derivatives of the model's positions with respect to its numbers, 0 for an outlier."""
+        """Derivatives of the model's readings with respect to its numbers, 0 for an outlier."""
         found = sensitivities(model, theta, self.force, self.period, steps, self.skip)
         return found * np.broadcast_to(self.used, len(found))[:, None]
 
@@ -60,14 +62,14 @@ class Rows:
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`. rows: the log as it was fitted. positions, residual: of all rows (m). estimate: the
+    theta: the numbers of `model.names`. rows: the log as it was fitted. readings, residual: of all rows. estimate: the
     intervals about theta. extra: by how much `widened` makes them wider.
     """
 
     model: Model
     theta: np.ndarray
     rows: Rows
-    positions: np.ndarray
+    readings: np.ndarray
     residual: np.ndarray
     estimate: Estimate
     extra: np.ndarray | float = 0.0
@@ -83,10 +85,13 @@ class Fit:
         return self.estimate.half
 
 
-def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float) -> Fit:
-    """Fit a model to a log. force: N, held over each tick. position: m. period: s. resolution: step of the encoder (m)."""
-    rows = Rows(force, position, period, resolution, min(LATE[-1] + 2, len(force) // 8))
-    begun = replace(model, without=_hidden(model, position[rows.skip :], np.diff(position)))
+def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Fit:
+    """Fit a model to a log. force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2).
+
+    period: s. resolution: step of the readings.
+    """
+    rows = Rows(force, reading, period, resolution, min(LATE[-1] + 2, len(force) // 8))
+    begun = replace(model, without=_hidden(model, reading[rows.skip :], moves(model, reading)))
     model, theta, rows = _later(begun, _begun(begun, rows), rows)
     for _ in range(ROUNDS):
         used = _inliers(model, theta, rows)
@@ -110,14 +115,19 @@ def fitted(model: Model, force: np.ndarray, position: np.ndarray, period: float,
         if (np.abs(found.step) < SETTLED * found.half).all():
             break
     theta = np.where([name == "friction" for name in model.names], np.abs(theta), theta)  # the model takes its size
-    places = np.append(np.full(rows.skip, np.nan), positions(model, theta, force, period, rows.skip))
-    return Fit(model, theta, rows, places, position - places, found)
+    places = np.append(np.full(rows.skip, np.nan), readings(model, theta, force, period, rows.skip))
+    return Fit(model, theta, rows, places, reading - places, found)
+
+
+def moves(model: Model, readings: np.ndarray) -> np.ndarray:
+    """Readings as velocities, up to a factor; without those of an acceleration, which shows none."""
+    return np.diff(readings) if model.measured == "position" else readings * (model.measured == "velocity")
 
 
 def widened(fit: Fit) -> Fit:
     """The same fit with intervals for a model that does not explain the log.
 
-    They are wider by how far the numbers move if the changes of the position from row to row are fitted instead, which weights
+    They are wider by how far the numbers move if the changes of the reading from row to row are fitted instead, which weights
     the residual differently; those of mass and damping also by the share T d/2m, the error of Euler's rule.
     """
     rows, J, left = fit.rows, fit.estimate.slopes, fit.residual[fit.rows.skip :]
@@ -128,10 +138,13 @@ def widened(fit: Fit) -> Fit:
     return replace(fit, extra=moved)
 
 
-def _hidden(model, position, moves):
-    """The numbers that friction hides: the speed of a device at rest; a constant force, if the device moves one way."""
-    at_rest = model.friction and np.ptp(position[:RESTING]) == 0
-    one_way = model.friction and not model.spring and abs(moves.sum()) > ONE_WAY * np.abs(moves).sum()
+def _hidden(model, reading, way):
+    """The numbers that friction hides: the speed of a device at rest; a constant force, if the device moves one way.
+
+    way: the readings as velocities.
+    """
+    at_rest = model.friction and np.ptp(reading[:RESTING]) == 0
+    one_way = model.friction and not model.spring and abs(way.sum()) > ONE_WAY * np.abs(way).sum()
     return ("velocity",) * int(at_rest) + ("offset",) * int(one_way)
 
 
@@ -140,16 +153,38 @@ def _later(model, theta, rows):
     most = len(rows.force) // 2
     while True:
         known = model.numbers(theta) | {"log_mass": theta[0]}
-        skip = int(np.clip(np.ceil(known["delay"] + 0.5) + 1, 0, most))
-        place = rows.position[skip:]
-        moves = np.diff(positions(model, theta, rows.force, rows.period, rows.skip))
-        known |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
-        model, rows = replace(model, without=_hidden(model, place, moves)), replace(rows, skip=skip)
+        later = 1 + (model.measured == "acceleration")  # rows that a force of before the log moves in any case
+        skip = int(np.clip(np.ceil(known["delay"] + 0.5) + later, 0, most))
+        place = rows.reading[skip:]
+        way = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
+        model, rows = replace(model, without=_hidden(model, place, way)), replace(rows, skip=skip)
+        if not model.friction:
+            known |= _own(model, known, rows)
+        elif model.measured == "position":
+            known |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
+        else:
+            known |= {"velocity": float(np.median(place[: START + 1])) * (model.measured == "velocity")}
         if "offset" in model.without:  # friction has taken it
-            known["friction"] = abs(known["friction"] - np.sign(moves.sum()) * known["offset"])
+            known["friction"] = abs(known["friction"] - np.sign(way.sum()) * known["offset"])
         theta = refined(model, np.array([known[name] for name in model.names]), rows)
-        if model.numbers(theta)["delay"] + 1 <= skip or skip == most:
+        if model.numbers(theta)["delay"] + later <= skip or skip == most:
             return model, theta, replace(rows, used=np.ones(len(place), bool))
+
+
+def _own(model, known, rows):
+    """The numbers of the log alone that fit best to given ones of a device without friction."""
+    own = [name for name in model.own if name not in model.without]
+    A, still = _columns(model, known, own, rows.force, rows.period, rows.skip)
+    size = np.linalg.norm(A, axis=0)
+    return dict(zip(own, np.linalg.lstsq(A / size, rows.reading[rows.skip :] - still)[0] / size, strict=True))
+
+
+def _columns(model, known, own, force, period, skip):
+    """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the readings without these."""
+    none, still = np.zeros(len(force)), known | dict.fromkeys(OWN, 0.0)
+    forces = [(none, {name: 1.0}) for name in own] + [(force, {})]
+    found = [measured(still | one, model.measured, push, period, skip) for push, one in forces]
+    return np.stack(found[:-1], axis=1), found[-1]
 
 
 def _inliers(model, theta, rows):
@@ -168,8 +203,9 @@ def _inliers(model, theta, rows):
 
 def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
     """Changes of the numbers that move the device by about as much as it moves in the log."""
-    found, reach, rms = model.numbers(theta), float(np.ptp(rows.position)), float(np.std(rows.force))
+    found, reach, rms = model.numbers(theta), float(np.ptp(rows.reading)), float(np.std(rows.force))
     mass, seconds = found["mass"], rows.period * len(rows.force)
+    fast = min(seconds, 0.3) ** (ORDER[model.measured] - 1)  # s, from what is measured to a velocity
     sizes = {
         "log_mass": 1.0,
         "damping": max(abs(found["damping"]), mass / min(seconds, 0.3)),
@@ -177,8 +213,9 @@ def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
         "friction": max(abs(found["friction"]), 0.3 * rms),
         "delay": 1.0,
         "start": reach,
-        "velocity": reach / min(seconds, 0.3),
+        "velocity": reach * fast,
         "offset": rms,
+        "bias": reach,
     }
     return np.array([sizes[name] for name in model.names])
 
@@ -186,7 +223,7 @@ def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
 def refined(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
     """The numbers of the least squares, from numbers close to them."""
     size = scales(model, theta, rows)
-    reach = float(np.ptp(rows.position))
+    reach = float(np.ptp(rows.reading))
 
     def off(part):
         with np.errstate(all="ignore"):
@@ -209,7 +246,7 @@ def _begun(model, rows):
     if len(rows.force) > PART:
         blocks = rows.force[: len(rows.force) // PART * PART].reshape(-1, PART)
         first = PART * int(np.argmax(blocks.std(axis=1)))
-        rows = replace(rows, force=rows.force[first : first + PART], position=rows.position[first : first + PART])
+        rows = replace(rows, force=rows.force[first : first + PART], reading=rows.reading[first : first + PART])
     known = dict(zip(model.names, _first(model, rows), strict=True))
     late = float(known.get("delay", model.delay or 0.0))
     shares = [share * float(np.std(rows.force)) for share in (0.05, 0.3)] if model.friction else [0.0]
@@ -240,41 +277,42 @@ def _first(model, rows):
     """Rough numbers: for each rate of decay and frequency tried, the other numbers follow linearly; then delays are tried."""
     every = -(-len(rows.force) // COARSE)
     whole = len(rows.force) // every * every
-    push, place, tick = rows.force[:whole].reshape(-1, every).mean(axis=1), rows.position[:whole:every], rows.period * every
+    push, place, tick = rows.force[:whole].reshape(-1, every).mean(axis=1), rows.reading[:whole:every], rows.period * every
     place = place[-(-rows.skip // every) :]
     tones = [(2 * np.pi * tone) ** 2 for tone in TONES if tone < 0.3 / tick] if model.spring else [0.0]
     held = (model.delay or 0.0) / every
-    tried = [_beginning(push, place, tick, rate, square, held) for square in tones for rate in RATES]
-    best = min(filter(None, tried), default=None)
+    tried = [_beginning(model, push, place, tick, rate, square, held) for square in tones for rate in RATES]
+    if model.measured == "acceleration" and model.delay is None:  # which at another delay may show no mass at all
+        tried += [_beginning(model, push, place, tick, rate, tones[0], late / every) for late in SOONER for rate in RATES[::4]]
+    best = min(filter(None, tried), default=None, key=itemgetter(0))
     for near in (NEAR, NEAR**0.25) if best else ():  # values between those tried, and delays
         rates, squares = (near * best[2], near * best[3]) if model.spring else (near * best[2], [0.0])
-        tried = [_beginning(push, place, tick, rate, square, best[4]) for square in squares for rate in rates]
-        best = min([best, *filter(None, tried)])
+        tried = [_beginning(model, push, place, tick, rate, square, best[4]) for square in squares for rate in rates]
+        best = min([best, *filter(None, tried)], key=itemgetter(0))
         lates = [late / every for late in LATE] if model.delay is None else []
-        best = min([best, *filter(None, [_beginning(push, place, tick, *best[2:4], late) for late in lates])])
+        tried = [_beginning(model, push, place, tick, *best[2:4], late) for late in lates]
+        best = min([best, *filter(None, tried)], key=itemgetter(0))
     if best is None:
         raise UsageError(NO_MASS)
-    _, mass, rate, square, late, start, velocity, offset = best
+    _, mass, rate, square, late, own = best
     known = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late * every}
-    known |= {"friction": 0.05 * np.std(rows.force), "start": start, "velocity": velocity, "offset": offset}
+    known |= {"friction": 0.05 * np.std(rows.force)} | own
     return np.array([known[name] for name in model.names])
 
 
-def _beginning(push, place, tick, rate, square, late):
-    """Squared error and numbers of the best mass, start, velocity and constant force; None if the mass would be negative."""
-    model = Model(spring=True, delay=late)
-
-    def moved(force, start, velocity, offset):
-        return positions(model, np.array([0.0, rate, square, start, velocity, offset]), force, tick, len(push) - len(place))
-
-    none = np.zeros(len(push))
+def _beginning(model, push, place, tick, rate, square, late):
+    """Squared error and numbers of the best mass and of what the log has of its own; None if the mass would be negative."""
+    unit = {"mass": 1.0, "damping": rate, "stiffness": square, "friction": 0.0, "delay": late}
+    own = [name for name in model.own if name not in model.without]
     with np.errstate(all="ignore"):
-        columns = [moved(push, 0, 0, 0), moved(none, 1, 0, 0), moved(none, 0, 1, 0), moved(none, 0, 0, 1)]
-    A = np.stack(columns, axis=1)
+        columns, moved = _columns(model, unit, own, push, tick, len(push) - len(place))
+    A = np.column_stack([moved, columns])
     size = np.linalg.norm(A, axis=0)
     if not np.isfinite(size).all() or not size.all():
         return None
     x = np.linalg.lstsq(A / size, place, rcond=1e-10)[0] / size
     if x[0] <= 0:
         return None
-    return float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, x[1], x[2], x[3] / x[0]
+    known = dict(zip(own, x[1:].tolist(), strict=True))
+    known |= {"offset": known["offset"] / x[0]} if "offset" in known else {}
+    return float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, known

@@ -1,4 +1,4 @@
-"""A log of force and position, read from a CSV file; a log that cannot be used is refused with one message."""
+"""A log of what pushed a device and how it moved, read from a CSV file; one that cannot be used is refused with one message."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -16,20 +16,23 @@ JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
 UNEVEN = 0.5  # of a period: deviation of a time above which the steps are not equal
 GAP = 1.5  # periods between two rows above which one may be missing
-TURNING = {"force": "torque", "position": "angle"}
+PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
+MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
+UNITS = ("s", "N", "m", "Nm", "rad", "A", "m_s", "rad_s", "m_s2", "rad_s2")  # that a name of a column may end in
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Equally spaced samples: `force` is held from a row to the next, `position` is measured at the time of the row.
+    """Equally spaced samples: `force` is held from a row to the next, `reading` is measured at the time of the row.
 
-    period: s. start: time of the first row (s). turns: force and position are a torque (N*m) and an angle (rad), in place of N
-    and m. jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file. scaled: names of the
-    columns whose scale was given.
+    measured: what the reading is, a key of MOTIONS. period: s. start: time of the first row (s). turns: the force is a torque
+    (N*m), and the reading one of an angle (rad), in place of N and m. jitter: the largest deviation of a time from equal steps,
+    in periods. sha256: of the file. scaled: names of the columns whose scale was given.
     """
 
     force: np.ndarray
-    position: np.ndarray
+    reading: np.ndarray
+    measured: str
     period: float
     start: float
     turns: bool
@@ -43,47 +46,68 @@ class Log:
         return self.start + self.period * np.arange(len(self.force))
 
 
-def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float]) -> Log:
-    """Read a log. columns: the name in the file of time, force (or torque) and position (or angle), where it differs.
+def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float], constant: float | None = None) -> Log:
+    """Read a log. columns: the name in the file of time, a push and a motion, where it differs.
 
-    scales: factors that turn the numbers of the file into s, N (or N*m) and m (or rad).
+    A push is a force, a torque or a current; a motion is a position, a velocity or an acceleration, or an angle, a speed or an
+    angular acceleration. Of several in the file one that `columns` names is taken, then the first in this order. scales:
+    factors that turn the numbers of the file into s, N, m and so on. constant: N/A or N*m/A, of the motor with this current.
     Errors: UsageError that names the file, the line or the column, what was expected and what was found.
     """
     file = read_csv(path, MOST_BYTES)
-    names = file.names
-    if not any(names):
+    if not any(file.names):
         raise UsageError(f"{path}: expected a header and rows of numbers below it, found an empty file")
-    turns = {**columns}.keys() & set(TURNING.values()) or (
-        not {"force", "position"} & {*columns, *names} and set(TURNING.values()) <= set(names)
-    )
-    roles = {"time": "time"} | {role: TURNING[role] if turns else role for role in TURNING}
+    turning = {**PUSHES, **MOTIONS}
+    known = dict.fromkeys(["time", *turning, *turning.values()])
     for option, given in (("--column", columns), ("--scale", scales)):
         for name in given:
-            if name not in roles.values():
-                raise UsageError(f"{option} {name}: expected one of {', '.join(roles.values())}, found {name}")
-    used = {}
-    for role, name in roles.items():
-        wanted = columns.get(name, name)
-        tries = [wanted, *(f"{wanted}_{unit}" for unit in ("s", "N", "m", "Nm", "rad") if name not in columns)]
-        known = [each for each in tries if each in names]
-        if not known:
-            meant = nearest(wanted, names)
+            if name not in known:
+                raise UsageError(f"{option} {name}: expected one of {', '.join(known)}, found {name}")
+    places = {name: _column(file, name, columns) for name in known}
+    straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
+    turns = bool(turned & columns.keys())
+    if not turns and not straight & columns.keys() and not (places["force"] or places["position"]):
+        turns = any(places[name] for name in turned)
+    used = {"time": "time"}
+    for kind in (PUSHES, MOTIONS):
+        names = list(dict.fromkeys(kind.values() if turns else kind))
+        used[names[0]] = next((n for n in (*filter(columns.get, names), *names) if places[n]), names[0])
+    for name in used.values():
+        if not places[name]:
+            wanted = columns.get(name, name)
+            meant = nearest(wanted, file.names)
             hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME gives its name"
             raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
-        used[role] = known[0]
-    rows = file.numbers(list(used.values()), LEAST_ROWS)
-    found = {role: rows[:, place] * scales.get(name, 1.0) for place, (role, name) in enumerate(roles.items())}
-    _refuse_unusable(path, found, roles)
-    period, jitter = _period(path, found["time"], roles["time"])
-    first = float(found["time"][0])
-    return Log(found["force"], found["position"], period, first, bool(turns), jitter, file.sha256, tuple(scales))
+    _, push, motion = used.values()
+    if (push == "current") != (constant is not None):
+        unit = "N*m/A" if turns else "N/A"
+        raise UsageError(
+            f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
+            if push == "current"
+            else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
+        )
+    rows = file.numbers([places[name] for name in used.values()], LEAST_ROWS)
+    found = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
+    _refuse_unusable(path, found, motion)
+    period, jitter = _period(path, found["time"], "time")
+    measured = next(name for name, other in MOTIONS.items() if motion in (name, other))
+    force, first = found[push] * (1.0 if constant is None else constant), float(found["time"][0])
+    return Log(force, found[motion], measured, period, first, bool(turns), jitter, file.sha256, tuple(scales))
 
 
-def _refuse_unusable(path: str | Path, found: Mapping[str, np.ndarray], roles: Mapping[str, str]) -> None:
-    for role, column in found.items():
-        if role != "time" and np.ptp(column) == 0:
-            why = "nothing moves it" if role == "position" else "it has to change to move the device"
-            raise UsageError(f"{path}: {roles[role]}: expected a column that changes, found {column[0]:g} in every row; {why}")
+def _column(file, name, columns):
+    """The column of the file that has this name, or this name and a unit; None without."""
+    wanted = columns.get(name, name)
+    return next(
+        (each for each in (wanted, *(f"{wanted}_{unit}" for unit in UNITS if name not in columns)) if each in file.names), None
+    )
+
+
+def _refuse_unusable(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
+    for name, column in found.items():
+        if name != "time" and np.ptp(column) == 0:
+            why = "nothing moves it" if name == motion else "it has to change to move the device"
+            raise UsageError(f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}")
 
 
 def _period(path: str | Path, times: np.ndarray, name: str) -> tuple[float, float]:
@@ -125,10 +149,10 @@ def pairs(given: Iterable[str], option: str) -> dict[str, str]:
     return found
 
 
-def step_of(position: np.ndarray) -> float:
-    """The step of the encoder that is visible in the readings (m), 0 if there is none."""
-    steps = np.unique(np.abs(np.diff(position)))
-    steps = steps[steps > 1e-9 * np.ptp(position)]
+def step_of(reading: np.ndarray) -> float:
+    """The step of the encoder that is visible in the readings, 0 if there is none."""
+    steps = np.unique(np.abs(np.diff(reading)))
+    steps = steps[steps > 1e-9 * np.ptp(reading)]
     if not steps.size:
         return 0.0
     step = float(steps[0])

@@ -2,8 +2,13 @@
 
     m a + d v + k x = f(t - D T) + f_0 - F_c sgn(v)
 
-Fitted are the logarithm of the mass, the other free numbers of the device, and three numbers of the log alone: its initial
-position and velocity, and a constant force (gravity, the offset of an amplifier, the rest position of a spring).
+Fitted are the logarithm of the mass, the other free numbers of the device, and numbers of the log alone: its initial position
+and velocity, a constant force (gravity, the offset of an amplifier, the rest of a spring), and the offset of a sensor of
+velocity or acceleration, its bias.
+
+A log of velocities or accelerations leaves some of these open: the position, of a velocity's bias b and the force f_0 all but
+f_0 + d b, of an acceleration's f_0 and initial velocity all but f_0 - d v_0, unless a spring or friction tells them apart. What
+is left open is 0. An accelerometer gives the mean over the tick before, as one that adds up its samples does.
 """
 
 from dataclasses import dataclass
@@ -14,7 +19,9 @@ from scipy.signal import lfilter
 
 from wavesweep.loops.device import impulse_and_step, motion
 
-OWN = ("start", "velocity", "offset")  # numbers of the log alone
+OWN = ("start", "velocity", "offset", "bias")  # numbers of the log alone
+UNSEEN = {"position": ("bias",), "velocity": ("start", "bias"), "acceleration": ("start", "velocity")}  # without a spring
+ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
 LARGEST = 100.0  # logarithm of the largest mass that is tried
 STEP = 1e-4  # of finite differences, relative to the scale of a number
 
@@ -23,40 +30,58 @@ STEP = 1e-4  # of finite differences, relative to the scale of a number
 class Model:
     """The numbers that are fitted.
 
-    spring, friction: whether the model has them. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0.
+    spring, friction: whether the model has them. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0, in
+    addition to those that do not show in what is measured, a position, a velocity or an acceleration.
     """
 
     spring: bool = False
     friction: bool = False
     delay: float | None = None
     without: tuple[str, ...] = ()
+    measured: str = "position"
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Those of `OWN` that the log may show."""
+        moving = self.measured != "position" and (self.spring or self.friction)
+        unseen = ("start",) if moving else UNSEEN[self.measured]
+        return tuple(name for name in OWN if name not in unseen)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The numbers that are fitted, in the order of a vector of them."""
         free = ["stiffness"] * self.spring + ["friction"] * self.friction + ["delay"] * (self.delay is None)
-        return ("log_mass", "damping", *free, *(name for name in OWN if name not in self.without))
+        return ("log_mass", "damping", *free, *(name for name in self.own if name not in self.without))
 
     def numbers(self, theta: np.ndarray) -> dict[str, float]:
         """All numbers of the device and the log by their names; theta: the vector."""
         given = dict(zip(self.names, map(float, theta), strict=True))
-        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0, "velocity": 0.0, "offset": 0.0}
+        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0} | dict.fromkeys(OWN, 0.0)
         found = fixed | given
         mass = exp(min(max(given["log_mass"], -LARGEST), LARGEST))
         return found | {"mass": mass, "friction": abs(found["friction"])}
 
 
-def positions(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
-    """Position (m) at the start of each tick from tick `skip` on, `(ticks - skip,)`; there the initial numbers hold.
+def readings(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+    """What is measured at the start of each tick from tick `skip` on, `(ticks - skip,)`; there the initial numbers hold.
 
-    force: N, of all ticks; period: s. The force before the log is not known. With `skip` above the delay it is not needed,
-    otherwise the first one is used.
+    force: N, of all ticks; period: s. The force before the log is not known. With `skip` above the delay, by a tick more for an
+    acceleration, it is not needed; otherwise the first one is used.
     """
-    found = model.numbers(theta)
+    return measured(model.numbers(theta), model.measured, force, period, skip)
+
+
+def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+    """The same for numbers by their names; what: a position (m), a velocity (m/s) or an acceleration (m/s^2)."""
     if not abs(found["delay"]) < len(force):
         return np.full(len(force) - skip, np.nan)
-    push, parts, full = _pushes(found, force, period, skip)
-    return _sliding(found, push, parts, full, period) if found["friction"] else _linear(found, push, period)
+    ahead = what == "acceleration"  # the mean over a tick is that over the next one, with a force that is a tick later
+    push, parts, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
+    push = np.pad(push, ((0, 0), (0, int(ahead))))
+    parts = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in parts)
+    row = int(what == "position")
+    places = _sliding(found, push, parts, full, period, row) if found["friction"] else _linear(found, push, period, row)
+    return (np.diff(places) / period if ahead else places) + found["bias"]
 
 
 def _pushes(found, force, period, skip):
@@ -93,8 +118,11 @@ def step(found, period):
     return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
 
 
-def _linear(found, push, period):
-    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for poles near 1."""
+def _linear(found, push, period, row):
+    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for poles near 1.
+
+    row: 0 for the velocity in place of the position, which follows the same equation.
+    """
     A = step(found, period)
     half = found["damping"] / (2 * found["mass"])
     root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
@@ -103,15 +131,16 @@ def _linear(found, push, period):
     one, two = np.exp(fast * period), np.exp(slow * period)
     if not root.imag:
         one, two = one.real, two.real
-    first = A[1] @ [found["velocity"], found["start"]] + push[1, 0]
-    drive = push[1, 1:-1] + A[1, 0] * push[0, :-2] - A[0, 0] * push[1, :-2]
-    outer = np.concatenate([[first - one * found["start"]], drive])
+    state, other = np.array([found["velocity"], found["start"]]), 1 - row
+    first = A[row] @ state + push[row, 0]
+    drive = push[row, 1:-1] + A[row, other] * push[other, :-2] - A[other, other] * push[row, :-2]
+    outer = np.concatenate([[first - one * state[row]], drive])
     inner = lfilter([1.0], [1.0, -two], outer)
-    return lfilter([1.0], [1.0, -one], np.concatenate([[found["start"]], inner])).real
+    return lfilter([1.0], [1.0, -one], np.concatenate([[state[row]], inner])).real
 
 
-def _sliding(found, push, parts, full, period):
-    """The positions with friction, tick by tick; a tick in which the device stops or starts is divided there."""
+def _sliding(found, push, parts, full, period, row):
+    """The same with friction, tick by tick; a tick in which the device stops or starts is divided there."""
     A, friction = step(found, period), found["friction"]
     vv, vx, xv, xx = (float(each) for each in A.ravel())
     by_v, by_x = friction * float(full[0]), friction * float(full[1])
@@ -119,7 +148,7 @@ def _sliding(found, push, parts, full, period):
     stiffness, ((first, before), (then, now)) = found["stiffness"], parts
     (half_v, half_x), (by_half, _) = step(found, first)[0].tolist(), reach(found, first).tolist()
     for to_v, to_x, one, two in zip(*push.tolist(), before.tolist(), now.tolist(), strict=True):
-        places.append(x)
+        places.append(x if row else v)
         if v == 0.0:
             net = (one if first else two) - stiffness * x
             if abs(net) <= friction and abs(two - stiffness * x) <= friction:
@@ -176,14 +205,14 @@ def euler(found, period):
 
 
 def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, steps, skip: int = 0) -> np.ndarray:
-    """Derivatives of the positions with respect to the numbers, `(ticks - skip, numbers)`, by central differences.
+    """Derivatives of what is measured with respect to the numbers, `(ticks - skip, numbers)`, by central differences.
 
-    steps: of the numbers. With friction they should be as wide as the intervals, since a stop makes the positions kink.
+    steps: of the numbers. With friction they should be as wide as the intervals, since a stop makes them kink.
     """
     columns = []
     for at, size in enumerate(steps):
         step = np.zeros(len(theta))
         step[at] = size
-        ahead, behind = (positions(model, theta + sign * step, force, period, skip) for sign in (1, -1))
+        ahead, behind = (readings(model, theta + sign * step, force, period, skip) for sign in (1, -1))
         columns.append((ahead - behind) / (2 * size))
     return np.stack(columns, axis=1)

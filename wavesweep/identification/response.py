@@ -56,7 +56,7 @@ def _names(model):
 
 
 def _numbers(model, theta):
-    return model.numbers(np.append(theta, np.zeros(len(OWN))))
+    return model.numbers(np.append(theta, np.zeros(len(model.own))))
 
 
 def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: float) -> np.ndarray:

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.special import gammaincc
 
-from wavesweep.identification.fit import Fit, fitted, refined, widened
-from wavesweep.identification.model import Model, late, positions
+from wavesweep.identification.fit import Fit, fitted, moves, refined, widened
+from wavesweep.identification.model import ORDER, OWN, Model, late, measured
 
 SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
 BANDS = 24  # of the spectrum, equally wide in octaves
@@ -48,9 +48,9 @@ class Verdict:
     resonance_hz: tuple[float, float] | None
 
 
-def identified(model: Model, force: np.ndarray, position: np.ndarray, period: float, resolution: float) -> tuple[Fit, Verdict]:
+def identified(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> tuple[Fit, Verdict]:
     """Fit a model to a log and judge the fit, whose intervals are widened if it does not explain the log; see `fitted`."""
-    fit = fitted(model, force, position, period, resolution)
+    fit = fitted(model, force, reading, period, resolution)
     verdict = judged(fit)
     return (widened(fit) if verdict.missing not in ("", "one-way", "unseen") else fit), verdict
 
@@ -78,7 +78,7 @@ def judged(fit: Fit) -> Verdict:
             tone, taken = frequency, share
     residual, step = fit.residual[rows.skip :], rows.resolution
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
-    exact = estimate.rounded or rms < EXACT * np.ptp(rows.position)
+    exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
     alike, remains = _like_friction(fit), not exact and (seen or float(odds.min()) < RARE)
     band = _band(shown)
     explained = not (remains or alike or band is None)
@@ -88,7 +88,7 @@ def judged(fit: Fit) -> Verdict:
         if named[2] < CLEAR:
             worst = int(np.argmin(odds))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])
-    places = [fit.positions[rows.skip :] / (step or 1.0) + part / SHOWN for part in range(SHOWN)]
+    places = [fit.readings[rows.skip :] / (step or 1.0) + part / SHOWN for part in range(SHOWN)]
     rounding = [step * (np.round(each) - each) for each in places]
     square, usual = np.mean([(np.mean(each**2), _neighbours(each)) for each in rounding], axis=0).tolist()
     return Verdict(explained, *named, rms, square**0.5, _neighbours(residual), usual, band)
@@ -102,10 +102,10 @@ def _band(shown):
 
 def _like_friction(fit: Fit) -> bool:
     """Whether a constant force opposes a device that moves in one direction only, as Coulomb friction would."""
-    if fit.model.friction or fit.model.spring:
+    if fit.model.friction or fit.model.spring or fit.model.measured == "acceleration":
         return False
-    moves = np.diff(fit.positions[fit.rows.skip :])
-    way = float(np.mean(np.sign(moves[moves != 0])))
+    moved = moves(fit.model, fit.readings[fit.rows.skip :])
+    way = float(np.mean(np.sign(moved[moved != 0])))
     offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
     return abs(way) > ONE_WAY and offset * way < 0 and abs(offset) > 2 * half
 
@@ -114,7 +114,7 @@ def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
     """Yield each number that the model lacks, and the share of the residual that a fit with it removes."""
     model, rows = fit.model, fit.rows
     end = rows.skip + TRIED
-    rows = replace(rows, force=rows.force[:end], position=rows.position[:end], used=rows.used[:TRIED])
+    rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end], used=rows.used[:TRIED])
     effects = {
         "friction": None if model.friction else replace(model, friction=True),
         "spring": None if model.spring else replace(model, spring=True),
@@ -169,26 +169,27 @@ def _neighbours(errors):
 
 
 def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield the changes of the positions by each effect that the model lacks; for a resonance with its frequency, else 0."""
+    """Yield the changes of the readings by each effect that the model lacks; for a resonance with its frequency, else 0."""
     found, (force, period, skip) = fit.numbers | {"friction": 0.0}, (fit.rows.force, fit.rows.period, fit.rows.skip)
-    places = fit.positions[skip:]
+    places = measured(found, "position", force, period, skip)
+    at_rest = found | dict.fromkeys((*OWN, "delay"), 0.0)
     for by in (
         *([] if fit.model.friction else [np.sign(np.gradient(places))]),
         *([] if fit.model.spring else [places]),
         *([] if fit.model.delay is None else [(late(force, 1) - force)[skip:]]),
     ):
-        yield 0.0, _response(found, by, period)[:, None]
+        yield 0.0, _as_read(fit.model, measured(at_rest, "position", by, period)[:, None], period)
     lowest, highest = 3 / (len(force) * period), 0.4 / period
     pushing = late(force, round(found["delay"]))[skip:]
     for tone in np.geomspace(lowest, highest, TONES):
-        yield float(tone), _ringing(pushing, float(tone), period, found["mass"])
+        yield float(tone), _as_read(fit.model, _ringing(pushing, float(tone), period, found["mass"]), period)
 
 
-def _response(found, force, period):
-    model = Model(spring=True, delay=0.0)
-    at_rest = {"log_mass": np.log(found["mass"]), "damping": found["damping"], "stiffness": found["stiffness"]}
-    theta = np.array([at_rest.get(name, 0.0) for name in model.names])
-    return positions(model, theta, force, period)
+def _as_read(model, changes, period):
+    """Changes of the position, `(ticks, any)`, as those of what is measured."""
+    for _ in range(ORDER[model.measured]):
+        changes = np.gradient(changes, period, axis=0)
+    return changes
 
 
 def _ringing(force, tone, period, mass):

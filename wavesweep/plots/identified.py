@@ -15,13 +15,18 @@ SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw an `identify` table: force, measured and fitted position, the residual with half a step either way, its spectrum."""
-    force, place = ("torque (N·m)", "angle (rad)") if facts["turns"] else ("force (N)", "position (m)")
-    unit, times = "rad" if facts["turns"] else "m", columns["time_s"]
+    from wavesweep.tables.identify import READ, turned
+
+    measured, times = facts.get("measured", "position"), columns["time_s"]
+    force, unit = "torque (N·m)" if facts["turns"] else "force (N)", READ[measured]
+    unit = (turned(unit) if facts["turns"] else unit).replace("^2", "²")
+    angle = {"position": "angle", "velocity": "speed"} if facts["turns"] else {}
+    place = f"{angle.get(measured, measured)} ({unit})"
     with figure(TWO_COLUMNS, 5.2) as canvas:
         panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
         panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
         panels[0].set_ylabel(force)
-        panels[1].plot(*extremes(times, columns["position"]), color=distinct_colour(0), linewidth=1.6, label="measured")
+        panels[1].plot(*extremes(times, columns[measured]), color=distinct_colour(0), linewidth=1.6, label="measured")
         panels[1].plot(*extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
         panels[1].set_ylabel(place)
         panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)

@@ -347,9 +347,11 @@ MARGINS = (
 IDENTIFY = (
     Field("time_s", "number", "s", "time of the sample, equally spaced"),
     Field("force", "number", "N", "force of the log, held to the next sample"),
-    Field("position", "number", "m", "position of the log"),
-    Field("fitted", "number", "m", "position of the fitted model; missing in the first rows, which are not fitted"),
-    Field("residual", "number", "m", "position minus fitted"),
+    Field("position", "number", "m", "position of the log", optional=True),
+    Field("velocity", "number", "m/s", "velocity of the log, in place of the position", optional=True),
+    Field("acceleration", "number", "m/s^2", "acceleration of the log, in place of the position", optional=True),
+    Field("fitted", "number", "m", "the same of the fitted model; missing in the first rows, which are not fitted"),
+    Field("residual", "number", "m", "what was measured minus fitted"),
     Field("weight", "number", "1", "1 if the row is fitted; 0 in the first rows, and for an outlier"),
 )
 IDENTIFY_RESPONSE = (

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from math import exp, isnan
 from pathlib import Path
@@ -25,6 +26,8 @@ METHOD = (
     "of the likelihood if white noise does as well, and otherwise from the spectrum of what is left"
 )
 UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
+OF_FORCE = ("mass", "damping", "stiffness", "friction", "offset")  # which are proportional to the motor's constant
+READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
 TURNING = {"mass": "kg*m^2"}
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
 EARLY = 1.5  # ticks; a log whose rows have the position after their force is one tick ahead
@@ -45,7 +48,10 @@ RESPONSE_METHOD = (
 
 
 class Asked(TypedDict, total=False):
-    """Names in the file and factors to SI units of columns, step of the encoder, what is fitted, and the rate of a response."""
+    """Names in the file and factors to SI units of columns, step of the encoder, what is fitted, and the rate of a response.
+
+    motor_constant: the least and the largest one (N/A or N*m/A) of the motor whose current is in the log.
+    """
 
     columns: Mapping[str, str]
     scales: Mapping[str, float]
@@ -54,6 +60,7 @@ class Asked(TypedDict, total=False):
     friction: bool
     delay: float | None
     rate_hz: float | None
+    motor_constant: tuple[float, float] | None
 
 
 def identify(path: str, **asked: Unpack[Asked]) -> Table:
@@ -116,6 +123,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
         "log_sha256": sha,
         "asked": asked,
         "turns": False,
+        "measured": "position",
         "period_s": period,
         "resolution": 0.0,
         "parameters": parameters,
@@ -128,45 +136,69 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
 
 
 def _of_log(path: str, given: Asked) -> Table:
-    from wavesweep.identification.log import read_log, step_of
+    from wavesweep.identification.log import MOTIONS, read_log, step_of
     from wavesweep.identification.model import Model
     from wavesweep.identification.verdict import identified
 
     started = time.perf_counter()
     columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
     spring, friction, delay = given.get("spring", False), given.get("friction", False), given.get("delay")
-    log = read_log(path, columns, scales)
-    step = step_of(log.position) if resolution is None else resolution
-    if step and np.ptp(log.position) < 3 * step:
-        moved = np.ptp(log.position) / step
-        raise UsageError(f"{path}: expected a device that moves by 3 steps of its encoder at least, found {moved:.2g}")
-    model = Model(spring, friction, delay)
-    origin = log.position[0]  # with it readings far from 0 would lose digits
-    fit, verdict = identified(model, log.force, log.position - origin, log.period, step)
-    parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns) for half in (fit.half + fit.extra, fit.half))
-    named = "time, torque and angle in s, N*m and rad" if log.turns else "time, force and position in s, N and m"
+    constants = given.get("motor_constant")
+    log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
+    step = step_of(log.reading) if resolution is None else resolution
+    if step and np.ptp(log.reading) < 3 * step:
+        moved = np.ptp(log.reading) / step
+        raise UsageError(f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}")
+    model = Model(spring, friction, delay, measured=log.measured)
+    origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
+    fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
+    halves = fit.half + fit.extra, fit.half
+    parameters, unwidened = (_of_motor(_parameters(fit, fit.model.names, half, log.turns), constants) for half in halves)
+    units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
+    names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
+    named = "time, {} and {} in s, {} and {}".format(*names, *units)
     _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
     asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
+    asked |= {"motor_constant": constants} if constants else {}
     asked |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
-    facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}}
+    facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}, "measured": log.measured}
     facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))))
     found = {
         "time_s": log.times,
         "force": log.force,
-        "position": log.position,
-        "fitted": fit.positions + origin,
+        log.measured: log.reading,
+        "fitted": fit.readings + origin,
         "residual": fit.residual,
         "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
     }
-    return Table.of("identify", found, facts, fields=fields_of_log(log.turns))
+    return Table.of("identify", found, facts, fields=fields_of_log(log.measured, log.turns))
 
 
-def fields_of_log(turns: bool) -> tuple[Field, ...]:
-    """The columns of a table, of a device that turns with its own units."""
-    other = {"N": "N*m", "m": "rad"} if turns else {}
-    return tuple(Field(each.name, each.kind, other.get(each.unit, each.unit), each.description) for each in IDENTIFY)
+def turned(unit: str) -> str:
+    """The unit of a device that turns."""
+    return TURNED.get(unit, unit.replace("m", "rad", 1) if unit in READ.values() else unit)
+
+
+def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
+    """The columns of a table with what is measured, of a device that turns with its own units."""
+    own = [each for each in IDENTIFY if each.name == measured or each.name not in READ]
+    units = [READ[measured] if each.unit == "m" else each.unit for each in own]
+    return tuple(replace(each, unit=turned(unit) if turns else unit) for each, unit in zip(own, units, strict=True))
+
+
+def _of_motor(parameters: dict[str, dict[str, Any]], constants: tuple[float, float] | None) -> dict[str, dict[str, Any]]:
+    """The numbers for all constants of a motor, in proportion to which they are; found with the middle one."""
+    if constants is not None:
+        shares = [2 * each / sum(constants) for each in constants]
+        for name in [name for name in OF_FORCE if name in parameters]:
+            each = parameters[name]
+            each["low"], each["high"] = (
+                min(each["low"] * share for share in shares),
+                max(each["high"] * share for share in shares),
+            )
+    return parameters
 
 
 def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool) -> dict[str, dict[str, Any]]:
@@ -175,13 +207,15 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool)
     ends["mass"] = [exp(min(max(end, -700.0), 700.0)) for end in ends["log_mass"]]
     found = fit.numbers
     names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in ends), "delay"]
-    names += ["offset"] * ("offset" in ends)
+    mixed = fit.model.measured == "acceleration" and "velocity" not in ends  # with the effect of the initial velocity
+    names += [name for name in ("offset", "bias") if name in ends and not (mixed and name == "offset")]
+    units = UNITS | {"bias": READ[fit.model.measured]}
     parameters = {}
     for name in names:
         value = found[name]
         low, high = ends.get(name, (value, value))
-        unit = (TURNING | {each: TURNED.get(unit, unit) for each, unit in UNITS.items() if each not in TURNING})[name]
-        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else UNITS[name]}
+        unit = TURNING.get(name, turned(units[name]))
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else units[name]}
     return parameters
 
 
@@ -225,7 +259,7 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
     if log.jitter > JITTER:
         steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
         yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
-    unit = "rad" if log.turns else "m"
+    unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
     if resolution is None:
         found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
         yield f"{found}; --resolution gives those of the encoder"
@@ -239,6 +273,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "duration_s": facts["period_s"] * len(columns["time_s"]),
         "rate_hz": 1 / facts["period_s"],
         "turns": facts["turns"],
+        "measured": facts["measured"],
         "resolution": facts["resolution"],
         "parameters": {name: dict(each) for name, each in facts["parameters"].items()},
         "explained": facts["explained"],
@@ -250,9 +285,10 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 def _lines(found: Numbers) -> Iterator[Line]:
     yield f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz", False
     yield from _spoken(found)
-    if "offset" not in found["parameters"]:
+    if "offset" not in found["parameters"] and found["measured"] != "acceleration":
         yield "no constant force was fitted: the device moves one way only, where it and friction are the same", True
-    left, unit = found["residual"], "rad" if found["turns"] else "m"
+    unit = READ[found["measured"]]
+    left, unit = found["residual"], turned(unit) if found["turns"] else unit
     against = ""
     if found["resolution"]:
         against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
@@ -260,7 +296,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     if found["resolution"] and not left["white_noise"]:
         yield "each reading is within half a step of the model: the intervals are those of an encoder without noise", False
     if left["white_noise"] and found["explained"]:
-        yield f"white noise of {left['white_noise']:.3g} {unit} beside the encoder's rounding", False
+        yield f"white noise of {left['white_noise']:.3g} {unit} in addition to the rounding", False
     yield from _judgement(found, "log")
 
 
@@ -343,7 +379,7 @@ def spec_text(facts: Mapping[str, Any]) -> str:
         tables.setdefault(room, {})[name] = max(each["value"], 0.0)
     if ticks := _whole(parameters["delay"]):
         tables["device"]["delay"] = ticks
-    effects = {"resolution": facts["resolution"]} if facts["resolution"] else {}
+    effects = {"resolution": facts["resolution"]} if facts["resolution"] and facts["measured"] == "position" else {}
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects
