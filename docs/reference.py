@@ -26,6 +26,7 @@ import click
 import wavesweep
 from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS, group
+from wavesweep.cli.words import MESSAGES, TERMS
 from wavesweep.spec import describing
 
 HERE = Path(__file__).parent
@@ -152,7 +153,7 @@ def tables() -> str:
                 f"`{each.name}`",
                 each.kind,
                 _unit(each.unit),
-                _plain(each.description) + " (with guarantees for hands)" * (each.optional and name.endswith("-hands")),
+                _column(each, "with guarantees for hands" if each.optional and any("-hands" in name for name in names) else ""),
             )
             for each in fields
         ]
@@ -160,11 +161,29 @@ def tables() -> str:
     return "\n\n".join(parts)
 
 
+def _column(field, only: str) -> str:
+    """The meaning of a column, of the words in it, and what a reader can do."""
+    values = "; ".join(f"`{word}`: {_plain(meaning)}" for word, meaning in field.values.items())
+    said = [_plain(field.description) + (f" ({only})" if only else ""), values, _plain(field.advice)]
+    return ". ".join(part.rstrip(".") for part in said if part)
+
+
 def doubts() -> str:
     """The words of the column `doubt`."""
     from wavesweep.doubts import DOUBTS
 
-    return _rows(("word", "meaning"), [(f"`{word}`", _plain(each.meaning)) for word, each in DOUBTS.items() if word])
+    rows = [(f"`{word}`", _plain(each.meaning), _plain(each.advice)) for word, each in DOUBTS.items() if word]
+    return _rows(("word", "meaning", "what to do"), rows)
+
+
+def glossary() -> str:
+    """The words of the field and of this program."""
+    return _rows(("word", "meaning"), [(word, each.meaning) for word, each in TERMS.items()])
+
+
+def messages() -> str:
+    """What verdicts, summaries and refusals say."""
+    return _rows(("words", "meaning", "what to do"), [(_plain(word), *map(_plain, each)) for word, each in MESSAGES.items()])
 
 
 SAMPLE = """[controller]
@@ -318,9 +337,10 @@ def _picture(tables, name):
     return f'<img alt="Blocks and wires of {name}" style="background: white" src="data:image/svg+xml;base64,{data}">'
 
 
+OF_WORDS = (doubts, glossary, messages)
 MADE = {
     made.__name__: made
-    for made in (commands, keys, devices, blocks, steps, tables, doubts, summaries, library, diagram, drawn, picture)
+    for made in (commands, keys, devices, blocks, steps, tables, *OF_WORDS, summaries, library, diagram, drawn, picture)
 }
 
 

@@ -73,7 +73,12 @@ def test_the_commands_of_the_gallery_draw(name, reference):
     assert len(reference.MADE["picture"](name)) > 10_000
 
 
-OTHERWISE = {"paper", "bench", "keys"}  # the first two take minutes; what `keys` prints is the page of the keys
+OTHERWISE = {
+    "paper",
+    "bench",
+    "keys",
+    "explain",
+}  # the first two take minutes; what `keys` and `explain` print has pages of its own
 
 
 @pytest.mark.slow

@@ -104,6 +104,7 @@ def loaded_by(program):
         "import wavesweep; wavesweep.load({'controller': {'kind': 'pmw'}})",
         "from wavesweep.cli import main; main(['--help'])",
         "from wavesweep.cli import main; main(['zwidth', '--help'])",
+        "from wavesweep.cli import main; main(['explain', 'crowded'])",
     ],
 )
 def test_nothing_heavy_is_loaded_before_it_is_used(program):

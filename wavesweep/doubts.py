@@ -37,7 +37,7 @@ DOUBTS: Mapping[str, Doubt] = MappingProxyType(
         "overflow": Doubt(
             "the frame's matrix overflows or is lost in rounding, so part of the range, or the response, is not known",
             "A frame of many ticks with a very unstable part grows beyond doubles: leave out the values that are far from "
-            "stable, take slower poles, or a shorter frame.",
+            "stable, or take a shorter frame.",
         ),
         "unstable": Doubt(
             "the loop is unstable and has no steady response: the numbers are those of its equations",

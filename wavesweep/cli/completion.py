@@ -148,6 +148,12 @@ def _loops(incomplete: str) -> list[CompletionItem]:
     return commands(known.items(), incomplete)
 
 
+def _explained(incomplete: str) -> list[CompletionItem]:
+    from wavesweep.cli.explain import entries
+
+    return commands({each.word: each.meaning for each in reversed(entries())}.items(), incomplete)
+
+
 def _files(incomplete: str) -> list[CompletionItem]:
     return [CompletionItem(incomplete, type="file")]
 
@@ -161,6 +167,7 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "name": keys,
     "device": _among({name: device.title for name, device in DEVICES.items()}),
     "backend": _among({"loky": "processes of this machine", "threading": "threads", "dask": "with --scheduler"}),
+    "words": _explained,
     "for_hands": _among(
         {
             "passive": "stable with every passive hand",

@@ -58,6 +58,7 @@ COMMANDS = MappingProxyType(
         "explore": "Show the boundary of stability in a browser, and vary every number by a slider.",
         "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",
+        "explain": "Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do.",
     }
 )
 

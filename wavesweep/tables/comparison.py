@@ -10,7 +10,6 @@ from wavesweep.columns import Columns, joined
 from wavesweep.errors import SpecError
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.running import Options
-from wavesweep.tables.fields import BODE, COMPARE
 from wavesweep.tables.intervals import interval_kind, intervals
 from wavesweep.tables.kind import Kind
 from wavesweep.tables.responses import METHODS, BodeTally, bode_lines, responses
@@ -78,6 +77,6 @@ def _notices(specs, facts) -> Iterator[str]:
 
 
 KINDS = (
-    interval_kind("compare", COMPARE, figure="intervals.compare", before=1),
-    Kind("compare-bode", BODE, lambda _: BodeTally(), bode_lines, figure="responses.bode", study="bode"),
+    interval_kind("compare", figure="intervals.compare", before=1),
+    Kind("compare-bode", lambda _: BodeTally(), bode_lines, figure="responses.bode", study="bode"),
 )

@@ -9,7 +9,7 @@ from wavesweep.columns import Columns
 from wavesweep.spec import Spec
 from wavesweep.spec.design import WISHES, Wish
 from wavesweep.tables.columns import fields
-from wavesweep.tables.fields import Field
+from wavesweep.tables.fields import DESIGN, Field
 from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count
 
 THIN = 0.01  # of a bound, within which a design is near it
@@ -24,13 +24,7 @@ def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
     for wish in wishes:
         found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
         found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
-    found.append(Field("certified", "boolean", "", "all values of the row are certified"))
-    found.append(
-        Field("holds", "boolean", "", "every bound holds with the values looked at between the ends of every range as well")
-    )
-    found.append(Field(BOX, "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"))
-    found.append(Field(SETTLED, "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"))
-    return tuple(field for field in found if field.name in columns)
+    return tuple(field for field in (*found, *DESIGN) if field.name in columns)
 
 
 def wish_units(spec: Spec) -> dict[str, str]:
@@ -166,4 +160,4 @@ def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
 
 
-KINDS = (Kind("design", (), lambda _: Whole(_numbers), _lines, figure="designs.design"),)
+KINDS = (Kind("design", lambda _: Whole(_numbers), _lines, figure="designs.design"),)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from wavesweep.doubts import OF_DERIVATIVES, OF_INTERVALS, OF_MARGINS, OF_RESPONSES
@@ -321,8 +322,8 @@ MARGINS = (
             "gain_down": "the loop stays stable if the signal is multiplied by down to this factor; 0 means: by any",
             "phase": "phase (deg) that the signal may lose or gain; 180 means: any",
             "delay": "further delay (s) of the signal up to which the loop stays stable; 1e6 frames mean: any",
-            "disk": "the largest disk of gains and phases together that leave the loop stable; 2 is the largest of all",
-            "disk_gain": "how far the gain alone may move within the disk, up or down by this factor",
+            "disk": "the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, leaves the loop stable",
+            "disk_gain": "how far the gain alone may move within the disk, up or down by this factor; 1e6 means: by any",
             "disk_phase": "how far the phase (deg) alone may move within the disk",
             "sensitivity": "Ms, the largest factor by which a disturbance is amplified; usual designs have less than 2",
             "complementary": "Mt, the largest factor by which a command is amplified; usual designs have less than 1.5",
@@ -363,3 +364,34 @@ IDENTIFY_RESPONSE = (
     Field("residual_abs", "number", "1", "modulus of measured over fitted minus 1"),
     Field("coherence", "number", "1", "coherence of the measurement; 1 where the file has none"),
 )
+
+# Of designs, behind the numbers that are varied and the wishes.
+DESIGN = (
+    Field("certified", "boolean", "", "all values of the row are certified"),
+    Field("holds", "boolean", "", "every bound holds with the values looked at between the ends of every range as well"),
+    Field("z_width_box", "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"),
+    Field("box_settled", "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"),
+)
+
+COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
+    {
+        "zwidth": INTERVALS,
+        "stability-region": INTERVALS,
+        "compare": COMPARE,
+        "zwidth-hands": INTERVALS_FOR_HANDS,
+        "stability-region-hands": INTERVALS_FOR_HANDS,
+        "passivity-along": INTERVALS_FOR_HANDS,
+        "bode": BODE,
+        "compare-bode": BODE,
+        "bode-ports": BODE_PORTS,
+        "simulate": SIMULATE,
+        "simulate-response": SIMULATE_RESPONSE,
+        "passivity": PASSIVITY,
+        "passivity-filters": PASSIVITY_FILTERS,
+        "why": WHY,
+        "margins": MARGINS,
+        "identify": IDENTIFY,
+        "identify-response": IDENTIFY_RESPONSE,
+    }
+)
+"""The columns of each table behind those of its axes; those of a design follow from its spec."""

@@ -408,10 +408,9 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
 
 
 KINDS = (
-    Kind("identify", IDENTIFY, lambda _: Whole(_numbers), _lines, figure="identified.identify"),
+    Kind("identify", lambda _: Whole(_numbers), _lines, figure="identified.identify"),
     Kind(
         "identify-response",
-        IDENTIFY_RESPONSE,
         lambda _: Whole(_response_numbers),
         _response_lines,
         figure="identified.identify_response",

@@ -412,7 +412,8 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         texts = (words.counts(found["slices"]), *words.few_slices(), *words.extremes(), words.stiffest_felt())
         yield from ((text, False) for text in texts if text)
         yield words.certified()
-        yield from ((f"  {word}: {DOUBTS[word].meaning}", True) for word in found["doubts"])
+        for number, word in enumerate(found["doubts"]):
+            yield f"  {word}: {DOUBTS[word].meaning}{'' if number else f' (wavesweep explain {word})'}", True
         return
     for spec, numbers in found.get("specs", {}).items():
         yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])

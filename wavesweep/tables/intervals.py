@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.tables.fields import ABOUT_ENDS, FOR_ALL, INTERVALS, INTERVALS_FOR_HANDS, Field
+from wavesweep.tables.fields import ABOUT_ENDS, FOR_ALL
 from wavesweep.tables.interval_tally import Tallies, interval_lines
 from wavesweep.tables.kind import Again, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
@@ -232,16 +232,16 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     return Again(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
 
 
-def interval_kind(name: str, fields: tuple[Field, ...], along: str | None = "", **more: Any) -> Kind:
+def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
     """A kind of table of stable intervals; along: the axis (None: the spec's own) of one whose rows can be computed again."""
     more = {"figure": "intervals.zwidth"} | more | ({} if along == "" else {"again": partial(_again, along)})
-    return Kind(name, fields, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
+    return Kind(name, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
 
 
 KINDS = (
-    interval_kind("zwidth", INTERVALS, "K_VE"),
-    interval_kind("stability-region", INTERVALS, None),
-    interval_kind("zwidth-hands", INTERVALS_FOR_HANDS, "K_VE"),
-    interval_kind("stability-region-hands", INTERVALS_FOR_HANDS, None),
-    interval_kind("passivity-along", INTERVALS_FOR_HANDS, None),
+    interval_kind("zwidth", "K_VE"),
+    interval_kind("stability-region", None),
+    interval_kind("zwidth-hands", "K_VE"),
+    interval_kind("stability-region-hands", None),
+    interval_kind("passivity-along", None),
 )

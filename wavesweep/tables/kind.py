@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from wavesweep.errors import UsageError
-from wavesweep.tables.fields import Field
+from wavesweep.tables.fields import COLUMNS, Field
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,7 +58,7 @@ def _never(facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
 class Kind:
     """One kind of table.
 
-    name: of the table and its files. fields: its columns behind those of the axes, in order. tally: makes the summary of a
+    name: of the table and its files. tally: makes the summary of a
     table as numbers. lines: the same numbers in words, each line with a flag that is true for a warning. figure: the function
     of `wavesweep.plots` that draws it, as "module.function". again: a function of the facts of a table, and of one that gives
     the name of its spec, that says how to compute its rows again; None if that is impossible. study: the table of the spec
@@ -66,13 +66,17 @@ class Kind:
     """
 
     name: str
-    fields: tuple[Field, ...]
     tally: Callable[[Table], Tally]
     lines: Callable[[Numbers], Iterator[Line]]
     figure: str
     again: Callable[[Mapping[str, Any], Callable[[], str]], Again | None] = field(default=_never, repr=False)
     study: Literal["sweep", "bode"] = "sweep"
     before: int = 0
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Its columns behind those of the axes, in order; none if they follow from a spec."""
+        return COLUMNS.get(self.name, ())
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.stability.certificate import words
-from wavesweep.tables.fields import MARGINS
 from wavesweep.tables.kind import Kind, Line, Numbers, Whole, from_spec
 from wavesweep.tables.table import Table, facts_of, held
 
@@ -103,6 +102,4 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield f"{SAID[name]} {margin['value']:.6g}{unit}, {at}{doubt and ', '}{doubt}", bool(doubt)
 
 
-KINDS = (
-    Kind("margins", MARGINS, lambda _: Whole(_numbers), _lines, figure="nyquist.margins", again=from_spec(margins, "cut")),
-)
+KINDS = (Kind("margins", lambda _: Whole(_numbers), _lines, figure="nyquist.margins", again=from_spec(margins, "cut")),)

@@ -17,7 +17,6 @@ from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
 from wavesweep.tables.columns import at_port
-from wavesweep.tables.fields import PASSIVITY, PASSIVITY_FILTERS
 from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count, from_spec
 from wavesweep.tables.table import Table, facts_of, spans_held
 
@@ -233,7 +232,6 @@ def _span(ends: list[float], digits: int = 7) -> str:
 KINDS = (
     Kind(
         "passivity",
-        PASSIVITY,
         lambda table: PassivityTally(table.facts),
         _lines,
         figure="passive.passivity",
@@ -243,7 +241,6 @@ KINDS = (
     ),
     Kind(
         "passivity-filters",
-        PASSIVITY_FILTERS,
         lambda _: Whole(_filter_numbers),
         _filter_lines,
         figure="passive.passivity_filters",

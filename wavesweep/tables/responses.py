@@ -16,7 +16,6 @@ from wavesweep.columns import Columns
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.stability.certificate import SPARED
 from wavesweep.tables import kind_named
-from wavesweep.tables.fields import BODE, BODE_PORTS
 from wavesweep.tables.kind import Again, Kind, Line, Numbers, count
 from wavesweep.tables.table import Table, digest_of, facts_of, with_unlike_units
 
@@ -171,7 +170,8 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
         if found["doubted_worst_gains"]:
             yield f"{count(found['doubted_worst_gains'], 'row')} without a reliable worst gain, the rest of them reliable", True
         if rest:
-            yield f"{count(rest, 'row')} without a reliable value ({words}), see the column doubt", True
+            hint = f"wavesweep explain {next(iter(found['doubts']))}"
+            yield f"{count(rest, 'row')} without a reliable value ({words}; {hint})", True
 
 
 def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
@@ -184,6 +184,6 @@ def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
 
 
 KINDS = (
-    Kind("bode", BODE, lambda _: BodeTally(), bode_lines, "responses.bode", _again, study="bode"),
-    Kind("bode-ports", BODE_PORTS, lambda _: BodeTally(), bode_lines, "responses.bode_ports", _again, study="bode"),
+    Kind("bode", lambda _: BodeTally(), bode_lines, "responses.bode", _again, study="bode"),
+    Kind("bode-ports", lambda _: BodeTally(), bode_lines, "responses.bode_ports", _again, study="bode"),
 )

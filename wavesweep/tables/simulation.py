@@ -13,7 +13,7 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.spec.devices import DEVICES
-from wavesweep.tables.fields import SIMULATE, SIMULATE_RESPONSE, TICKS
+from wavesweep.tables.fields import TICKS
 from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table, facts_of
 
@@ -308,7 +308,6 @@ def _again(number: int) -> Callable[[Mapping[str, Any], Callable[[], str]], Agai
 KINDS = (
     Kind(
         "simulate",
-        SIMULATE,
         lambda _: Whole(_run_numbers),
         _run_lines,
         figure="simulation.simulate",
@@ -317,7 +316,6 @@ KINDS = (
     ),
     Kind(
         "simulate-response",
-        SIMULATE_RESPONSE,
         lambda _: Whole(_response_numbers),
         _response_lines,
         figure="simulation.simulate_response",

@@ -13,7 +13,6 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
-from wavesweep.tables.fields import WHY
 from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole, counted_doubts
 from wavesweep.tables.table import Table, facts_of, held
 
@@ -214,4 +213,4 @@ def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     return Again(spec.sha256, why(spec, facts["along"]["name"]).blocks)
 
 
-KINDS = (Kind("why", WHY, lambda _: Whole(_numbers), _lines, figure="elasticities.why", again=_again),)
+KINDS = (Kind("why", lambda _: Whole(_numbers), _lines, figure="elasticities.why", again=_again),)
