@@ -89,7 +89,7 @@ def _for_all(spec: Spec, own: Job, hands: Hands | None) -> Stage:
     from wavesweep.analyses.varying import Rules
 
     if hands:
-        raise UsageError("for hands: expected a spec without [for_all], which may have the operator's numbers, found both")
+        raise UsageError("for hands: expected a spec without [for_all] and channels, found one of them")
     spec.refuse_require("[for_all]")
     if own.asked.require:
         raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")

@@ -1,0 +1,39 @@
+"""Messages of channels in a simulation: those that are lost at random."""
+
+import numpy as np
+import pytest
+
+from wavesweep.simulation.from_spec import simulated
+from wavesweep.simulation.hardware import Effects, losses
+from wavesweep.spec import load
+
+
+def test_messages_are_lost_as_often_as_the_chain_says():
+    """In a share b/(b + e) of messages a burst goes on, which lasts 1/e messages on average."""
+    keys = {"loss": 0.02, "burst": 0.01, "burst_end": 0.2, "burst_loss": 0.9}
+    lost = np.array([late is None for late in losses(Effects(seed=3), keys, 400_000)])
+    inside = 0.01 / 0.21
+    assert lost.mean() == pytest.approx(inside * 0.9 + (1 - inside) * 0.02, rel=0.02)
+    both = (lost[1:] & lost[:-1]).mean()
+    chain = np.array([[0.99, 0.01], [0.2, 0.8]])
+    weights = np.array([1 - inside, inside]) * [0.02, 0.9]
+    assert both == pytest.approx(weights @ chain @ [0.02, 0.9], rel=0.03)
+    assert losses(Effects(seed=3), keys, 100) != losses(Effects(seed=3), keys, 100, 1)
+
+
+def test_a_simulation_draws_its_losses_unless_a_pattern_is_given():
+    spec = load(
+        {
+            "rates": {"tick_hz": 10},
+            "block": {"plant": {"type": "mass", "mass": 1, "damping": 1}, "net": {"type": "channel", "loss": 0.3}},
+            "wire": {"net.u": "-plant.x", "plant.f": "net.y + push"},
+            "ports": {"inputs": {"push": "push"}, "outputs": {"place": "plant.x"}},
+            "simulate": {"input": "step", "duration_s": 100, "seed": 5},
+        }
+    )
+    late = simulated(spec).late
+    assert set(late.tolist()) == {0, -1}
+    assert 0.2 < (late == -1).mean() < 0.4
+    given = load(spec.tables() | {"simulate": {"input": "step", "messages": {"net": [0, "2 lost", 1]}}})
+    assert simulated(given).late[:8].tolist() == [0, -1, -1, 1, 0, -1, -1, 1]
+    assert load(given.as_simulated().tables()).simulate["messages"] == {"net": (0, None, None, 1)}
