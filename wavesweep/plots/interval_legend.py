@@ -18,7 +18,7 @@ from wavesweep.plots.regions import (
     range_handle,
 )
 from wavesweep.plots.shown import Shown
-from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, UNKNOWN, UNPROVED, fitting, wide
+from wavesweep.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.plots.words import unit, valued
 from wavesweep.spec.for_all import GUARANTEES
 
@@ -109,21 +109,22 @@ def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], b
     if beside and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return
+    width = canvas.get_figwidth()
     if grid.size > 1:
         members, marks = [], members + marks
     above = {"columnspacing": 0.8, "handlelength": 2.5, "handletextpad": 0.5, "fontsize": _SMALL}
     if members:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
-        grid[0, 0].legend(handles=members, ncols=_in_a_row(members), **above, **place)
+        grid[0, 0].legend(handles=members, ncols=_in_a_row(members, width), **above, **place)
     if marks:
-        canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks), **above)
+        canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks, width), **above)
 
 
-def _in_a_row(entries: Sequence[Any]) -> int:
-    """How many entries are side by side above a figure of one column."""
-    return fitting([entry.get_label() for entry in entries], wide(ONE_COLUMN) - _BESIDE, _SMALL)
+def _in_a_row(entries: Sequence[Any], width: float) -> int:
+    """How many entries are side by side above the panels of a figure of this width, inches."""
+    return fitting([entry.get_label() for entry in entries], width - _BESIDE, _SMALL)
 
 
-def rows_of(entries: Sequence[Any]) -> int:
-    """How many rows of a legend these entries take."""
-    return -(-len(entries) // _in_a_row(entries)) + max((entry.get_label().count("\n") for entry in entries), default=0)
+def rows_of(entries: Sequence[Any], width: float) -> int:
+    """How many rows of a legend these entries take above a figure of this width, inches."""
+    return -(-len(entries) // _in_a_row(entries, width)) + max((entry.get_label().count("\n") for entry in entries), default=0)

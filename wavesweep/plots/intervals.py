@@ -110,12 +110,13 @@ def _draw(shown: Shown) -> Any:
     """Draw all panels with their legends and notes."""
     layout, panels = shown.layout, shown.layout.panel_values or (np.nan,)
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
-    beside = across > 1 and not is_narrow()  # the legend
     down = -(-len(panels) // across)
+    beside = across > 1 and down > 1 and not is_narrow()  # the legend
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
     members, marks = entries_of(shown, panels)
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
-    more += 0.0 if beside else 0.17 * (rows_of(members) + rows_of(marks))
+    legends = [] if beside else [members, marks] if across == 1 else [members + marks]
+    more += 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
     height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
     with figure(usual, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
@@ -126,7 +127,8 @@ def _draw(shown: Shown) -> Any:
         for axes in grid.flat if layout.x is not None and shown.by_factors else ():
             by_factors(axes.yaxis, *shown.view)
         (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(shown.view)
-        for axes in grid.flat[: len(panels)]:
+        for number, axes in enumerate(grid.flat[: len(panels)]):
+            axes.tick_params(labelbottom=number + across >= len(panels))
             mark_range(axes, shown.columns, bars=layout.x is None)
             for walls, colour in shown.walls:
                 draw_walls(axes, walls, colour)

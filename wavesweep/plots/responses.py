@@ -32,6 +32,7 @@ from wavesweep.stability.certificate import SPARED
 
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
+NYQUIST = "slow Nyquist frequency, {:.4g} Hz"
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ def draw_curves(
     specs = dict.fromkeys(each for curve in curves for each in curve.rows["spec"].tolist())
     measured = {spec: distinct_colour(number) for number, spec in enumerate(specs if x == "frequency_hz" else ())}
     named = [curve.label for curve in curves if curve.label]
-    in_a_row = fitting([*named, *coloured(facts, "response", measured)], wide(TWO_COLUMNS))
+    words = [*named, *coloured(facts, "response", measured), NYQUIST.format(1e3) if x == "frequency_hz" else ""]
+    in_a_row = fitting(words, wide(TWO_COLUMNS))
     across = 1 if is_narrow() else min(2, len(quantities))
     shape = 2 * -(-len(quantities) // across), across
     with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
@@ -216,7 +218,7 @@ def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:
     hertz, turns = (np.concatenate([curve.rows[name] for curve in curves]) for name in ("frequency_hz", "omega_Ts"))
     slow = np.pi * hertz[hertz > 0] / turns[hertz > 0]
     if len(slow) and np.ptp(slow) <= 1e-9 * slow[0] and hertz.min() < slow[0] < 0.99 * hertz.max():
-        words = {"label": f"slow Nyquist frequency, {slow[0]:.4g} Hz"} if named else {}
+        words = {"label": NYQUIST.format(slow[0])} if named else {}
         axes.axvline(slow[0], color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
 
 

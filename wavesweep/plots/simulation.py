@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns, complex_columns
-from wavesweep.plots.style import GRID, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.plots.style import GRID, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, warn_above
 from wavesweep.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.tables.columns import signals_of
 from wavesweep.tables.regions import spec_of
@@ -32,7 +32,7 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     spans = _spans(columns, facts)
     rows = [row for row in _ROWS if any(name in columns for name in row[-1])]
     rows = [*_ports(columns, facts), *((title, at_hand(title, "", unit, facts), draw) for title, unit, draw, _ in rows)]
-    with figure(TWO_COLUMNS, 1.6 * len(rows)) as canvas:
+    with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (_, title, draw) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
@@ -44,9 +44,15 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
             grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color="0.75", alpha=0.6, linewidth=0)
-            grid[0, 1].set_title("the shaded stretch in detail")
-        for row in grid:
-            _legend(row[-1])
+            grid[0, 1].set_title("shaded: in detail" if is_narrow() else "the shaded stretch in detail")
+        for row in grid:  # legends are outside of the panels: a signal that fills its panel leaves no corner free
+            entries = row[-1].get_legend_handles_labels()
+            place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2, "borderpad": 0.2}
+            if is_narrow():
+                row[0].set_title(" ")  # room for the legend, which is wider than its panel
+                place |= {"loc": "lower left", "bbox_to_anchor": (-0.4, 0.98), "ncols": 4, "columnspacing": 0.8}
+            if entries[0]:
+                row[0 if is_narrow() else -1].legend(*entries, fontsize=7, **place).set_in_layout(not is_narrow())
         warn_above(canvas, _unstable(facts))
         note_below(canvas, assumption(facts))
         canvas.align_ylabels()
@@ -169,12 +175,6 @@ def extremes(times: np.ndarray, values: np.ndarray, most: int = _MOST_POINTS) ->
     kept = (ends + size * np.arange(len(blocks))[:, None]).ravel()
     kept = np.append(kept, np.arange(whole, len(values)))
     return times[kept], values[kept]
-
-
-def _legend(axes: Any) -> None:
-    # Beside the panel and not in it: a signal that fills its panel leaves no corner free.
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, handlelength=1.2, borderpad=0.2)
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:

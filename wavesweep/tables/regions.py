@@ -264,7 +264,7 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     takes from tenths of a second to some seconds.
     """
     spec, rows = spec_of(facts), members[0]
-    hand = str(rows[whose][0]) if (whose := whose_column(rows)) else ""
+    hand = str(rows[whose][0]) if (whose := whose_column(rows)) not in ("", "spec") else ""
     if spec is None or hand not in ("", "free", "operator", "spec"):
         return None
     from wavesweep.analyses.intervals import Way, cost_of
