@@ -9,9 +9,9 @@ import pytest
 ROOT = pathlib.Path(__file__).parents[1]
 SHOWN = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
 SHOWN = {name: text for name, text in SHOWN.items() if "\n    $ wavesweep " in text}
-# A file that a page writes, whose first line is a comment with its name; or a command with the lines that follow it.
+# A file that a page writes, or goes on with, whose first line is a comment with its name; or a command with the lines after it.
 STEP = re.compile(
-    r"```toml\n# (?P<file>\S+\.toml)\n(?P<lines>[\s\S]*?)```|"
+    r"```toml\n# (?P<file>\S+\.toml)(?P<more>, continued)?\n(?P<lines>[\s\S]*?)```|"
     r"^    \$ wavesweep (?P<command>.*)\n(?P<printed>(?:    (?!\$).*\n)*)",
     re.MULTILINE,
 )
@@ -25,11 +25,12 @@ def test_a_page_runs_from_its_beginning_to_its_end(page, tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     pathlib.Path("sweeps").symlink_to(ROOT / "sweeps")
     for text in SHOWN.values():  # a page may go on with a file of another one
-        for step in filter(lambda step: step["file"], STEP.finditer(text)):
+        for step in filter(lambda step: step["file"] and not step["more"], STEP.finditer(text)):
             pathlib.Path(step["file"]).write_text(step["lines"], encoding="utf-8")
     for step in STEP.finditer(SHOWN[page]):
         if step["file"]:
-            pathlib.Path(step["file"]).write_text(step["lines"], encoding="utf-8")
+            with pathlib.Path(step["file"]).open("a" if step["more"] else "w", encoding="utf-8") as file:
+                file.write(step["lines"])
             continue
         code = main(shlex.split(step["command"]))
         seen = capsys.readouterr()
