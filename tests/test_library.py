@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.reproducibility import one_thread
 from wavesweep.spec import load
 from wavesweep.tables.responses import responses
 
@@ -189,3 +191,16 @@ def test_a_loop_in_a_notebook_shows_its_question_its_intervals_and_their_figure(
     assert "<svg" in shown
     undecided = {"rates": {"tick_hz": 100.0}, "block": {"m": {"type": "mass", "mass": 1.0}}, "wire": {"m.f": "-m.x - m.v"}}
     assert wavesweep.compile(undecided)._repr_html_() is None  # no axis: the text alone
+
+
+def test_calls_compute_with_one_thread_and_give_the_others_back(monkeypatch):
+    """With several, small matrices take many times as long."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+
+    def threads():
+        return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        with one_thread():
+            assert threads() == {1}
+        assert threads() == {2}

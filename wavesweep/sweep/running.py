@@ -16,7 +16,7 @@ import numpy as np
 from wavesweep.arguments import boolean
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.reproducibility import versions
+from wavesweep.reproducibility import one_thread, versions
 from wavesweep.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.sweep.job import Job, naming_values, slices_in
@@ -163,7 +163,8 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
 def in_memory(job: Job) -> Columns:
     """The table of a job, computed in this process."""
     store = MemoryCheckpoint()
-    compute(job, store, Workers(1, None, None, "as a library"))
+    with one_thread():
+        compute(job, store, Workers(1, None, None, "as a library"))
     return joined(blocks(job, store))
 
 

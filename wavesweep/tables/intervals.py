@@ -106,6 +106,8 @@ def of_calls(own: Job) -> Columns:
     from wavesweep.sweep.running import in_memory
 
     spec = own.grid.spec
+    if spec.for_all:
+        import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
     stages = [Stage("", own, ""), *([_for_all(spec, own, None)] if spec.for_all else [])]
     swept = {axis.path for axis in own.grid.axes}
     if wrong := [axis.name for axis in (spec.for_all.axes if spec.for_all else ()) if axis.path in swept]:
