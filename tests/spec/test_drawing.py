@@ -5,7 +5,6 @@ import tomllib
 
 import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
-from support.specs import nested
 
 import wavesweep
 from wavesweep.errors import SpecError, UsageError
@@ -108,16 +107,6 @@ def test_the_hand_of_a_drawn_loop_is_simulated(write):
     assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
     assert tables["simulate"]["friction"] == 0.0
     assert load(simulated.tables()).as_simulated().sha256 == simulated.sha256
-
-
-def test_a_simulation_fits_the_tick_and_needs_something_from_outside(write):
-    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, or hand = .*, found neither"):
-        load(write(NETWORK)).as_simulated()
-
-
-def test_a_spec_with_a_controller_is_no_drawing():
-    spec = load(nested({"controller.kind": "pmw"}))
-    assert (spec.drawing, spec.kind) == (None, "pmw")
 
 
 def test_a_number_in_a_block_is_an_axis_by_its_path():

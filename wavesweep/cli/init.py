@@ -45,11 +45,7 @@ NOTES = {
     "environment.delay": "a whole frame; the default, 0, is kinder than any engine",
     "filters.lp1.order": "or give band edges, see `wavesweep keys filters.lp1`",
 }
-AXES = {
-    "K_VE": "{ start = 0, stop = 5000 }",
-    "B_VE": "{ start = 0, stop = 10, num = 41 }",
-    "b": "[10, 20, 40, 80]",
-}
+AXES = {"K_VE": "{ start = 0, stop = 5000 }", "B_VE": "{ start = 0, stop = 10, num = 41 }", "b": "[10, 20, 40, 80]"}
 
 # Folder of drawn loops -> its heading in --list. The named recipes are loops that one begins with, too.
 DRAWN = {

@@ -330,11 +330,7 @@ TYPES = MappingProxyType(
             _INTEGRATION,
             steps="v[j] = (sqrt(2b) in[j] - f[j])/b, f[j] = K x_spring[j] + B v[j], out[j] = in[j] - sqrt(2/b) f[j], x and "
             "x_spring as in avatar",
-            stepwise=(
-                "1 - T/2*K*g; T/2 - T/2*K*T/2*g; T/2*r*g",
-                "-K*g; -K*T/2*g; r*g",
-                "-r*K*g; -r*K*T/2*g; r*r*g - 1",
-            ),
+            stepwise=("1 - T/2*K*g; T/2 - T/2*K*T/2*g; T/2*r*g", "-K*g; -K*T/2*g; r*g", "-r*K*g; -r*K*T/2*g; r*r*g - 1"),
         ),
     }
 )

@@ -111,14 +111,10 @@ DEVICES: Mapping[str, HapticDevice] = MappingProxyType(
             (5000.0, 30.0, DELTA_TABLE),
         ),
         "sigma": HapticDevice(
-            "Force Dimension sigma.7",
-            {"simulate.max_force": _FORCE_DIMENSION_LIMIT},
-            (4000.0, 30.0, DELTA_TABLE),
+            "Force Dimension sigma.7", {"simulate.max_force": _FORCE_DIMENSION_LIMIT}, (4000.0, 30.0, DELTA_TABLE)
         ),
         "lambda": HapticDevice(
-            "Force Dimension lambda.7",
-            {"simulate.max_force": _FORCE_DIMENSION_LIMIT},
-            (8000.0, 30.0, DELTA_TABLE),
+            "Force Dimension lambda.7", {"simulate.max_force": _FORCE_DIMENSION_LIMIT}, (8000.0, 30.0, DELTA_TABLE)
         ),
     }
 )

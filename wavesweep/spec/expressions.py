@@ -269,10 +269,7 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
 
 
 def evaluate(
-    tree: Tree,
-    numbers: Mapping[str, Any],
-    library: Any = math,
-    watch: Callable[[Tree, Any, Any, Any], None] | None = None,
+    tree: Tree, numbers: Mapping[str, Any], library: Any = math, watch: Callable[[Tree, Any, Any, Any], None] | None = None
 ) -> Any:
     """Return the value of a tree without signals.
 

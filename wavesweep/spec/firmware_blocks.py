@@ -14,12 +14,7 @@ from wavesweep.spec.keys import AHEAD
 DELTA = "delta"  # in place of true as `discrete` of a transfer function: its powers are those of z - 1
 # What names in the formulas of `BlockType` stand for, unless they are keys that are given.
 DEFINED = MappingProxyType(
-    {
-        "K": "tan(pi*frequency_hz*T)",
-        "a": "2*pi*cutoff_hz*T/(1 + 2*pi*cutoff_hz*T)",
-        "r": "sqrt(2*b)",
-        "g": "1/(b + B + K*T/2)",
-    }
+    {"K": "tan(pi*frequency_hz*T)", "a": "2*pi*cutoff_hz*T/(1 + 2*pi*cutoff_hz*T)", "r": "sqrt(2*b)", "g": "1/(b + B + K*T/2)"}
 )
 _ABSENT = {name: ("number", value, 0) for name, value in (("kp", 0.0), ("ki", 1.0), ("kd", 0.0), ("tau", 0.0))}
 TRAPEZIA = "trapezoidal"

@@ -31,10 +31,7 @@ INPUTS = {
     "noise": "white noise, a new value in each tick",
     "record": "the force of a CSV file",
 }
-STEPS = {
-    "elapsed": "the time since its last frame, as game engines do",
-    "nominal": "always rates.ratio ticks",
-}
+STEPS = {"elapsed": "the time since its last frame, as game engines do", "nominal": "always rates.ratio ticks"}
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
 FILTERS = ("lp1", "hp", "lp2")
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
@@ -290,16 +287,7 @@ KEYS, SIMULATE_KEYS, MEASURED_KEYS, REQUIRE_KEYS = map(_by_path, (_LOOP, _SIMULA
 DESIGN_KEYS = _by_path(_DESIGN)
 
 # Units at the port of a hand that turns, for those of one that slides.
-TURNED = MappingProxyType(
-    {
-        "m": "rad",
-        "N": "N*m",
-        "m/s": "rad/s",
-        "m/N": "rad/(N*m)",
-        "N/m": "N*m/rad",
-        "N*s/m": "N*m*s/rad",
-    }
-)
+TURNED = MappingProxyType({"m": "rad", "N": "N*m", "m/s": "rad/s", "m/N": "rad/(N*m)", "N/m": "N*m/rad", "N*s/m": "N*m*s/rad"})
 
 # Keys of the studies, which cannot be axes.
 STUDY_KEYS = _by_path(

@@ -168,10 +168,7 @@ def _parse(text: str, name: str) -> dict:
 
 def _unlike_text(text: str, name: str) -> Mistake | None:
     """Return the mistake of a file with bytes of 0, as UTF-16 has, or with a number of too many digits; None for any other."""
-    for pattern, expected in (
-        ("\0", UTF_8),
-        (r"\d{4301,}", "a number of fewer digits"),
-    ):
+    for pattern, expected in (("\0", UTF_8), (r"\d{4301,}", "a number of fewer digits")):
         if match := re.search(pattern, text):
             before = text[: match.start()]
             line, column = before.count("\n") + 1, match.start() - before.rfind("\n")

@@ -173,11 +173,7 @@ def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given, 
 
 # Which keys set a limit to which others.
 LIMITS = {
-    f"filters.{name}.cutoff_hz": (
-        "rates.fast_hz",
-        f"filters.{name}",
-        *(f"filters.{name}.{edge}" for edge in BAND_EDGES),
-    )
+    f"filters.{name}.cutoff_hz": ("rates.fast_hz", f"filters.{name}", *(f"filters.{name}.{edge}" for edge in BAND_EDGES))
     for name in FILTERS
 }
 LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
