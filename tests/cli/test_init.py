@@ -147,6 +147,8 @@ def test_numbers_are_put_into_a_drawn_loop(wavesweep, tmp_path, monkeypatch):
         code, _, err = wavesweep("init", "drive", "--set", setting, "--out", "other.toml")
         assert (code, said in err, Path("other.toml").exists()) == (2, True, False)
     assert wavesweep("init", "drive", "--device", "touch", "--out", "-")[0] == 2
+    assert wavesweep("init", "first-hour", "--set", "b=60", "--set", "rates.ratio=40")[0] == 0
+    assert [load("first-hour.toml").values[path] for path in ("controller.b", "rates.ratio")] == [60, 40]
 
 
 def test_numbers_are_put_into_the_loop_of_a_controller(wavesweep, tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ from wavesweep.spec import load
 from wavesweep.spec.checking import nearest, show
 from wavesweep.spec.describing import described, meaning_of
 from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.drawing import RATE
 from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
 from wavesweep.spec.reading import read_override, scan
 from wavesweep.spec.studies import DEFAULT_FREQUENCIES
@@ -145,15 +146,19 @@ def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> Non
 def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
     """The text of a drawn loop with numbers of the user's own, and with the name of its file in the commands that it shows."""
     text = path.read_text(encoding="utf-8").replace(f"sweeps/{path.parent.name}/{path.name}", shown)
-    numbers = {place[1]: place for place in scan(text) if place[0] == "numbers" and len(place) == 2}
-    numbers = {name: (*place, "value") if (*place, "value") in scan(text) else place for name, place in numbers.items()}
-    for name in (typed.partition("=")[0].strip().removeprefix("numbers.") for typed in settings):
+    places = {".".join(place): place for place in scan(text)}
+    numbers = {path: place for path, place in places.items() if path in (RATE, *KEYS)}
+    numbers |= {symbol: numbers[path] for symbol, path in SYMBOLS.items() if path in numbers}
+    for place in [place for place in places.values() if place[0] == "numbers" and len(place) == 2]:
+        numbers[place[1]] = places.get(f"numbers.{place[1]}.value", place)
+    chosen = {typed.partition("=")[0].strip().removeprefix("numbers."): typed for typed in settings}
+    for name in chosen:
         _known(name, numbers, f"number of {path.stem}")
     load(tomllib.loads(text), settings)  # refuses values that a spec refuses
-    for typed in settings:
-        (*_, name), value, _ = read_override(typed)
+    for name, typed in chosen.items():
         at = scan(text)[numbers[name]].value
-        text = text[:at] + json.dumps(value) + text[at + len(re.match(r"[^,}\]\s]+", text[at:])[0]) :]
+        value = json.dumps(read_override(typed)[1])
+        text = text[:at] + value + text[at + len(re.match(r"[^,}\]\s]+", text[at:])[0]) :]
     return text
 
 
