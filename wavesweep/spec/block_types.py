@@ -131,7 +131,7 @@ TYPES = MappingProxyType(
         ),
         "spring": _type(
             "spring and damper between two ends, continuous where these are plants: f1 = k (x2 - x1) + d (v2 - v1), f2 = -f1; "
-            "v1 and v2 need no wires without d, and an end that rests, as at the ground, is x2 and v2 without wires",
+            "without d, v1 and v2 need no wires; for an end at rest, as at the ground, leave x2 and v2 without wires",
             (("x1", "v1", "x2", "v2"), ("f1", "f2")),
             _number("k", "N/m", "stiffness"),
             _number("d", "N*s/m", "damping", 0.0),
@@ -172,8 +172,8 @@ TYPES = MappingProxyType(
             limits=("high", "low"),
         ),
         "delay": _type(
-            "u of so many runs of the block ago, or of a dead time of so many seconds ago, to any fraction of a tick: held "
-            "signals then arrive at plants between two ticks, and what a plant does is read between two ticks",
+            "u as it was some runs of the block ago, or a dead time ago, which may end between two ticks: held signals then "
+            "arrive at plants between two ticks, and plants are read between two ticks",
             _U_Y,
             whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
             number("seconds", None, "s", "in place of steps: dead time", low=0.0),
@@ -343,7 +343,7 @@ def without_rule(blocks: Iterable[Any]) -> list[str]:
 
 EVERY = whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")
 PHASE = whole("phase", 0, "tick of its first run, below every", 0, LONGEST_FRAME - 1, "tick")
-TICK_HZ = _number("tick_hz", "Hz", "common tick, of which each block runs at a whole part", positive=True)
+TICK_HZ = _number("tick_hz", "Hz", "rate of the common tick; each block runs every so many ticks", positive=True)
 # Names of columns of tables, which a number must not have, since it may be an axis.
 COLUMNS = frozenset(
     (
