@@ -10,7 +10,7 @@ import pytest
 
 from wavesweep import load
 from wavesweep.cli.entry import COMMANDS, command_of, group
-from wavesweep.cli.output import own_folder
+from wavesweep.cli.files import own_folder
 
 ROOT = Path(__file__).parents[2]
 

@@ -175,7 +175,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[
 
 def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:
     """The file of each picture. Errors: UsageError for a place that cannot be used, or one without a picture."""
-    from wavesweep.cli.output import own_folder, refuse_other_things
+    from wavesweep.cli.files import own_folder, refuse_other_things
 
     if not figures:
         if out is not None:

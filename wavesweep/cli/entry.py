@@ -6,21 +6,19 @@ A new command is a line in `COMMANDS` and a function of its name in a module of 
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from types import FrameType, MappingProxyType, ModuleType
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType, ModuleType
+from typing import TYPE_CHECKING
 
 import click
 
+from wavesweep.cli.stopping import Stopped, signals_unwind
 from wavesweep.cli.talk import Talk, talk
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.platform_compat import HANGUP, STOPPING
 from wavesweep.reproducibility import ONE_THREAD
 
 if TYPE_CHECKING:
@@ -28,9 +26,6 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
-# Signals that stop a run, with their messages; the exit code is 128 plus the number of the signal, as in a shell.
-STOPPED = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
-SOON = 0.01  # s
 # Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
@@ -166,14 +161,6 @@ def group(context: click.Context) -> None:
         raise click.UsageError(f"--json: {context.invoked_subcommand} prints no summary; leave it out")
 
 
-class Stopped(BaseException):
-    """A signal asked the run to stop. Not a subclass of Exception, so that no handler of errors catches it."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.line, self.exit_code = STOPPED[signal.Signals(number).name], 128 + number
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code.
 
@@ -194,7 +181,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if COMPLETING in os.environ:
             _completion().register()
-        with _signals_unwind(as_program), _warnings_unsaid(spoken.debug):
+        with signals_unwind(as_program), _warnings_unsaid(spoken.debug):
             code = group.main(words, prog_name="wavesweep", standalone_mode=False, obj=spoken)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code
         if spoken.debug and not isinstance(error, SystemExit | click.ClickException):
@@ -277,67 +264,6 @@ def _os_error(error: OSError) -> str:
         except OSError:
             where = "stdout"
     return f"{where}: {error.strerror or error}" if where is not None else f"{error.strerror or error}"
-
-
-@contextmanager
-def _signals_unwind(to_the_end: bool) -> Iterator[None]:
-    """Let signals that stop a run unwind the stack, so that temporary files are removed and workers end.
-
-    The second Ctrl-C or SIGTERM ends the process at once. A signal that is ignored stays so (nohup, jobs in the background).
-    to_the_end: leave none of Python's own afterwards, whose errors have tracebacks while Python shuts down.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    stopped: list[int] = []
-
-    def unwind(number: int, _: FrameType | None) -> None:
-        if not stopped:
-            stopped.append(number)
-            raise Stopped(number)
-        if number != HANGUP:  # a closing terminal and its shell both send it
-            os._exit(128 + number)
-
-    before, hook = {number: signal.getsignal(number) for number in STOPPING}, sys.unraisablehook
-    sys.unraisablehook = _sent_again(stopped, hook)
-    for number in STOPPING:
-        if before[number] in (signal.SIG_DFL, signal.default_int_handler):
-            signal.signal(number, unwind)
-    try:
-        with _counted(stopped):
-            yield
-    finally:
-        sys.unraisablehook = hook
-        for number, handler in before.items():
-            signal.signal(number, signal.SIG_DFL if to_the_end and handler is signal.default_int_handler else handler)
-
-
-@contextmanager
-def _counted(stopped: list[int]) -> Iterator[None]:
-    """Raise Stopped for a signal whose exception a library has dropped or replaced; stopped: the signals that came."""
-    try:
-        yield
-    except Exception as error:  # any that a library may have put in place of the signal's
-        if stopped:
-            raise Stopped(stopped[0]) from error
-        raise
-    if stopped:
-        raise Stopped(stopped[0])
-
-
-def _sent_again(stopped: list[int], hook: Callable[[Any], object]) -> Callable[[Any], None]:
-    """Return a hook that sends a signal once more if it arrived while Python finalised an object, which drops its exception."""
-
-    def again(failed: Any) -> None:
-        if not isinstance(failed.exc_value, Stopped):
-            hook(failed)
-            return
-        stopped.clear()
-        timer = threading.Timer(SOON, os.kill, (os.getpid(), failed.exc_value.exit_code - 128))
-        timer.daemon = True
-        timer.start()
-
-    return again
 
 
 @contextmanager

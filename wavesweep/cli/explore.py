@@ -74,8 +74,8 @@ def _has_screen() -> bool:
 
 
 def _save(spec, path: str, target: Path, overwrite: bool) -> None:
+    from wavesweep.cli.files import refuse_no_folder, write_whole
     from wavesweep.cli.messages import progress
-    from wavesweep.cli.output import refuse_no_folder, write_whole
     from wavesweep.explore.page import saved_page
 
     refuse_no_folder(target)

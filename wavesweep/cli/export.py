@@ -42,8 +42,8 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     from wavesweep import spec as specs
     from wavesweep.analyses.assumptions import assumes, over_preset
     from wavesweep.analyses.experiment import linear_loop
+    from wavesweep.cli.files import own_folder, refuse_other_things, write_whole
     from wavesweep.cli.messages import say, show_json
-    from wavesweep.cli.output import own_folder, refuse_other_things, write_whole
     from wavesweep.export import exported, terms_of
     from wavesweep.simulation import hand_force
     from wavesweep.tables.simulation import unstable

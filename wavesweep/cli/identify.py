@@ -86,8 +86,8 @@ def command(
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
     """
     from wavesweep import results
+    from wavesweep.cli.files import refuse_no_folder, refuse_other_things, write_whole
     from wavesweep.cli.messages import progress, say, show_json, where
-    from wavesweep.cli.output import refuse_no_folder, refuse_other_things, write_whole
     from wavesweep.identification.log import pairs
     from wavesweep.tables import kind_named
     from wavesweep.tables.identify import identify, spec_text

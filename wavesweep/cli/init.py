@@ -10,8 +10,8 @@ from textwrap import shorten, wrap
 import click
 
 from wavesweep.bundled import bundled
+from wavesweep.cli.files import refuse_no_folder, write_whole
 from wavesweep.cli.options import overwriting
-from wavesweep.cli.output import refuse_no_folder, write_whole
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
 from wavesweep.spec import load

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import shlex
-import stat
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from wavesweep.atomic_files import write_files
+from wavesweep.cli.files import own_folder
 from wavesweep.cli.messages import Progress, progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.cli.talk import talk
@@ -35,7 +32,6 @@ HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 LONG = 1_000_000  # rows, whose writing takes some seconds and has a bar of its own
 NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 MOST_CHANGES = 5  # of a spec that are listed
-LONGEST = 80  # letters of what --set changes, in the name of a folder
 
 
 def produce(
@@ -249,18 +245,6 @@ def folder_of(specs: Sequence[Spec], options: Options) -> Path:
     return Path(options.out or own_folder((each.name for each in specs), options.overrides))
 
 
-def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
-    """Return the folder for results without --out: `mine`, or `mine,b=40` with --set b=40, which keeps the spec's own results.
-
-    Characters other than letters, digits and . = , + - become _, for all file systems and shells. If something was changed
-    or cut off, a digest distinguishes such names.
-    """
-    own, said = "+".join(names), ",".join(overrides)
-    plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST].rstrip(".")
-    digest = "" if plain == said else f"-{sha256(said.encode()).hexdigest()[:8]}"
-    return Path("results", f"{own},{plain}{digest}" if said else own)
-
-
 class Finished(NamedTuple):
     """A table that was written: its kind, notices, summary as numbers and as lines, and the paths of its files."""
 
@@ -313,33 +297,3 @@ def _moving(report: Progress, total: int) -> Callable[[Mapping[str, Any]], None]
         report(done, total)
 
     return count
-
-
-def refuse_other_things(*files: Path) -> None:
-    """Raise UsageError if something else than a file is in the place of one of these, or a name is too long."""
-    for path in files:
-        try:
-            mode = path.lstat().st_mode
-        except (FileNotFoundError, NotADirectoryError):
-            continue
-        except OSError as error:
-            raise UsageError(f"{str(path)[:60]}: {error.strerror}; choose another name") from error
-        if not stat.S_ISREG(mode):
-            found = "a link" if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
-            raise UsageError(f"{path}: expected a file or none, found {found}; move it away, or choose another name")
-
-
-def refuse_no_folder(target: Path) -> None:
-    """Raise UsageError for a file in a folder that does not exist, or that may not be written to, or in place of no file."""
-    refuse_other_things(target)
-    if target.parent.is_dir() and not os.access(target.parent, os.W_OK | os.X_OK):
-        raise UsageError(f"{target}: the folder may not be written to; name a file in another one")
-    if not target.parent.is_dir():
-        raise UsageError(f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first")
-
-
-def write_whole(*files: tuple[Path, str]) -> None:
-    """Write files whole, each given by its path and text; none of them is touched if one does not fit the disk."""
-    for target, _ in files:
-        refuse_no_folder(target)
-    write_files({target: [text.encode(errors="backslashreplace")] for target, text in files})

@@ -65,8 +65,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     figure is the one that the command itself draws. A figure that is there already is replaced.
     """
     from wavesweep import plots, results
+    from wavesweep.cli.files import refuse_other_things
     from wavesweep.cli.messages import say
-    from wavesweep.cli.output import refuse_other_things
     from wavesweep.plots.files import save_all
     from wavesweep.plots.style import about_figure
 

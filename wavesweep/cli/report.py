@@ -45,8 +45,8 @@ def command(
       wavesweep report sweeps/recipes/current-loop.toml --out current-loop.html
       wavesweep report mine.toml --for-hands passive --cut wall.y
     """
+    from wavesweep.cli.files import own_folder, refuse_other_things, write_whole
     from wavesweep.cli.messages import progress, say
-    from wavesweep.cli.output import own_folder, refuse_other_things, write_whole
     from wavesweep.plots import refuse_settings
     from wavesweep.reports.content import Request, report
     from wavesweep.results import refuse_unusable
