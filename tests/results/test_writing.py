@@ -1,7 +1,6 @@
 """All files of a table appear or none does, other people's results stay, and blocks leave no trace."""
 
 import hashlib
-from dataclasses import replace
 from functools import partial
 from io import BytesIO
 
@@ -87,25 +86,29 @@ def test_an_infinity_is_refused_by_column_and_row_and_nothing_is_written(columns
     assert not (tmp_path / "new").exists()
 
 
-def test_a_figure_that_cannot_be_drawn_leaves_nothing(columns, facts, tmp_path):
+FULL = "No space left on device"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(28, FULL), (28, FULL)),
+        (OSError(f"Error writing bytes to file. Detail: [errno 28] {FULL}"), (28, FULL)),  # Arrow's way to say so
+        (ValueError("no such colour"), None),
+    ],
+)
+def test_a_figure_that_cannot_be_drawn_leaves_nothing_and_says_what_to_do(columns, facts, tmp_path, error, said):
     def fail(path):
         path.write_bytes(b"half")
-        raise OSError(28, "No space left on device")
+        raise error
 
-    with pytest.raises(OSError, match="No space left") as caught:
+    with pytest.raises(type(error)) as caught:
         publish(Table.of("zwidth", columns, facts, figure=fail), tmp_path)
-    assert (caught.value.errno, caught.value.filename) == (28, str(tmp_path))
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_disk_that_is_full_for_arrow_is_named_by_its_folder(columns, facts, tmp_path):
-    def fail(_):
-        raise OSError("Error writing bytes to file. Detail: [errno 28] No space left on device")
-
-    with pytest.raises(OSError, match="No space left") as caught:
-        publish(Table.of("zwidth", columns, facts, figure=fail), tmp_path)
-    assert (caught.value.errno, caught.value.strerror) == (28, "No space left on device")
-    assert caught.value.filename == str(tmp_path)
+    if said:
+        assert (caught.value.errno, caught.value.strerror, caught.value.filename) == (*said, str(tmp_path))
+    else:
+        assert "--no-plot writes the table without it" in caught.value.__notes__[0]
 
 
 def test_a_run_that_fails_half_way_keeps_the_old_results(columns, facts, tmp_path):
@@ -175,25 +178,9 @@ def test_a_table_that_does_not_fit_is_refused(columns, facts, tmp_path, change, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_figure_that_fails_leaves_nothing_half_written_and_says_how_to_do_without(columns, facts, tmp_path):
-    def fail(_):
-        raise ValueError("no such colour")
-
-    with pytest.raises(ValueError, match="no such colour") as failed:
-        publish(replace(Table.of("zwidth", columns, facts), figure=fail), tmp_path)
-    assert "--no-plot writes the table without it" in failed.value.__notes__[0]
-    assert not [path for path in tmp_path.rglob("*") if path.is_file() and "lock" not in path.name]
-
-
 def test_a_byte_that_was_changed_is_noticed_though_the_size_is_the_same(columns, facts, tmp_path):
     publish(Table.of("zwidth", columns, facts), tmp_path)
     csv = tmp_path / "zwidth.csv"
     csv.write_bytes(csv.read_bytes()[:-2] + bytes([csv.read_bytes()[-2] ^ 1]) + b"\n")
     with pytest.raises(UsageError, match="torn or was changed"):
         read_table(csv)
-
-
-def test_the_figure_of_another_spec_does_not_stay_beside_the_new_table(columns, facts, tmp_path):
-    publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
-    publish(Table.of("zwidth", columns, facts | {"spec_sha256": "cd" * 32}), tmp_path, overwrite=True)
-    assert not (tmp_path / "zwidth.png").exists()

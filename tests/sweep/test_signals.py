@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from support.chunks import finished
-from support.program import PROGRAM
+from support.program import started
 
 pytestmark = [
     pytest.mark.slow,
@@ -82,14 +82,9 @@ def start(tmp_path_factory):
     number = iter(range(10**6))
 
     def begin(out, *options):
-        mark = f"WAVESWEEP_TEST_RUN={home}-{next(number)}-"
-        arguments = [sys.executable, "-c", PROGRAM, "zwidth", "wall.toml", "--no-plot", "--out", str(out), *options]
-        name, _, value = mark.partition("=")
-        process = subprocess.Popen(
-            arguments, cwd=home, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-            env=os.environ | {name: value},
-        )  # fmt: skip
-        return Run(process, mark)
+        mark = f"{home}-{next(number)}-"
+        run = started(home, "zwidth", "wall.toml", "--out", out, *options, WAVESWEEP_TEST_RUN=mark)
+        return Run(run, f"WAVESWEEP_TEST_RUN={mark}")
 
     return begin
 

@@ -6,14 +6,12 @@ WAVESWEEP_KILLS=20 in the environment asks for more kills than the two of an ord
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
 from support.chunks import finished
-from support.program import PROGRAM
+from support.program import started
 
 from wavesweep.sweep import workers
 
@@ -39,14 +37,7 @@ def start(tmp_path_factory):
     """Start a run of one spec in a folder; Ctrl-C reaches it, and the signal goes to its whole group as on a terminal."""
     home = tmp_path_factory.mktemp("spec")
     (home / "wall.toml").write_text(SPEC)
-
-    def begin(out, *options):
-        arguments = [sys.executable, "-c", PROGRAM, "zwidth", "wall.toml", "--no-plot", "--out", str(out), *options]
-        return subprocess.Popen(
-            arguments, cwd=home, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        )  # fmt: skip
-
-    return begin
+    return lambda out, *options: started(home, "zwidth", "wall.toml", "--out", out, *options)
 
 
 def finish(process):
@@ -139,8 +130,7 @@ def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(comma
     (tmp_path / "long.toml").write_text(LONG)
 
     def begin(out, *options):
-        arguments = [sys.executable, "-c", PROGRAM, command, "long.toml", "--no-plot", "--out", out, *options]
-        return subprocess.Popen(arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
+        return started(tmp_path, command, "long.toml", "--out", out, *options)
 
     def files(out):
         return [(tmp_path / out / f"{command}.{form}").read_bytes() for form in ("csv", "parquet")]
