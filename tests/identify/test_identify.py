@@ -9,7 +9,7 @@ from wavesweep.errors import UsageError
 from wavesweep.identification.fit import fitted
 from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, measured, readings
-from wavesweep.identification.response import admittance
+from wavesweep.identification.response import Hold, admittance
 from wavesweep.identification.verdict import identified
 from wavesweep.tables import identify as of_identify
 
@@ -312,7 +312,7 @@ def test_a_frequency_response_has_the_same_numbers(tmp_path):
     """The model is scipy's, and intervals contain the truth; what a model lacks is named."""
     source, path = np.random.default_rng(3), tmp_path / "frf.csv"
     H = discrete_admittance(0.1, 1.0, 30.0, 1.5)
-    assert admittance({"mass": 0.1, "damping": 1.0, "stiffness": 30.0, "delay": 1.5}, HERTZ, 1 / RATE) == pytest.approx(H)
+    assert admittance({"mass": 0.1, "damping": 1.0, "stiffness": 30.0, "delay": 1.5}, HERTZ, Hold(1 / RATE)) == pytest.approx(H)
     H = H * (1 + 0.01 * (source.standard_normal(60) + 1j * source.standard_normal(60)))
     written_response(path, H)
     found = wavesweep.identify(path, spring=True, rate_hz=RATE).attrs["summary"]
@@ -329,6 +329,23 @@ def test_a_frequency_response_has_the_same_numbers(tmp_path):
     assert left["residual"]["frequency_hz"] == pytest.approx(30, rel=0.1)
 
 
-def written_response(path, H):
+@pytest.mark.slow
+def test_intervals_from_an_analogue_response_of_the_velocity_contain_the_truth(tmp_path):
+    """In 36 of 40 or more, whose mobility is that of a transfer function with a dead time; nothing is held."""
+    source, path, inside = np.random.default_rng(5), tmp_path / "frf.csv", []
+    s = 2j * np.pi * HERTZ
+    for _ in range(40):
+        mass, damping, delay = source.uniform(0.03, 0.3), source.uniform(0.2, 2.0), source.uniform(0, 4)
+        mobility = np.exp(-s * delay * 1e-3) / (mass * s + damping)
+        mobility = mobility * (1 + 0.01 * (source.standard_normal(60) + 1j * source.standard_normal(60)))
+        written_response(path, mobility, "mobility")
+        found = wavesweep.identify(path).attrs["summary"]["parameters"]
+        truth = {"mass": mass, "damping": damping, "delay": delay}
+        inside.append([found[name]["low"] < value < found[name]["high"] for name, value in truth.items()])
+    assert found["delay"]["unit"] == "ms"
+    assert (np.sum(inside, axis=0) >= 36).all()
+
+
+def written_response(path, H, name="admittance"):
     table = np.c_[HERTZ, np.abs(H), np.degrees(np.angle(H))]
-    np.savetxt(path, table, delimiter=",", header="frequency_hz,admittance_abs,admittance_deg", comments="")
+    np.savetxt(path, table, delimiter=",", header=f"frequency_hz,{name}_abs,{name}_deg", comments="")

@@ -48,7 +48,7 @@ LOGS = {
 }
 SIZES = "frequency_hz,admittance_abs,admittance_deg"
 RESPONSES = {
-    "no rate": (SIZES, 60, {}),
+    "a rate and friction": (SIZES, 60, {"friction": True}),
     "friction": (SIZES, 60, {"rate_hz": 1e3, "friction": True}),
     "few frequencies": (SIZES, 5, {"rate_hz": 1e3}),
     "other columns": ("frequency_hz,abs,deg", 60, {"rate_hz": 1e3}),

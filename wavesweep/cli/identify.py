@@ -30,7 +30,7 @@ OWN = "# The device of "  # what a spec of this command begins with
     "rate_hz",
     type=click.FloatRange(min=0, min_open=True),
     metavar="HZ",
-    help="Of a frequency response: the rate at which its force was held.",
+    help="Of a frequency response: the rate at which its force was held [default: an analogue force].",
 )
 @click.option(
     "--motor-constant",
@@ -75,7 +75,9 @@ def command(
     or, if it does not, what is missing.
 
     A CSV file with the columns frequency_hz, admittance_abs and admittance_deg (or _re and _im), and maybe coherence, is a
-    frequency response (m/N), to which mass, damping, spring and delay are fitted; it needs --rate.
+    frequency response (m/N), to which mass, damping, spring and delay are fitted. Its force is analogue; with --rate it was
+    held over ticks. mobility_abs, ... (m/s/N) and accelerance_abs, ... (m/s^2/N) are responses of the velocity and of the
+    acceleration.
 
     The spec has the device, and the intervals in [for_all], so that every other command answers for all of them. The table
     identify, with its figure, goes to results/<log's name>: measured and fitted positions, residual and its spectrum.

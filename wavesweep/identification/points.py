@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wavesweep.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
+DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}  # responses of position, velocity and acceleration
 WALL, STABLE = ("B_VE", "K_VE"), "stable"
 LEAST_ROWS = 8  # of a response that is fitted
 MOST_BYTES = 100_000_000
@@ -57,11 +58,13 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
-    parts = next((p for p in (("abs", "deg"), ("re", "im")) if {f"{NAME}_{each}" for each in p} <= set(file.names)), None)
-    if parts is None or FREQUENCY not in file.names:
+    forms = [(name, parts) for name in DERIVED for parts in (("abs", "deg"), ("re", "im"))]
+    known = [(name, parts) for name, parts in forms if {f"{name}_{each}" for each in parts} <= set(file.names)]
+    if not known or FREQUENCY not in file.names:
         expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
         raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
-    names = [FREQUENCY, *(f"{NAME}_{each}" for each in parts), *([COHERENCE] if COHERENCE in file.names else [])]
+    name, parts = known[0]
+    names = [FREQUENCY, *(f"{name}_{each}" for each in parts), *([COHERENCE] if COHERENCE in file.names else [])]
     hertz, one, two, *rest = file.numbers(names, least).T
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
@@ -71,7 +74,7 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
     if ((one <= 0) if parts[0] == "abs" else (one == 0) & (two == 0)).any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
     H = one * np.exp(1j * np.radians(two)) if parts[0] == "abs" else one + 1j * two
-    return FrequencyResponse(hertz, H, coherence, file.sha256)
+    return FrequencyResponse(hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256)
 
 
 def read_walls(path: str | Path) -> Walls:

@@ -1,4 +1,4 @@
-"""The fit of a device to a frequency response: the admittance of the sampled model, with relative errors."""
+"""The fit of a device to a frequency response: the admittance of the model, sampled or analogue, with relative errors."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -59,8 +59,23 @@ def _numbers(model, theta):
     return model.numbers(np.append(theta, np.zeros(len(model.own))))
 
 
-def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: float) -> np.ndarray:
-    """Admittance (m/N) of the sampled model, `(frequencies,)`: positions at the ticks over the force that is held between."""
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """How a response was measured: with a force that was held over ticks of `period` s, or with an analogue one.
+
+    The delay is in ticks; of an analogue force `period` is its unit.
+    """
+
+    period: float
+    held: bool = True
+
+
+def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hold) -> np.ndarray:
+    """Admittance (m/N) of the model, `(frequencies,)`: of one that is sampled, positions at the ticks over the held force."""
+    period = hold.period
+    if not hold.held:
+        s = 2j * np.pi * frequency_hz
+        return np.exp(-s * period * numbers["delay"]) / (numbers["mass"] * s**2 + numbers["damping"] * s + numbers["stiffness"])
     (vv, vx), (xv, xx) = step(numbers, period)
     angle, whole = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
     # With a delay of part of a tick, the force of the tick before acts in this part, see `model`.
@@ -72,16 +87,16 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, period: f
     return ((ahead - vv) * by_x + xv * by_v) / determinant * np.exp(-1j * angle * whole)
 
 
-def fitted_response(measured: FrequencyResponse, period: float, model: Model) -> ResponseFit:
-    """Fit a model without friction. period: of the ticks at which the force is held (s)."""
-    theta, left, J = _fit(measured, period, model, _first(measured, period, model))
+def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
+    """Fit a model without friction."""
+    theta, left, J = _fit(measured, hold, model, _first(measured, hold, model))
     numbers = 2 * len(measured.frequency_hz) - len(theta)
     square = float(left @ left) / numbers
     extra, half = 0.0, stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
-    H = admittance(_numbers(model, theta), measured.frequency_hz, period)
+    H = admittance(_numbers(model, theta), measured.frequency_hz, hold)
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
-    named = max(_tried(measured, period, model, theta, left, J), key=lambda each: each[2])
+    named = max(_tried(measured, hold, model, theta, left, J), key=lambda each: each[2])
     rare = len(H) * named[2] > np.log(TONES) + RARE  # noise explains shares of 1/n; the largest of many is ln(number)/n
     far = float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300)) > np.log(len(H)) + RARE
     explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
@@ -91,7 +106,7 @@ def fitted_response(measured: FrequencyResponse, period: float, model: Model) ->
         named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
     if not explained:  # there are fewer independent errors than frequencies
         extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, ALIKE))) - 1)
-        extra[:2] += euler(_numbers(model, theta), period)
+        extra[:2] += euler(_numbers(model, theta), hold.period) * hold.held
     return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra)
 
 
@@ -101,27 +116,27 @@ def _weights(measured):
     return np.sqrt(square / (1 - square)) / np.sqrt(0.9999 / 0.0001)
 
 
-def _off(measured, period, model, theta):
+def _off(measured, hold, model, theta):
     # The logarithm of the ratio: unlike the difference over the measured size, errors leave no bias in it.
     with np.errstate(all="ignore"):
-        found = admittance(_numbers(model, theta), measured.frequency_hz, period)
+        found = admittance(_numbers(model, theta), measured.frequency_hz, hold)
         off = _weights(measured) * np.log(measured.admittance / found)
     return np.nan_to_num(np.concatenate([off.real, off.imag]), nan=1e6, posinf=1e6, neginf=-1e6)
 
 
-def _fit(measured, period, model, start):
+def _fit(measured, hold, model, start):
     size = np.maximum(np.abs(start), [{"delay": 1.0}.get(name, 1e-3) for name in _names(model)])
     done = least_squares(
-        lambda part: _off(measured, period, model, part * size), start / size, "3-point", x_scale="jac", xtol=1e-12, ftol=1e-14
+        lambda part: _off(measured, hold, model, part * size), start / size, "3-point", x_scale="jac", xtol=1e-12, ftol=1e-14
     )
     return done.x * size, done.fun, done.jac / size
 
 
-def _first(measured, period, model):
+def _first(measured, hold, model):
     """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
     omega, best = 2 * np.pi * measured.frequency_hz, None
     for late in LATE if model.delay is None else (model.delay,):
-        ahead = measured.admittance * np.exp(1j * omega * period * (late + 0.5))  # a held force is half a tick late
+        ahead = measured.admittance * np.exp(1j * omega * hold.period * (late + 0.5 * hold.held))  # if held, half a tick late
         columns = [-(omega**2), 1j * omega, *([np.ones_like(omega)] if model.spring else [])]
         A = np.stack([column * ahead for column in columns], axis=1)
         A, one = np.concatenate([A.real, A.imag]), np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
@@ -135,14 +150,14 @@ def _first(measured, period, model):
     return best[1]
 
 
-def _tried(measured, period, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
+def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
     """Yield effects that the model lacks, and the share of the residual that each removes."""
     before, known = float(left @ left), _numbers(model, theta)
     more = [] if model.spring else [("spring", replace(model, spring=True))]
     more += [] if model.delay is None else [("delay", replace(model, delay=None))]
     for name, larger in more:
         start = np.array([known[each] for each in _names(larger)])
-        after = _fit(measured, period, larger, start)[1]
+        after = _fit(measured, hold, larger, start)[1]
         yield name, float("nan"), 1 - float(after @ after) / before
     hertz, weights = measured.frequency_hz, _weights(measured)
     for tone in np.geomspace(hertz[0], hertz[-1], TONES):

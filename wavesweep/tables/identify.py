@@ -27,6 +27,7 @@ METHOD = (
 )
 UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
 OF_FORCE = ("mass", "damping", "stiffness", "friction", "offset")  # which are proportional to the motor's constant
+MILLI = 1e-3  # s, the unit of the delay of an analogue force
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
 TURNING = {"mass": "kg*m^2"}
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
@@ -74,24 +75,25 @@ def identify(path: str, **asked: Unpack[Asked]) -> Table:
     if is_response(path):
         if asked.get("columns") or asked.get("scales") or asked.get("resolution") is not None or asked.get("friction"):
             raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
-        if rate_hz is None:
-            raise UsageError(f"{path}: a frequency response needs the rate at which its force was held: --rate HZ")
-        return _of_response(path, 1 / rate_hz, asked.get("spring", False), asked.get("delay"))
+        return _of_response(path, rate_hz, asked.get("spring", False), asked.get("delay"))
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
     return _of_log(path, asked)
 
 
-def _of_response(path: str, period: float, spring: bool, delay: float | None) -> Table:
+def _of_response(path: str, rate_hz: float | None, spring: bool, delay: float | None) -> Table:
     from wavesweep.columns import complex_columns
     from wavesweep.identification.model import Model
     from wavesweep.identification.points import read_response
-    from wavesweep.identification.response import fitted_response
+    from wavesweep.identification.response import Hold, fitted_response
 
+    period = MILLI if rate_hz is None else 1 / rate_hz
     started = time.perf_counter()
     measured, model = read_response(path), Model(spring=spring, delay=delay)
-    fit = fitted_response(measured, period, model)
+    fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
+    for each in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
+        each["unit"] = "ms"
     _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N")
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
@@ -100,7 +102,11 @@ def _of_response(path: str, period: float, spring: bool, delay: float | None) ->
         "share_of_missing": fit.share,
     }
     asked = {"spring": spring, "delay": delay, "period_s": period}
+    if rate_hz is None:
+        asked |= {"analogue": True}
     facts = _facts(path, measured.sha256, asked, period, parameters, (fit.explained, fit.missing, residual), started)
+    if rate_hz is None:
+        facts["notices"] = ["the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"]
     parts = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
     found = {
         "frequency_hz": measured.frequency_hz,
@@ -327,7 +333,8 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
 def _negative(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Sentences on numbers below 0."""
     if (delay := parameters["delay"]["value"]) < -EARLY:
-        yield f"the position is {-delay:.3g} ticks ahead of its force: are the two columns of the same time?"
+        unit = parameters["delay"]["unit"].replace("tick", "ticks")
+        yield f"the position is {-delay:.3g} {unit} ahead of its force: are the two columns of the same time?"
     for name in PATHS:
         if name in parameters and parameters[name]["low"] < 0:
             yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
