@@ -20,7 +20,7 @@ from wavesweep.loops.from_drawing import OUTPUT, first_of
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.spec import Axis, Require, Spec, load
-from wavesweep.spec.loading import naming, showing
+from wavesweep.spec.loading import naming
 from wavesweep.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.sweep.running import Options
 from wavesweep.tables import identify as of_identify
@@ -189,7 +189,7 @@ class Loop:
         """
         from wavesweep.analyses.responses import one_spec
 
-        spec, frequency = showing(naming(self.spec, axes), to), frequencies_asked(self.spec, frequency_hz)
+        spec, frequency = naming(self.spec, axes, to), frequencies_asked(self.spec, frequency_hz)
         routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
         asked = axes_asked(spec, axes)
         found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])

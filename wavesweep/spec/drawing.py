@@ -20,9 +20,8 @@ from wavesweep.spec.reading import Leaf
 MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
 NUMBER_WORDS = (".unit", ".description")
-OF_NUMBERS = (
-    "numbers."  # prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path
-)
+# Prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path.
+OF_NUMBERS = "numbers."
 STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")  # keys that decide how a loop is built
 
 Path = tuple[str, ...]

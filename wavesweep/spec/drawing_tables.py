@@ -265,10 +265,10 @@ class _TableReader(KeyReader):
                 continue
             expected = "{ " + ", ".join(PORTS[name]) + " }"
             for part, leaf in parts.items():
-                if not part:
+                if part:
+                    self.mistakes.is_known(part, PORTS[name], leaf, f"{path}.{part}")
+                else:
                     self.refuse(leaf, path, expected, show(leaf.value))
-                elif part not in PORTS[name]:
-                    self.refuse(leaf, f"{path}.{part}", expected, "another key", nearest(part, PORTS[name]))
             missing = [part for part in PORTS[name] if part not in parts and part not in OPTIONAL]
             if missing and "" not in parts:
                 expected = f"both {' and '.join(PORTS[name][:2])}{WITHOUT * (missing == ['damping'])}"
@@ -372,18 +372,15 @@ class _TableReader(KeyReader):
 
     def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
         numbers = []
-        for part in PORTS["wall"]:
-            leaf = parts.get(part)
-            if leaf is None:
-                continue
-            self.leaves[f"ports.wall.{part}"] = leaf
-            expected, hint = "another number than the stiffness" if leaf.value in numbers else "", ""
-            if leaf.value not in self.numbers or leaf.value in self.meanings:
-                expected = "the name of a number in [numbers]"
-                hint = nearest(leaf.value, self.numbers) if isinstance(leaf.value, str) else ""
-            if expected:
-                self.refuse(leaf, f"ports.wall.{part}", expected, show(leaf.value), hint, of_key=False)
-            numbers.append(str(leaf.value))
+        for part, leaf in ((part, parts[part]) for part in PORTS["wall"] if part in parts):
+            path, name = f"ports.wall.{part}", leaf.value
+            self.leaves[path] = leaf
+            if name not in self.numbers or name in self.meanings:
+                hint = nearest(name, self.numbers) if isinstance(name, str) else ""
+                self.refuse(leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False)
+            elif name in numbers:
+                self.refuse(leaf, path, "another number than the stiffness", show(name), of_key=False)
+            numbers.append(str(name))
         return tuple(numbers) or None
 
     def unread(self, signals: Iterable[str]) -> None:

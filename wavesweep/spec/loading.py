@@ -57,40 +57,30 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     return _build(name, path, leaves, place, mistakes)
 
 
-def naming(spec: Spec, names: Iterable[object]) -> Spec:
+def naming(spec: Spec, names: Iterable[object], signal: str | None = None) -> Spec:
     """Return the spec in which these keys of blocks (`block.m.mass`) are numbers too, as those are that [sweep] names.
 
-    Other names, and keys that are not written as a number, are left to the caller.
+    signal: of a drawn loop, which is an output too, as the one is that [bode] names. Other names, and keys that are not written
+    as a number, are left to the caller.
     """
-    of_blocks = (name for name in names if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name))
-    return _naming(spec, tuple(of_blocks)) if spec.drawing else spec
-
-
-@lru_cache(maxsize=64)
-def showing(spec: Spec, signal: str | None) -> Spec:
-    """Return the spec in which a signal of a drawn loop is an output too, as those are that [bode] names.
-
-    Other names are left to the caller.
-    """
-    if spec.drawing is None or signal not in spec.drawing.signals:
+    if spec.drawing is None:
         return spec
-    tables = spec.tables()
-    shown = load(tables | {"bode": tables["bode"] | {"to": signal}})
-    return replace(shown, name=spec.name, source=spec.source)
+    of_blocks = (name for name in names if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name))
+    return _naming(spec, tuple(of_blocks), signal if signal in spec.drawing.signals else None)
 
 
 @lru_cache(maxsize=64)
-def _naming(spec, names):
+def _naming(spec, names, signal):
+    if not names and signal is None:
+        return spec
     tables = spec.tables()
     written = {f"block.{block}.{key}": value for block, keys in tables["block"].items() for key, value in keys.items()}
     new = {name: [written[name]] for name in names if isinstance(written.get(name), (int, float))}
-    if not new:
-        return spec
+    tables |= {"sweep": tables["sweep"] | new, "bode": tables["bode"] | ({} if signal is None else {"to": signal})}
     try:
-        named = load(tables | {"sweep": tables.get("sweep", {}) | new})
+        return replace(load(tables), name=spec.name, source=spec.source)
     except SpecError:  # a key that has a number and takes none that varies
         return spec
-    return replace(named, name=spec.name, source=spec.source)
 
 
 def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes) -> dict[Path, Leaf]:

@@ -70,10 +70,9 @@ def _controlled() -> Schema:
     delay = loop["environment"]["properties"]["delay"]
     loop["environment"]["properties"]["delay"] = {"anyOf": [delay, {"const": "frame"}]}
     loop["controller"]["required"] = ["kind"]
-    frequency = {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])}
     tables = loop | {
-        "sweep": _tables(axes | {"along": _value(STUDY_KEYS["sweep.along"]), "require": _named(REQUIRE_KEYS)}),
-        "bode": _tables(axes | frequency),
+        "sweep": _tables(axes | SWEEP),
+        "bode": _tables(axes | FREQUENCY),
         "for_all": _tables(ranges | {"lost": _value(LOST)}),
         "design": _design(_tables(axes), list(WISHES)),
     }
@@ -90,9 +89,7 @@ def _drawn() -> Schema:
         )
         for name, parts in OF_PORTS.items()
     }
-    along = {"along": _value(STUDY_KEYS["sweep.along"]), "require": _named(REQUIRE_KEYS)}
-    bode = {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])}
-    bode |= {name: _value(STUDY_KEYS[f"bode.{name}"]) for name in ("from", "to")}
+    bode = FREQUENCY | {name: _value(STUDY_KEYS[f"bode.{name}"]) for name in ("from", "to")}
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
     tables = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
@@ -102,7 +99,7 @@ def _drawn() -> Schema:
         "signals": _tables({}, wire),
         "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
         "ports": _tables(ports | {side: _tables({}, end) for side in ("inputs", "outputs")}),
-        "sweep": _tables(along, AXIS),
+        "sweep": _tables(SWEEP, AXIS),
         "bode": _tables(bode, AXIS),
         "for_all": _tables({"lost": {"anyOf": [_value(LOST), RANGE]}}, RANGE),
         "design": _design(_tables({}, AXIS), [wish for wish, kind in WISHES.items() if kind.ports is not None]),
@@ -203,3 +200,7 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
     """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
     return {"type": "object", "properties": dict(properties), "additionalProperties": others, **more}
+
+
+SWEEP = {"along": _value(STUDY_KEYS["sweep.along"]), "require": _named(REQUIRE_KEYS)}
+FREQUENCY = {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])}
