@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.scales import by_factors
-from wavesweep.plots.style import GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below
+from wavesweep.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
 from wavesweep.plots.words import assumption, at_hand, label, printed, with_unit
 from wavesweep.spec.design import WISHES
 from wavesweep.tables.columns import fields
@@ -143,8 +143,8 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
         whole = {path for path in values if isinstance(spec.values.get(path), int)}
         one = spec.with_values({path: int(value) if path in whole else float(value) for path, value in values.items()})
         admittance, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), radius_of(one) < 1
-        state = {"label": name} if stable else {"label": f"{name}, unstable", "alpha": 0.35}
-        axes.loglog(frequency, 1e3 * np.abs(admittance), color=look.colour, linestyle=look.line, **state)
+        colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
+        axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
     axes.set_xlabel("frequency (Hz)")
     axes.set_ylabel(at_hand("admittance", "admittance_abs", "mm/N", {"spec": spec.tables()}))
     axes.grid(**GRID)

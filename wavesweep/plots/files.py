@@ -1,8 +1,7 @@
 """Figures as files: PNG, SVG, PDF and EPS, the same bytes for the same drawing."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,7 @@ from wavesweep.plots.style import DOTS_PER_INCH, style
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
     """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
 
-    The same drawing gives the same bytes: there is no date in the file. EPS has no transparency: there, transparent parts have
-    the colour that they have on white.
+    The same drawing gives the same bytes: there is no date in the file.
     """
     with style():
         if path.suffix == ".png":
@@ -73,31 +71,6 @@ def png(canvas: Any, about: Mapping[str, str]) -> bytes:
 
 def _eps(canvas: Any, about: Mapping[str, str]) -> bytes:
     file = BytesIO()
-    with _opaque(canvas):
-        canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
+    canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
     title = f"%%Title: {about['Title']}\n".encode("ascii", "replace")
     return re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1)
-
-
-@contextmanager
-def _opaque(canvas: Any) -> Iterator[None]:
-    """Give transparent parts the colours that they have on white, within the context."""
-    from matplotlib.colors import to_rgba_array
-
-    before = []
-    for each in canvas.findobj(lambda part: part.get_alpha() is not None):
-        alpha = each.get_alpha()
-        each.set_alpha(None)
-        for name in ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor"):
-            if hasattr(each, f"get_{name}") and hasattr(each, f"set_{name}"):
-                own = getattr(each, f"get_{name}")()
-                before.append((getattr(each, f"set_{name}"), own))
-                colours = to_rgba_array(own)
-                mixed = [(*(1 - alpha * (1 - colour[:3])), 1.0) if colour[3] else "none" for colour in colours]
-                getattr(each, f"set_{name}")(mixed[0] if len(mixed) == 1 else mixed)
-        before.append((each.set_alpha, alpha))
-    try:
-        yield
-    finally:
-        for put, own in before:
-            put(own)

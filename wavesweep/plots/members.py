@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.layout import rows_with, where
-from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks
+from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, paler
 from wavesweep.plots.words import shortened, valued
 from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, incomplete
@@ -181,8 +181,7 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
         for row in stable.tolist():
             low, high = rows["low"][row], rows["high"][row]
             bar = {"width": high - low, "left": low, "height": 2 * HALF_BAR, "linewidth": 0}
-            axes.barh(place, **bar, color="white", zorder=0.5)
-            axes.barh(place, **bar, color=colour, alpha=0.25)
+            axes.barh(place, **bar, color=paler(colour, 0.25))
             edge, style = (colour, "-") if rows["certified"][row] else (DOUBTFUL, "--")
             ends = [rows[end][row] for end in ("low", "high") if not np.isnan(rows[f"{end}_omega"][row])]
             if ends:

@@ -11,7 +11,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.plots.layout import MOST_MEMBERS
 from wavesweep.plots.steps import MARK, draw_others, draw_step
-from wavesweep.plots.style import GRID, TWO_COLUMNS, Look, family_looks, figure, fitting, is_narrow, note_below, wide
+from wavesweep.plots.style import GRID, TWO_COLUMNS, Look, family_looks, figure, fitting, is_narrow, note_below, paler, wide
 from wavesweep.plots.words import assumption, valued
 from wavesweep.response.step import Step
 from wavesweep.spec import Axis, Spec
@@ -207,7 +207,7 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> No
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
         said = f"disk margin {loop.table['disk'][0]:.3g}"
-        axes.fill(disk.real, disk.imag, facecolor=_DISK, edgecolor=_DISK, alpha=0.25, linewidth=0.8, label=said)
+        axes.fill(disk.real, disk.imag, facecolor=paler(_DISK, 0.25), edgecolor=paler(_DISK, 0.25), linewidth=0.8, label=said)
     for name, at in loop.marks.items():
         said = in_words(name, *loop.table[name])
         axes.plot([at.real], [at.imag], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name), label=said)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks
+from wavesweep.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
 from wavesweep.tables.regions import Chain, Region, View, incomplete
 
 _SHADE, _FAINT = 0.22, 0.05
@@ -36,13 +36,7 @@ def area_handle(look: Look, name: str) -> Any:
     """The entry of a legend for an area that is filled."""
     from matplotlib.patches import Patch
 
-    return Patch(facecolor=_pale(look), edgecolor=look.colour, label=name)
-
-
-def _pale(look: Look) -> tuple[float, ...]:
-    from matplotlib.colors import to_rgb
-
-    return tuple(1 - _SHADE * (1 - part) for part in to_rgb(look.colour))
+    return Patch(facecolor=paler(look.colour, _SHADE), edgecolor=look.colour, label=name)
 
 
 def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: float = 0.0, members: int = 1) -> None:
@@ -58,9 +52,9 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
         axes.axvspan(left, right, **UNKNOWN)
     if region.unknown:  # no hatching under what is known
         axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
-    shade: dict[str, Any] = {"facecolor": look.colour, "alpha": _FAINT, "linewidth": 0}
-    if filled:  # opaque, with a hairline, so that no seam shows between two outlines
-        shade = {"facecolor": _pale(look), "edgecolor": _pale(look), "linewidth": 0.4, "zorder": 0.6}
+    shade = {"facecolor": paler(look.colour, _SHADE if filled else _FAINT), "linewidth": 0, "zorder": 0.6 if filled else 0.55}
+    if filled:  # with a hairline, so that no seam shows between two outlines
+        shade |= {"edgecolor": shade["facecolor"], "linewidth": 0.4}
     axes.add_collection(PolyCollection(region.areas, **shade))
     if filled:  # what is stable and not certified is dotted
         axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))

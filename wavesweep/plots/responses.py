@@ -13,6 +13,7 @@ from wavesweep.plots.measured import coloured, draw_responses
 from wavesweep.plots.sampling import Curves
 from wavesweep.plots.scales import add_decibels, by_factors, goes_by_factors, in_degrees, scale_magnitudes
 from wavesweep.plots.style import (
+    FAINT,
     GRID,
     IDEAL,
     LINES,
@@ -25,6 +26,7 @@ from wavesweep.plots.style import (
     fitting,
     is_narrow,
     note_below,
+    paler,
     wide,
 )
 from wavesweep.plots.words import assumption, at_hand, label, printed, shortened, valued, with_unit
@@ -173,7 +175,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
         line = (places[~static], values[~static])
         line = _broken(*line) if name.endswith("_deg") else line
-        alone, edge = _alone(line[1]), {key: curve.style[key] for key in ("color", "alpha") if key in curve.style}
+        alone, edge = _alone(line[1]), {"color": curve.style["color"]}
         marked = "marker" in curve.style
         style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
         axes.plot(*line, label=curve.label or None, **style)
@@ -293,4 +295,4 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     name = shortened(spec)
     state = "" if stable else "unstable" if (rows["doubt"] == "unstable").any() else "not known to be stable"
     words = [f"{name} (ideal)" if ideal else name, place, state]
-    return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
+    return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "color": paler(style["color"], FAINT)})

@@ -9,7 +9,18 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns, complex_columns
-from wavesweep.plots.style import GRID, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, warn_above
+from wavesweep.plots.style import (
+    GRID,
+    IDEAL,
+    LINES,
+    TWO_COLUMNS,
+    distinct_colour,
+    figure,
+    is_narrow,
+    note_below,
+    paler,
+    warn_above,
+)
 from wavesweep.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.tables.columns import signals_of
 from wavesweep.tables.regions import spec_of
@@ -43,7 +54,7 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
-            grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color="0.75", alpha=0.6, linewidth=0)
+            grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color=paler("0.75", 0.6), linewidth=0)
             grid[0, 1].set_title("shaded: in detail" if is_narrow() else "the shaded stretch in detail")
         for row in grid:  # legends are outside of the panels: a signal that fills its panel leaves no corner free
             entries = row[-1].get_legend_handles_labels()

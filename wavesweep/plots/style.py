@@ -22,6 +22,7 @@ LONGEST_NAME = 48  # letters of a spec in a legend
 NARROW = 1.5  # points, at least, between two numbers below a panel
 IDEAL = "black"
 DOUBTFUL = "#d62728"
+FAINT = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
 GRID = {"visible": True, "color": "0.9", "linewidth": 0.5}
@@ -199,6 +200,13 @@ class Look:
 
     colour: Any
     line: Any = "-"
+
+
+def paler(colour: Any, share: float) -> tuple[float, ...]:
+    """The colour that shows if this share of it covers white. No part of a figure is transparent, as EPS has none."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
 
 
 def family_looks(number: int) -> list[Look]:
