@@ -9,6 +9,8 @@ from typing import Any
 from wavesweep.atomic_files import random_part
 from wavesweep.plots.style import DOTS_PER_INCH, style
 
+MOST_MARKS, PRINTED = 500, 400  # marks of a line in an SVG, of which more are an image with so many dots per inch
+
 
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
     """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
@@ -20,12 +22,20 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
             path.write_bytes(png(canvas, about))
         elif path.suffix == ".svg":
             words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
-            canvas.savefig(path, format="svg", metadata=words)
+            for line in canvas.findobj(_of_many_marks):  # each of which would be an element: megabytes of them
+                line.set_rasterized(True)
+            canvas.savefig(path, format="svg", metadata=words, dpi=PRINTED)
         elif path.suffix == ".eps":
             path.write_bytes(_eps(canvas, about))
         else:
             words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
             canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
+
+
+def _of_many_marks(part: Any) -> bool:
+    from matplotlib.lines import Line2D
+
+    return isinstance(part, Line2D) and part.get_linestyle() == "None" and len(part.get_xdata()) > MOST_MARKS
 
 
 def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from wavesweep.tables.table import Table
 
 INTERVALS, WHY, MARGINS = "Stable intervals", "What sets the limits", "Margins"
-RUN, RESPONSE = "Step response", "Frequency response"
+RUN, RESPONSE = "Simulation", "Frequency response"
 KNOWN = {  # how the numbers of a section are known
     WHY: "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one.",
     MARGINS: "Proved, to a relative 1e-6 or better, unless a line says that it is not certified.",
@@ -97,7 +97,8 @@ def report(spec: Spec, asked: Request) -> str:
     body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(own)]
     for number, each in enumerate(found.values(), start=1):
         if each.title in KNOWN:
-            body += [html.element("h2", each.title), html.element("p", KNOWN[each.title], "small"), html.listing(each.lines)]
+            known = KNOWN[each.title] + " Of the spec's own numbers." * bool(spec.for_all)
+            body += [html.element("h2", each.title), html.element("p", known, "small"), html.listing(each.lines)]
             body.append(html.figure(each.svg, number, f"{each.title}: {each.command}"))
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
     return html.page(spec.name, [*body, *_verification(spec, found.values(), name, asked), *_text(spec, asked)])
@@ -179,7 +180,7 @@ def _answer(spec: Spec, intervals: Found | None, own: list[Line]) -> Iterator[st
         lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
         of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
         said = ("Not all of this is proved.", "") if doubtful else ("Proved.", PROVED * of_one)
-        yield html.verdict(not doubtful, *said, [*lines, own[0]])
+        yield html.verdict(not doubtful, *said, [*lines, (f"computed in double precision: {own[0][0]}", own[0][1])])
         yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
         yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
         facts = intervals.table.facts

@@ -70,9 +70,24 @@ def verdict(proved: bool, title: str, text: str, lines: Iterable[tuple[str, bool
 
 
 def listing(lines: Iterable[tuple[str, bool]]) -> str:
-    """Lines, each with a flag that is true for a warning; one that is indented belongs to the line before."""
-    items = "\n".join(element("li", text.strip(), "doubt" * warning) for text, warning in lines)
-    return f"<ul>\n{items}\n</ul>" if items else ""
+    """Lines, each with a flag that is true for a warning; one that is indented is below the line before, or part of it."""
+    found: list[tuple[int, str, bool]] = []
+    for text, warning in lines:
+        depth = len(text) - len(text.lstrip())
+        if found and depth >= found[-1][0] + 4:  # what a terminal has in two lines
+            depth, before, doubt = found.pop()
+            found.append((depth, f"{before} {text.strip()}", doubt or warning))
+        else:
+            found.append((min(depth, 2), text.strip(), warning))
+    items = ""
+    for at, (depth, text, warning) in enumerate(found):
+        below = depth > min(each[0] for each in found)
+        if below and (not at or found[at - 1][0] < depth):
+            items = items.removesuffix("</li>\n") + "\n<ul>\n"
+        items += element("li", text, "doubt" * warning) + "\n"
+        if below and (at + 1 == len(found) or found[at + 1][0] < depth):
+            items += "</ul>\n</li>\n"
+    return f"<ul>\n{items}</ul>" if items else ""
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -50,7 +50,7 @@ def question(spec: Spec) -> str:
     if others:
         text += f", for each {' and '.join(_values(spec, axis) for axis in others)}"
     if spec.for_all:
-        text += f", whatever {'; '.join(_ranges(spec))}"
+        text += f", {'; '.join(_ranges(spec))}"
     return f"{text}?"
 
 
@@ -63,13 +63,12 @@ def _values(spec: Spec, axis: Axis) -> str:
 
 def _ranges(spec: Spec) -> Iterator[str]:
     """Yield the numbers of [for_all] with their ranges."""
-    for name, range_ in spec.for_all.written().items():
-        if not isinstance(range_, dict):
-            yield f"{name} up to {range_}"
-            continue
-        values = range_.get("values")
-        span = f"one of {', '.join(map(str, values))}" if values else f"from {range_['start']:g} to {range_['stop']:g}"
-        yield f"{name} is, {span}{', another one in each frame' if range_.get('varying') else ''}"
+    for axis in spec.for_all.axes:
+        unit, values = _unit(spec, axis), ", ".join(map(str, axis.values))
+        span = f"in {values}{unit}" if axis.scale is None else f"from {axis.start:g} to {axis.stop:g}{unit}"
+        yield f"for every {axis.name} {span}{', another one in each frame' * (axis.path in spec.for_all.varying)}"
+    if spec.for_all.lost:
+        yield f"with up to {spec.for_all.lost} results in a row that are lost"
 
 
 def _unit(spec: Spec, axis: Axis) -> str:
