@@ -16,8 +16,8 @@ from wavesweep.analyses.loops import drift_of, refuse_singular
 from wavesweep.columns import Columns, joined
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.loops.from_drawing import OUTPUT, first_of
-from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.loops.from_drawing import OUTPUT
+from wavesweep.loops.multirate import MultirateLoop, first_of
 from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.spec import Axis, Require, Spec, load
 from wavesweep.spec.loading import naming

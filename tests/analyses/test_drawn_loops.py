@@ -16,7 +16,7 @@ from wavesweep.analyses.planning import plan
 from wavesweep.columns import joined
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops import blocks
-from wavesweep.loops.from_drawing import refuse_unsuitable
+from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.spec import load, sweep_axes
 from wavesweep.sweep.grid import make_grid

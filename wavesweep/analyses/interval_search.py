@@ -11,11 +11,10 @@ from wavesweep.analyses.bound import Bound
 from wavesweep.analyses.interval_records import FELT, LINES, fill_in_felt, fill_in_lines, records_of
 from wavesweep.analyses.loops import drift_of, feels
 from wavesweep.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside, with_intervals
-from wavesweep.analyses.subloops import common, subloops
+from wavesweep.analyses.subloops import common, silent, subloops
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.loops.dead_time import breaks, structure, timing
-from wavesweep.loops.domain import domains
-from wavesweep.loops.from_drawing import refuse_unsuitable, silent
+from wavesweep.loops.domain import domains, refuse_unsuitable
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.spec.drawing import name_of
 from wavesweep.stability.certificate import NONE

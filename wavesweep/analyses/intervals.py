@@ -18,8 +18,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.loops.common_tick import with_common_tick
 from wavesweep.loops.dead_time import breaks, timing
-from wavesweep.loops.domain import domain
-from wavesweep.loops.from_drawing import unsuitable
+from wavesweep.loops.domain import domain, unsuitable
 from wavesweep.spec import Axis, Require, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.stability.certificate import words

@@ -8,7 +8,8 @@ from functools import lru_cache, partial
 import numpy as np
 
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.loops.from_drawing import OUTPUT, POSITION, REACTION, direct_loops, refuse_unsuitable, twins
+from wavesweep.loops.domain import refuse_unsuitable
+from wavesweep.loops.from_drawing import OUTPUT, POSITION, REACTION, twins
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.passive.held_loop import HeldLoop
@@ -32,7 +33,7 @@ def named_loops(drawn: MultirateLoop) -> Iterator[None]:
     try:
         yield
     except IllPosedLoopError as error:
-        blocks = ", ".join(direct_loops(drawn)) or "the wires"
+        blocks = ", ".join(drawn.direct_blocks()) or "the wires"
         raise IllPosedLoopError(
             f"the loop of direct terms through {blocks} has no solution, or none that double precision can find; put a delay "
             "or a hold into it, or change the gain that closes it"
@@ -60,7 +61,7 @@ def _unsolvable(drawing, items):
         with named_loops(drawn):
             closed_frame(drawn, drift_of(loop))
     except IllPosedLoopError:
-        return direct_loops(drawn)
+        return drawn.direct_blocks()
     return None
 
 

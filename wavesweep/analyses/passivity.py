@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.analyses.loops import held_loop, named_loops, port_at_hand
 from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import refuse_unsuitable
+from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.passive.channel import channel_norm, has_waves, numbers_of_channel
 from wavesweep.passive.held_loop import device_of
 from wavesweep.passive.margin import LONGEST, more_damping, port_margin

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from wavesweep.analyses.loops import Route, drift_of, named_loops, ports_of_batch
-from wavesweep.loops.from_drawing import refuse_unsuitable
+from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.response.port import port_between
 from wavesweep.response.step import MOST, Step, step_of
 from wavesweep.spec import Spec

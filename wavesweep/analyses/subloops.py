@@ -1,13 +1,15 @@
 """Loops drawn in one spec that do not act on each other both ways: each by itself, and the values at which all are stable."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
+from wavesweep.loops.values import numbers_of, values_of
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing
+from wavesweep.spec.expressions import names_in
 from wavesweep.stability.certificate import NONE
 from wavesweep.stability.intervals import Intervals
 
@@ -34,6 +36,20 @@ def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(),
     alone = [block for block in drawing.blocks if block.name not in reached[block.name]]
     rests = {frozenset({block.name}) for block in alone if TYPES[block.type].settles}
     return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (drawing,)
+
+
+def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> frozenset[tuple[str, str]]:
+    """Return ports and signals through which nothing acts: of terms that are 0 in every loop and do not read a number.
+
+    values: flat numbers, or arrays over a batch.
+    """
+    known, acting, still = numbers_of(values), set(), set()
+    with np.errstate(all="ignore"):
+        for port, terms in (*drawing.wires, *drawing.couplings):
+            for signal, gain in terms:
+                acts = number in dict(names_in(gain)) or np.any(values_of(gain, known))
+                (acting if acts else still).add((port, signal))
+    return frozenset(still - acting)
 
 
 def _reached(feeds, name):

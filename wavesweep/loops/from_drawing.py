@@ -2,20 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache, partial, reduce
+from functools import lru_cache, partial
 from zlib import crc32
 
 import numpy as np
 
-from wavesweep.errors import UsageError
 from wavesweep.loops import blocks, dead_time
 from wavesweep.loops.block import numbers
 from wavesweep.loops.integrator_modes import equations_of
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.loops.plant import plant_of
-from wavesweep.loops.values import keys_with, rest_of, values_of
+from wavesweep.loops.values import keys_with, numbers_of, rest_of, values_of
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, decides, name_of, scalars
+from wavesweep.spec.drawing import Drawing, decides, name_of
 from wavesweep.spec.expressions import ONE, degree, evaluate, names_in, with_number
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
@@ -32,7 +31,7 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
     BESIDE. A value that is not finite makes entries that are not finite.
     """
-    known = dead_time.built(drawing, _known(values))
+    known = dead_time.built(drawing, numbers_of(values))
     with np.errstate(all="ignore"):
         rate = values_of(drawing.tick_hz, known)
         tick = 1 / numbers(rate)
@@ -80,28 +79,10 @@ def _of_plants(sums, inside):
     return {inside.get(port, port): {inside.get(name, name): gain for name, gain in sums[port].items()} for port in sums}
 
 
-def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> frozenset[tuple[str, str]]:
-    """Return ports and signals through which nothing acts: of terms that are 0 in every loop and do not read a number.
-
-    values: as for `assembled`.
-    """
-    known, acting, still = _known(values), set(), set()
-    with np.errstate(all="ignore"):
-        for port, terms in (*drawing.wires, *drawing.couplings):
-            for signal, gain in terms:
-                acts = number in dict(names_in(gain)) or np.any(values_of(gain, known))
-                (acting if acts else still).add((port, signal))
-    return frozenset(still - acting)
-
-
 def rate_of(drawing: Drawing, values: Mapping[str, object]):
     """Return the rate of the tick (Hz); values: as for `assembled`."""
     with np.errstate(all="ignore"):
-        return values_of(drawing.tick_hz, _known(values))
-
-
-def _known(values):
-    return {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
+        return values_of(drawing.tick_hz, numbers_of(values))
 
 
 def _gains(terms, known):
@@ -301,96 +282,3 @@ def _twins(drawing, one, other, out, beside):
         drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
         found.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
     return found[0], found[-1]
-
-
-def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
-    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
-    wrong = unsuitable(drawing, values)
-    if wrong.any():
-        arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
-        at = int(np.flatnonzero(wrong)[0])
-        loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
-        named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
-        path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
-        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
-
-
-def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
-    """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
-    arrays = {path for path, value in values.items() if np.ndim(value)}
-    varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
-    wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
-    known = _known(values)
-    with np.errstate(all="ignore"):
-        for names, check in _checked(drawing) if arrays else ():
-            if names & varied:
-                wrong |= check(known)
-    return wrong
-
-
-@lru_cache(maxsize=64)
-def _unsuitable_alone(drawing, items, others):
-    """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
-    known = _known(dict(items))
-    with np.errstate(all="ignore"):
-        return any(bool(np.any(check(known))) for names, check in _checked(drawing) if not names & others)
-
-
-def _out_of_range(tree, low, above_low, high, known):
-    found = values_of(tree, known)
-    return np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low) & (found <= high))
-
-
-def _without_block(drawing, block, known):
-    """Whether numbers that are accepted by themselves make no such block together."""
-    keys = dict(block.keys)
-    if TYPES[block.type].below_half and values_of(keys.get("order", ONE), known):
-        half = values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2
-        return np.logical_not(
-            reduce(np.logical_and, (values_of(keys[name], known) < half for name in TYPES[block.type].below_half))
-        )
-    if block.type == "tf":
-        return np.abs(values_of(keys["den"][0], known)) < LEAST
-    if block.type == "local_model":
-        return np.abs(values_of(block.divisor(drawing.tick_hz), known)) <= NOTHING * np.abs(values_of(keys["b"], known))
-    return False
-
-
-@lru_cache(maxsize=64)
-def _checked(drawing):
-    """Checks of keys that read numbers, and of blocks: the names of these, and whether those of a loop are not suitable."""
-    found, types = [], {block.name: block.type for block in drawing.blocks}
-    for path, tree in drawing.trees():
-        block, _, name = path.removeprefix("block.").rpartition(".")
-        limited = path.startswith("block.") and name not in ("every", "phase")
-        key = TYPES[types[block]].keys[name] if limited else None
-        low = 0.0 if path == RATE else -np.inf if key is None or key.low is None else key.low
-        high = np.inf if key is None or key.high is None else key.high
-        if any(names_in(tree)):
-            names = frozenset(name for name, _ in names_in(tree))
-            found.append((names, partial(_out_of_range, tree, low, path == RATE or bool(key and key.above_low), high)))
-    for block in drawing.blocks:
-        own = [tree for path, tree in drawing.trees() if path.startswith(f"block.{block.name}.")]
-        names = frozenset(name for tree in (drawing.tick_hz, *own) for name, _ in names_in(tree))
-        found.append((names, partial(_without_block, drawing, block)))
-    return tuple(found)
-
-
-def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
-    """The loop at that index of a drawing's batch, flat."""
-
-    def one(array, entry):
-        batch = np.shape(array)[: np.ndim(array) - entry]
-        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
-
-    placed = []
-    for each in drawn.placed:
-        parts = {name: one(getattr(each.block, name), 2) for name in "EBCD"}
-        placed.append(replace(each, block=replace(each.block, **parts, condition=1.0, terms=None)))
-    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
-    return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))
-
-
-def direct_loops(drawn: MultirateLoop) -> list[str]:
-    """Names of the blocks on loops of direct terms, which are closed within a tick."""
-    return list(dict.fromkeys(name for ring in drawn.rings() for name in ring))

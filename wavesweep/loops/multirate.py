@@ -123,6 +123,10 @@ class MultirateLoop:
         found = [ring for running in self.schedule()[0] for ring in self._rings(running)]
         return [ring for at, ring in enumerate(found) if ring not in found[:at] and not any(set(ring) < set(r) for r in found)]
 
+    def direct_blocks(self) -> list[str]:
+        """Names of the blocks on loops of direct terms, which are closed within a tick."""
+        return list(dict.fromkeys(name for ring in self.rings() for name in ring))
+
     def _rings(self, running) -> Iterator[list[str]]:
         """Those among blocks (indices) that run together, by the terms that are not zero."""
         blocks = [self.placed[index].block for index in running]
@@ -202,3 +206,18 @@ def _comes_back(name, sums):
             seen.add(source)
             open_ += sums[source]
     return False
+
+
+def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
+    """The loop at that index of a drawing's batch, flat."""
+
+    def one(array, entry):
+        batch = np.shape(array)[: np.ndim(array) - entry]
+        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
+
+    placed = []
+    for each in drawn.placed:
+        parts = {name: one(getattr(each.block, name), 2) for name in "EBCD"}
+        placed.append(replace(each, block=replace(each.block, **parts, condition=1.0, terms=None)))
+    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
+    return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.loops.block import numbers
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import DrawnBlock
+from wavesweep.spec.drawing import DrawnBlock, scalars
 from wavesweep.spec.expressions import Tree, evaluate, is_given, lost_digits, names_in
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name
@@ -69,3 +70,8 @@ def keys_with(block: DrawnBlock, value: Callable[[Tree], Any]) -> dict[str, Any]
         return [[value(tree) for tree in row] for row in entry] if kind == "rows" else entry
 
     return {name: of(types[name].type, entry) for name, entry in block.keys}
+
+
+def numbers_of(values: Mapping[str, object]) -> dict[str, object]:
+    """Return flat values by the names that trees have for them, as numbers to compute with."""
+    return {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}

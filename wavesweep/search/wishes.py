@@ -14,7 +14,7 @@ from wavesweep.analyses.varying import Rules
 from wavesweep.columns import Rows
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
-from wavesweep.loops.from_drawing import refuse_unsuitable
+from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.response.steady import GOOD
 from wavesweep.search.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec

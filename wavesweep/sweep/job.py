@@ -209,7 +209,7 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
             raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
     if grid.spec.drawing:
-        from wavesweep.loops.from_drawing import refuse_unsuitable
+        from wavesweep.loops.domain import refuse_unsuitable
 
         index = some_loops(grid)
         place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which
