@@ -21,7 +21,7 @@ from bench.measuring import Row
 from bench.problems import COLUMNS, PROBLEMS, SPECS, Intervals, Problem
 from wavesweep import Spec, results
 from wavesweep.analyses.open_loops import open_loop, open_loops
-from wavesweep.monodromy.cut import cut_of
+from wavesweep.monodromy.open_frame import cut_of
 from wavesweep.stability.boundary import polish
 from wavesweep.stability.crossings import sampled_polynomial
 from wavesweep.stability.real_roots import isolate

@@ -12,8 +12,8 @@ import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.loops import blocks
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.monodromy.cut import cut_of, open_frame
 from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.monodromy.open_frame import cut_of, open_frame
 from wavesweep.monodromy.periodic import frame_of, in_a_row, then, ticks_of
 from wavesweep.monodromy.product import product_with_errors
 from wavesweep.response.lifted import Lifted

@@ -1,8 +1,9 @@
-"""What the hand feels over frequency, beside the stiffness at rest."""
+"""What the hand feels at rest, and over frequency."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from wavesweep.spec import Spec
 BAND_HZ = (1.0, 3.0, 10.0)  # of a hand that explores a wall
 LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
 TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
+SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
+FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
+NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
+ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 SURE = 1e-6  # relative error of an impedance that is shown
 
 
@@ -97,3 +102,47 @@ def in_words(band: Mapping[str, object] | None) -> str:
     if most:
         parts.append(f"free motion outweighs it from {most:.3g} Hz on")
     return f" ({'; '.join(filter(None, parts))})" if any(parts) else ""
+
+
+def felt_at_rest(spec: Spec, loop) -> dict | None:
+    """Stiffness and damping of the wall as the hand feels it towards 0 Hz, and `felt_over_band`; None without a hand."""
+    if loop is None:
+        return None
+    admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
+    if admittance == 0:
+        return {"stiffness": None, "damping": None, "rigid": True}
+    damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
+    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 else None
+    stiffness, damping = (float(each) if np.isfinite(each) else None for each in (stiffness, damping))
+    return {"stiffness": stiffness, "damping": damping, "rigid": False, "over_band": band}
+
+
+def _damping(response, low):
+    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
+
+    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
+    more: a pair is as good as it agrees with one next to it, and its own rounding allows. Pairs above a slow mode may agree
+    better than those below it, so the best is looked for among those that agree with the lowest good one, and nothing is known
+    if one further down differs by more than its rounding. response: of frequencies.
+    """
+    frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
+    found = response(frequency.ravel())
+    impedance, error = (part.reshape(frequency.shape) for part in (found.impedance, found.impedance_error))
+    with np.errstate(all="ignore"):
+        values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
+        damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
+        apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
+        off = np.fmin(apart[:-1], apart[1:]) + rounding
+        off = np.where(np.isnan(off), np.inf, off)
+        good = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
+        if good.size:
+            alike = np.abs(damping - damping[good[-1]]) <= ROUGHLY * np.abs(damping[good[-1]])
+            off = np.where(alike, off, np.inf)
+        best = np.argmin(off)
+        below = np.abs(damping[best + 1 :] - damping[best]) > rounding[best + 1 :] + off[best]
+        if below.any():
+            return np.nan
+        if off[best] <= ROUGHLY * np.abs(damping[best]):
+            return damping[best]
+        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
+        return 0.0 if nothing else np.nan

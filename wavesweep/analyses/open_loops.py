@@ -15,8 +15,9 @@ from wavesweep.loops.algebraic import WORST_CONDITION
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.monodromy.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
+from wavesweep.monodromy.cut import Cut, with_batch
 from wavesweep.monodromy.drift import TickDrift
+from wavesweep.monodromy.open_frame import OpenFrame, cut_of, open_frame
 from wavesweep.response.port import Ports
 from wavesweep.response.resting import Resting
 from wavesweep.response.resting_frame import resting_frame, shows_at_rest

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.analyses import for_all
 from wavesweep.analyses.assumptions import assumes
-from wavesweep.analyses.feel import felt_over_band
+from wavesweep.analyses.feel import felt_at_rest
 from wavesweep.analyses.hardware import hardware_of
 from wavesweep.analyses.intervals import Way, cost_of, job_over, searches_of
 from wavesweep.analyses.lines import lines_in_loops
@@ -17,7 +17,6 @@ from wavesweep.analyses.loops import drift_of, loop_at_hand, radii_of, refuse_si
 from wavesweep.analyses.measured import distances, read_points
 from wavesweep.analyses.poles import leading
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.response.steady import respond, static_response
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
@@ -36,12 +35,8 @@ LATE = "it takes longer than check does"
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 LARGEST_CHANNEL = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
-SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
-FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
 SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 LARGEST = np.finfo(float).max
-NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
-ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 
 
 @np.errstate(all="ignore")  # numbers that overflow are told from what they leave
@@ -93,7 +88,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
     named = {"slowest": slowest, "least_damped": damped if another else None}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
-    return found | {"felt": _felt(spec, loop), **described, "channel_norm": channel}
+    return found | {"felt": felt_at_rest(spec, loop), **described, "channel_norm": channel}
 
 
 def _modes(spec, E):
@@ -241,49 +236,6 @@ def _hardware(spec, found):
     if "max_force" in hardware and found["stable"]:
         hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
     return hardware
-
-
-def _felt(spec, loop):
-    """Stiffness and damping at the hand, None without one."""
-    if loop is None:
-        return None
-    admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
-    if admittance == 0:
-        return {"stiffness": None, "damping": None, "rigid": True}
-    damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
-    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 else None
-    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False, "over_band": band}
-
-
-def _damping(response, low):
-    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
-
-    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
-    more: a pair is as good as it agrees with one next to it, and its own rounding allows. Pairs above a slow mode may agree
-    better than those below it, so the best is looked for among those that agree with the lowest good one, and nothing is known
-    if one further down differs by more than its rounding. response: of frequencies.
-    """
-    frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
-    found = response(frequency.ravel())
-    impedance, error = (part.reshape(frequency.shape) for part in (found.impedance, found.impedance_error))
-    with np.errstate(all="ignore"):
-        values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
-        damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
-        apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
-        off = np.fmin(apart[:-1], apart[1:]) + rounding
-        off = np.where(np.isnan(off), np.inf, off)
-        good = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
-        if good.size:
-            alike = np.abs(damping - damping[good[-1]]) <= ROUGHLY * np.abs(damping[good[-1]])
-            off = np.where(alike, off, np.inf)
-        best = np.argmin(off)
-        below = np.abs(damping[best + 1 :] - damping[best]) > rounding[best + 1 :] + off[best]
-        if below.any():
-            return np.nan
-        if off[best] <= ROUGHLY * np.abs(damping[best]):
-            return damping[best]
-        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
-        return 0.0 if nothing else np.nan
 
 
 def _mode(spec, mode, states, period):

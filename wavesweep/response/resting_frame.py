@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.monodromy.cut import OpenFrame
 from wavesweep.monodromy.drift import TickDrift, counted_row
+from wavesweep.monodromy.open_frame import OpenFrame
 from wavesweep.monodromy.rounding import ROUNDING
 from wavesweep.response.linear_systems import solved
 from wavesweep.response.port import Ports
