@@ -10,6 +10,7 @@ operator outside the unit circle for all matrices within the errors is a refutat
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from math import comb
@@ -27,9 +28,9 @@ from wavesweep.spec.drawing import Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in
 from wavesweep.stability.spectrum import count_outside
 
-LARGEST = 1200  # second moments, whose operator is formed
+LARGEST = 800  # second moments, whose operator is formed
 SCANNED, BISECTIONS = 60, 60
-BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)  # of a number where the radius is 1, how far beyond it is refuted
+BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)  # of a number where moments stop to decay, how far beyond it is refuted
 NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted one the proof goes
 STRETCHES = 200
 SIZING = 6  # rounds in which sizes of states are found
@@ -44,11 +45,6 @@ class Losses:
     inside: float
     begins: float
     ends: float
-
-    @property
-    def nodes(self) -> range:
-        """Whether it is in a burst: 0 or 1, or 0 alone without bursts."""
-        return range(1 + (self.begins > 0))
 
     def factors(self, before: int, after: int, late: int | None) -> tuple[float, float]:
         """The probability that the burst goes on like this, and then that of what happens to the message."""
@@ -105,9 +101,13 @@ class Chances:
         A, weight = self.at(x)
         return self._summed(weight[:, None, None] * _acting(A)[self.graph.symbol])
 
-    def radius(self, x: float) -> float:
-        """The spectral radius of the operator."""
-        return float(np.abs(np.linalg.eigvals(self.operator(x))).max())
+    def decays(self, x: float) -> bool:
+        """Whether second moments decay at x, in plain doubles: only then are the forms definite."""
+        try:
+            np.linalg.cholesky(self.forms(x, np.ones(self.family.kept.size)))
+        except np.linalg.LinAlgError:
+            return False
+        return True
 
     def refuted(self, x: float) -> bool:
         """Whether second moments are proved to grow at x."""
@@ -128,7 +128,7 @@ class Chances:
         return whole.reshape(nodes * size, nodes * size)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:
-        """Forms that decay at x, on average by the squares of the states over their sizes."""
+        """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
         return self._solved(self.operator(x).T, size**-2.0)
 
     def sizes(self, x: float) -> np.ndarray:
@@ -136,7 +136,8 @@ class Chances:
         size, operator = np.ones(self.family.kept.size), self.operator(x)
         for _ in range(SIZING):
             moments, forms = self._solved(operator, size**2), self._solved(operator.T, size**-2.0)
-            size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
+            with np.errstate(all="ignore"):  # next to where moments do not decay rounding makes them negative
+                size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
         return size
 
     def _solved(self, operator, diagonal):
@@ -144,9 +145,10 @@ class Chances:
         nodes, n = self.graph.nodes, diagonal.size
         row, column, weight = _places(n)
         given = np.tile(np.diag(diagonal)[row, column], nodes)
-        entries = np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1) / weight
-        found = np.empty((nodes, n, n))
-        found[:, row, column] = found[:, column, row] = entries
+        found = np.full((nodes, n, n), np.nan)
+        with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
+            entries = np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1) / weight
+            found[:, row, column] = found[:, column, row] = entries
         return found
 
 
@@ -237,7 +239,7 @@ def _chain(family, first, second):
 
 def decays(loop: Chances) -> str:
     """Whether second moments decay: "proved", "refuted" or "unknown"."""
-    if loop.radius(0.0) < 1:
+    if loop.decays(0.0):
         return "proved" if loop.proves(loop.forms(0.0, loop.sizes(0.0)), 0.0, 0.0) else "unknown"
     return "refuted" if loop.refuted(0.0) else "unknown"
 
@@ -247,7 +249,7 @@ def bracket_on_average(loop: Chances, start: float, limits: tuple[float, float],
 
     The proof holds for every number between, by forms on stretches without a gap. `words` are (0,) where a number is refuted.
     """
-    if not loop.radius(start) < 1:
+    if not loop.decays(start):
         return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
     (low, below, down), (high, above, up) = (_side(loop, start, limit) for limit in limits)
     near = [
@@ -267,13 +269,13 @@ def _side(loop, start, limit):
     """The number that the proof reaches towards a limit, the refuted one beyond it, None without, and the stretches."""
     stable, unstable = start, None
     for x in (start + (limit - start) * np.geomspace(1e-6, 1.0, SCANNED)).tolist():
-        if not loop.radius(x) < 1:
+        if not loop.decays(x):
             unstable = x
             break
         stable = x
     for _ in range(BISECTIONS if unstable is not None else 0):
         middle = (stable + unstable) / 2
-        stable, unstable = (middle, unstable) if loop.radius(middle) < 1 else (stable, middle)
+        stable, unstable = (middle, unstable) if loop.decays(middle) else (stable, middle)
     fails = None
     if unstable is not None:
         away = np.sign(limit - start) * max(abs(unstable), 1e-6 * abs(limit - start))
