@@ -145,7 +145,7 @@ def _stem(package: Path) -> str:
 
 def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
-    parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), _same_versions(facts)
+    parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), versions().items() <= facts.items()
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
     if exact and again.some is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
@@ -178,10 +178,6 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
         first = end
     rows = rows_in(parquet)
     return f"{rows} rows and not {first}" if rows != first else ""
-
-
-def _same_versions(facts: Mapping[str, Any]) -> bool:
-    return all(facts.get(name) == version for name, version in versions().items())
 
 
 def _sampled(

@@ -10,7 +10,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.design import WISHES, Wish
 from wavesweep.tables.columns import fields
 from wavesweep.tables.fields import DESIGN, Field
-from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count
+from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count, plain
 
 THIN = 0.01  # of a bound, within which a design is near it
 BOX, SETTLED = "z_width_box", "box_settled"
@@ -40,7 +40,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         name: np.where(np.isnan(columns[name]), -np.inf, columns[name] * (1 if WISHES[name].more else -1)) for name in wishes
     }
     best = {name: int(np.argmax(size)) for name, size in sizes.items()}
-    values = {name: {wish: _known(columns[wish][row]) for wish in wishes} for name, row in best.items()}
+    values = {name: {wish: plain(columns[wish][row]) for wish in wishes} for name, row in best.items()}
     bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
     return {
         "designs": len(columns["certified"]),
@@ -70,10 +70,6 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
     """Return the margins of a design's wishes to their bounds, as shares of these; values: of the wishes."""
     bounded = (wish for name in values if (wish := wish_of(name, facts)).bound is not None)
     return {wish.name: float(wish.margin(values[wish.name])) for wish in bounded if values[wish.name] is not None}
-
-
-def _known(value):
-    return None if np.isnan(value) else float(value)
 
 
 def _box(columns):

@@ -161,7 +161,8 @@ class IntervalTally:
         if not extreme.row:
             return None
         place = extreme.place()
-        edges = [name for name, value in place.items() if _at_an_edge(value, self._axes.get(name, ()))]
+        swept = {name: values for name in place if len(values := self._axes.get(name, ())) > 1}
+        edges = [name for name, values in swept.items() if place[name] in (min(values), max(values))]
         about = {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties, "certified": bool(extreme.row["certified"])}
         return {"value": extreme.value} | more | about
 
@@ -210,10 +211,6 @@ class IntervalTally:
         """The unit of an axis; empty if it has none."""
         key = numbers_of(self._facts).get(name) or find_key(name)
         return key.unit if key is not None and key.unit != "1" else ""
-
-
-def _at_an_edge(value: float, values: Sequence[float]) -> bool:
-    return len(values) > 1 and value in (min(values), max(values))
 
 
 def _refuted(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -49,7 +49,11 @@ def intervals(
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
-    blocks = partial(_rows, stages, found, hands)
+
+    def blocks() -> Iterator[Columns]:
+        for stage in stages:
+            yield from (_finished(block, stage.hand, hands, len(stages) > 1) for block in found.blocks(stage.hand))
+
     return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
 
 
@@ -120,13 +124,6 @@ def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee) -> Job:
     from wavesweep.sweep.job import cut_otherwise
 
     return guaranteed(cut_otherwise(own, deep=FEW), guarantee)
-
-
-def _rows(stages, found, hands) -> Iterator[Columns]:
-    """Yield the rows of one stage after the other."""
-    for stage in stages:
-        for block in found.blocks(stage.hand):
-            yield _finished(block, stage.hand, hands, len(stages) > 1)
 
 
 def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:

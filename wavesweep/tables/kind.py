@@ -128,6 +128,12 @@ def from_spec(
     return again
 
 
+def plain(value: Any) -> Any:
+    """A number or a word of an array as JSON can hold it, None if it is missing."""
+    value = value.item() if hasattr(value, "item") else value
+    return None if isinstance(value, float) and value != value else value  # noqa: PLR0124 - NaN
+
+
 def counted_doubts(words: np.ndarray) -> dict[str, int]:
     """How many rows have each word of a column `doubt`, without those that have none, the most frequent first."""
     return dict(Counter(word for word in words.tolist() if word).most_common())

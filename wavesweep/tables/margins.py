@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping
-from math import isnan, pi
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.stability.certificate import words
-from wavesweep.tables.kind import Kind, Line, Numbers, Whole, from_spec
+from wavesweep.tables.kind import Kind, Line, Numbers, Whole, from_spec, plain
 from wavesweep.tables.table import Table, facts_of, held
 
 METHOD = (
@@ -75,14 +75,10 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "period_s": facts["period_s"],
         "times": facts.get("times", 1),
         "margins": {
-            name: {"value": _plain(value), "unit": unit, "omega": _plain(omega), "doubt": doubt, "limited": limited}
+            name: {"value": plain(value), "unit": unit, "omega": plain(omega), "doubt": doubt, "limited": limited}
             for name, value, unit, omega, doubt, limited in rows
         },
     }
-
-
-def _plain(value: float) -> float | None:
-    return None if isnan(value) else value
 
 
 def _lines(found: Numbers) -> Iterator[Line]:

@@ -18,7 +18,6 @@ from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table, facts_of
 
 if TYPE_CHECKING:
-    from wavesweep.simulation import Simulation
     from wavesweep.spec import Spec
 
 SHOWN = 5  # frequencies that a notice names
@@ -45,7 +44,8 @@ def simulate(spec: Spec) -> list[Table]:
     seconds = {"march_s": simulated_at - started}
     facts = _facts(spec, METHODS, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
     rows = len(columns["tick"])
-    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
+    stopped = simulation.stopped or ("numbers overflow" if rows < len(hand.force) else "")
+    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": stopped}
     if spec.drawing:  # whose rate may be an expression
         facts["tick_s"] = 1 / spec.tick_hz
     late = simulation.late
@@ -101,11 +101,6 @@ def _unsettled(spec, linear, frame):
         )
 
 
-def _stopped(simulation: Simulation, rows: int, wanted: int) -> str:
-    """Why the rows end before the last tick; empty if they do not."""
-    return simulation.stopped or ("numbers overflow" if rows < wanted else "")
-
-
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
     facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
     if spec.simulate["input"] == "record":
@@ -142,16 +137,19 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
     rows = len(columns["tick"])
     motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
+    ports, touching = spec.get("ports", {}), columns.get("touching", np.zeros(1, bool))
+    entry = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
+    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
     return {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
         "input": options["input"],
-        "from": _entry(spec),
+        "from": options.get("from") or entry,
         "ticks": rows,
         "wanted_ticks": facts["ticks"]["wanted"],
         "seconds": rows * tick,
         "stopped": facts["ticks"]["stopped"],
         "linear_loop": dict(facts["linear_loop"]),
-        "contact": _contact(columns["touching"]) if "wall" in options and rows else None,
+        "contact": {"times": made, "share": float(touching.mean())} if "wall" in options and rows else None,
         "rest_s": _rest(columns) if options.get("friction") and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
@@ -175,18 +173,6 @@ def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers
         "peak_s": float(after[peak]),
         "settled_s": float(after[settled]) if final and settled < len(after) else None,
     }
-
-
-def _entry(spec: Mapping[str, Any]) -> str:
-    """The input that the run is about, empty if it is the hand."""
-    ports = spec.get("ports", {})
-    first = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
-    return spec["simulate"].get("from") or first
-
-
-def _contact(touching: np.ndarray) -> Numbers:
-    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[0])
-    return {"times": made, "share": float(touching.mean())}
 
 
 def _rest(columns: Columns) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from math import isclose, isnan, pi
+from math import isclose, pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
-from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole, counted_doubts
+from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole, counted_doubts, plain
 from wavesweep.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -61,17 +61,12 @@ def why(spec: Spec, along: str | None = None) -> Table:
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}
     facts = facts_of(spec, {"intervals": method(job.asked), "why": METHOD}, counts, timings, notices, [axis.path])
-    spans = [{"low": low, "high": high} for low, high in _spans(found)]
+    ends = zip(*(found[end][found["intervals"] > 0].tolist() for end in ("low", "high")), strict=True)
+    spans = [{"low": low, "high": high} for low, high in ends]
     doubts = counted_doubts(found["doubt"])
     searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
     facts |= {"along": searched, "intervals": spans, "doubts": doubts}
     return Table.of("why", columns, facts)
-
-
-def _spans(found):
-    """The ends of the stable intervals."""
-    some = found["intervals"] > 0
-    return zip(found["low"][some].tolist(), found["high"][some].tolist(), strict=True)
 
 
 def sensitivities(grid: Grid, axis: Axis) -> Columns:
@@ -106,7 +101,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         mode |= {"line_hz": columns["hz"][first]}
         ends.append(
             dict(zip(("interval", "end", "crossing"), key, strict=True))
-            | {name: _plain(value) for name, value in mode.items()}
+            | {name: plain(value) for name, value in mode.items()}
             | limits
         )
     return {
@@ -133,11 +128,6 @@ def _limit(columns: Columns, rows: np.ndarray) -> Numbers | None:
         "doubts": doubts,
         "elasticities": {str(columns["number"][row]): float(columns["elasticity"][row]) for row in order},
     }
-
-
-def _plain(value: Any) -> Any:
-    value = value.item() if isinstance(value, np.generic) else value
-    return None if isinstance(value, float) and isnan(value) else value
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
