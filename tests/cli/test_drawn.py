@@ -180,30 +180,6 @@ def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, s
     assert [line for line, _ in bode_lines(tally.numbers({}))][1:] == [said]
 
 
-# An integral gain of 1e-16: whether it is stable is lost in rounding.
-MARGINAL = """
-[rates]
-tick_hz = 1000
-[numbers]
-k = 50.0
-ki = 1e-16
-[block.arm]
-type = "mass"
-mass = 0.1
-damping = 1.0
-[block.i]
-type = "integrator"
-[wire]
-"i.u" = "arm.x"
-"arm.f" = "-k*arm.x - ki*i.y + hand"
-[ports]
-hand = { force = "hand", displacement = "arm.x" }
-[sweep]
-along = "k"
-k = { start = 1, stop = 100 }
-"""
-
-
 def test_the_figure_of_ends_that_are_not_known_says_so(run, tmp_path):
     text = '[rates]\ntick_hz = 1000\n[numbers]\nk = 0.5\n[block.a]\ntype = "gain"\n[wire]\n"a.u" = "k*a.y"\n'
     text += '[sweep]\nalong = "k"\nk = { start = -3, stop = 3 }\n'  # without a solution at k = 1
