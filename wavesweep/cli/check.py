@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from shutil import get_terminal_size
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import click
 
+from wavesweep.cli.messages import width
 from wavesweep.cli.options import FORMATS, folder, override
 from wavesweep.cli.talk import talk
 from wavesweep.cli.verdict import DETAIL, distance
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 PATIENT = 1.0  # s, after which ranges that are not done have a bar on a terminal
 MOST = 15  # lines without --all
-NARROWEST, WIDEST = 80, 100  # letters in them
 STEPS = 3  # commands that are named, at most
 
 
@@ -121,9 +120,8 @@ def _folded(line: str) -> list[str]:
     """A line as lines that a terminal shows whole, of about the same length."""
     indent = " " * (len(line) - len(line.lstrip()) + 4)
     cut = partial(wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-    width = min(max(get_terminal_size((WIDEST, 0)).columns, NARROWEST), WIDEST)
-    fewest = len(cut(width))
-    return next(lines for narrower in range(NARROWEST // 2, width + 1) if len(lines := cut(narrower)) == fewest)
+    fewest = len(cut(width()))
+    return next(lines for narrower in range(width() // 2, width() + 1) if len(lines := cut(narrower)) == fewest)
 
 
 def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
@@ -166,10 +164,11 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
     steps[STEPS:] = [] if whole else [(f"check {name} --all", "the rest: states, methods, times")]
-    wide = max((len(line) for line, text in steps if len(line) + len(text) <= WIDEST - 14), default=0)
+    room = width() - len("  wavesweep   ")
+    wide = max((len(line) for line, text in steps if len(line) + len(text) <= room), default=0)
     yield f"next{', with the same --set' if overrides else ''}:"
     for line, text in steps:
-        fits = text and max(len(line), wide) + len(text) <= WIDEST - 14
+        fits = text and max(len(line), wide) + len(text) <= room
         yield f"  wavesweep {line:{wide}}  {text}" if fits else f"  wavesweep {line}"
 
 

@@ -4,23 +4,23 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from shutil import get_terminal_size
 from textwrap import wrap
 from typing import NamedTuple
 
 import click
 
 from wavesweep.cli.entry import COMMANDS
+from wavesweep.cli.messages import width
 from wavesweep.cli.talk import talk
 from wavesweep.cli.words import MESSAGES, TERMS
 from wavesweep.doubts import DOUBTS
 from wavesweep.errors import UsageError
 from wavesweep.spec import find_key
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import WISHES
 from wavesweep.tables.fields import COLUMNS, DESIGN, OF_ALONG, OF_WALL, Field
 
-NARROWEST, WIDEST = 60, 100  # letters in a line
 MANY = 4  # tables that have a column
 GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}
 
@@ -111,6 +111,10 @@ def explained(word: str) -> tuple[Entry, ...]:
         return (Entry(word, "command", COMMANDS[word], f"`wavesweep {word} --help` explains its options."),)
     if key := find_key(word):
         return (Entry(word, "key of a spec", key.description, f"`wavesweep keys {word}` has its values and its default."),)
+    if word in TYPES:
+        return (
+            Entry(word, "type of block", TYPES[word].description, f"`wavesweep keys block.{word}` has its ports and keys."),
+        )
     meant = nearest(word, {each.word for each in entries()})
     hint = f"did you mean {meant}?" if meant else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
     raise UsageError(f"{word}: expected a word that is explained, found another one; {hint}")
@@ -129,8 +133,7 @@ def _lines(entry: Entry) -> Iterator[str]:
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    width = min(max(get_terminal_size((WIDEST, 0)).columns, NARROWEST), WIDEST)
-    return wrap(text, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return wrap(text, width(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def _list(found: tuple[Entry, ...]) -> Iterator[str]:

@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Any
 
 import click
 
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
+NARROWEST, WIDEST = 80, 100  # letters in a line
 SCHEMA_VERSION = 1  # of what --json prints; another one if a key goes away or changes its meaning
 FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
 
@@ -26,6 +28,11 @@ def show_json(summary: Mapping[str, Any]) -> None:
 def printable(text: str) -> str:
     """The text with control characters, which names and foreign files may have, shown and not sent to the terminal."""
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
+def width() -> int:
+    """The number of letters in a line: those that the terminal has, from NARROWEST to WIDEST."""
+    return min(max(get_terminal_size((WIDEST, 0)).columns, NARROWEST), WIDEST)
 
 
 def say(text: str, warning: bool = False) -> None:
