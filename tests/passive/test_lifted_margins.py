@@ -117,3 +117,18 @@ def test_random_loops_are_stable_within_their_margins(seed):
         if isinstance(loop, LiftedLoop) and found and not any(margin.doubt for margin in found):
             met += agrees(spec, signal, found, seed)
     assert met > 0
+
+
+def test_a_loop_is_broken_at_what_a_plant_of_several_blocks_shows():
+    """As at a block that samples it, and at the torque, the loop being one; between two ticks it cannot be broken."""
+    path = Path(__file__).parents[2] / "sweeps" / "templates" / "two-mass.toml"
+    tables = load(path).tables()
+    block, wire = tables["block"] | {"sample": {"type": "hold"}}, tables["wire"] | {"sample.u": "motor.v"}
+    sampled = tables | {"block": block, "wire": wire | {"control.u": "ref - sample.y"}}
+    at = {"motor.v": tables, "sample.y": sampled, "notch.y": tables}
+    found = {signal: wavesweep.compile(each).margins(signal) for signal, each in at.items()}
+    for signal in ("sample.y", "notch.y"):
+        np.testing.assert_allclose(found["motor.v"].value, found[signal].value, rtol=1e-9)
+    assert found["motor.v"].certified.all()
+    with pytest.raises(UsageError, match=r"found 'motor\.v'"):
+        wavesweep.compile(tables | {"wire": tables["wire"] | {"torque.u": "notch.y - 1e-3*motor.v"}}).margins("motor.v")

@@ -68,10 +68,13 @@ def lifted_at(loop: Loops) -> LiftedLoop:
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:
-    """How often each output that a wire reads is made in a frame."""
-    drawn, read = loop.drawn(), {source for _, terms in loop.drawing.wires for source, _ in terms}
+    """How often each output that a wire reads is made in a frame, without those that a dead time reads between two ticks."""
+    drawn, plants, read = loop.drawn(), loop.drawing.plants, {name for _, terms in loop.drawing.wires for name, _ in terms}
     runs = [(each.block, int(each.runs(drawn.ticks).sum())) for each in drawn.placed]
-    return {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
+    found = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
+    sensed = {name for plant in plants for name, _ in plant.sensed}
+    of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read - sensed]
+    return found | dict.fromkeys(of_plants, drawn.ticks)
 
 
 def _with_gain(drawing: Drawing, signal: str) -> Drawing:
