@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.messages import marched, random_loop, spec_of
 
+import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.robust.mean_square import bracket_on_average, chances, decays
 from wavesweep.spec import load
@@ -137,3 +138,10 @@ def test_the_mean_square_of_many_runs_is_that_of_the_second_moments():
         X = (operator @ X.ravel()).reshape(X.shape)
     expected, spread = X[:, 0].sum(), np.std(x**2) / np.sqrt(runs)
     assert abs((x**2).mean() - expected) < 2 * spread < 0.05 * expected
+
+
+def test_what_a_verdict_says_of_messages_in_time_leaves_probabilities_out():
+    """Stability then depends on none of them: "stable for every p" would be no answer."""
+    found = wavesweep.verdict(recursion(1.2))
+    assert found["for_all"]["kind"] == "mean_square"
+    assert [limit["name"] for limit in found["limits"]] == ["k"]

@@ -121,7 +121,7 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     whether they are. stopped: whether the range would go on, but takes more than about SECONDS; it is then the part next to the
     value, or LATE is the doubt. report: is called with the numbers that are done, and all.
     """
-    read = keys_of(spec)
+    read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
     found = []
     for done, (name, path) in enumerate(names.items(), start=1):

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Facts = Mapping[str, Any]
 Ranked = tuple[float, str]
+BELOW = ("all below has every message in time:", "all below is of the spec's own numbers, at constant rates:")
 RINGS = 0.5  # damping ratio, below which a mode rings
 DETAIL = 9.0
 LONG_UNIT = 12  # letters of a unit that is not said twice in a line
@@ -42,6 +43,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 
     if found.get("for_all"):
         yield 1, f"  {in_words(found['for_all'])}"
+        yield 1, f"  {BELOW[found['for_all']['kind'] == 'for_all']}"
     yield from _limit_lines(spec, found)
     if found["delay"] and found["spectral_radius"] is not None:
         yield 2.5, f"  {_delay(found['delay'])}"

@@ -30,6 +30,7 @@ PORT = ":"  # between the name of a member and its port or state, in the names o
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
 NOTHING = 1e-12  # relative to b: a local model does not divide by less
 LEAST = 1e-300  # least size of a divisor
+SHARES = ("loss", "burst", "burst_end", "burst_loss")  # keys of a channel that say how often messages are lost
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
@@ -327,6 +328,13 @@ class Drawing:
         """Paths of the keys that limits of blocks alone read, on which nothing depends within them."""
         trees = (tree for block in self.blocks for _, tree in block.limit_trees())
         return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree)) - self.reads
+
+    @_remembered
+    def of_losses(self) -> frozenset[str]:
+        """Paths of the keys that probabilities of channels alone read: with all messages in time nothing depends on them."""
+        shares = {f"block.{block.name}.{key}" for block in self.channels for key in SHARES}
+        others = (tree for path, tree in self.trees() if path not in shares)
+        return self.reads - {path_of(name) for tree in others for name, _ in names_in(tree)}
 
     @property
     def rating(self) -> frozenset[str]:
