@@ -20,6 +20,7 @@ from wavesweep.tables.table import Table
 MOST = 10  # designs that are written
 WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all
 LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
+EXPERIMENT = ("from", "input", "amplitude", "at_s", "width_s", "duration_s", "wall")  # keys of [simulate] that a design keeps
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
 
@@ -114,11 +115,14 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """Return the spec of a design as text.
 
     Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table,
-    but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps.
+    but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps. It sweeps no number that the search chose,
+    but for the one that a drawn loop is looked along, and keeps the experiment of [simulate].
     """
     design, tables = spec.design, spec_of(spec, row).tables()
     walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
-    sweep = tables["sweep"]
+    varied = {axis.path for axis in design.vary} - {axis.path for axis in spec.sweep if axis.name == spec.along}
+    left_out = {axis.name for axis in spec.sweep if axis.path in varied}
+    sweep = {name: value for name, value in tables["sweep"].items() if name not in left_out}
     if spec.wall:
         names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
         damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
@@ -133,6 +137,8 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     sweep |= {name: values for name, values in held.items() if name not in swept}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
     tables["simulate"] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
+    if spec.simulate["input"] != "record":
+        tables["simulate"] |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
     said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
     for path in spec.given:
         *_, name, last = path.split(".")
