@@ -9,7 +9,7 @@ from wavesweep.columns import Columns
 from wavesweep.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
 from wavesweep.tables.regions import Chain, Region, View, incomplete
 
-_SHADE, _FAINT = 0.22, 0.05
+_SHADE = 0.22
 _BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
 _CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 4}
 _LEFT, _RIGHT, _UP, _DOWN = 8, 9, 10, 11  # carets whose base is at the point
@@ -52,11 +52,9 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
         axes.axvspan(left, right, **UNKNOWN)
     if region.unknown:  # no hatching under what is known
         axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
-    shade = {"facecolor": paler(look.colour, _SHADE if filled else _FAINT), "linewidth": 0, "zorder": 0.6 if filled else 0.55}
-    if filled:  # with a hairline, so that no seam shows between two outlines
-        shade |= {"edgecolor": shade["facecolor"], "linewidth": 0.4}
-    axes.add_collection(PolyCollection(region.areas, **shade))
-    if filled:  # what is stable and not certified is dotted
+    if filled:  # with a hairline, so that no seam shows between two outlines; what is stable and not certified is dotted
+        pale = paler(look.colour, _SHADE)
+        axes.add_collection(PolyCollection(region.areas, facecolor=pale, edgecolor=pale, linewidth=0.4, zorder=0.6))
         axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
     apart = max(1.0, members / 2)
     strokes = [] if filled else [withTickedStroke(angle=75, spacing=9 * apart, length=0.45 / apart, linewidth=0.7)]
