@@ -182,7 +182,6 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
             "found n of pd, 7 of more",
         ),
         (PD, {"lost": 2}, "a built-in controller, whose results may be lost"),
-        (PD, {"n": {"values": [2, 5], "varying": True}, "kd": {"start": 3, "stop": 4}}, "the range of kd"),
     ],
 )
 def test_what_cannot_vary_is_said(spec, ranges, expected):

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.analyses.interval_records import FELT, FIELDS, LINES
 from wavesweep.analyses.unknown import FROM_ZERO, Case, Part, proofs, searched
-from wavesweep.analyses.varying import Rules, bracketed, decided, decided_along, text_of
+from wavesweep.analyses.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, drifts, text_of
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.dead_time import timing
@@ -41,6 +41,7 @@ FOR_ALL_RECORD = np.dtype(
         ("fails_from", "<f8"),
         ("settled", "?"),
         ("counterexample", f"<U{TEXT}"),
+        ("left_open", f"<U{TEXT}"),
     ]
 )
 
@@ -65,6 +66,11 @@ class ForAllGuarantee:
                 "quadratic forms at the nodes of the chain of losses, which decay on average, checked by Cholesky with bounds "
                 "on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
             )
+        if self.rules.vary and self.rules.ranges:
+            return (
+                "quadratic norms that depend on the numbers, on a graph of frames, in every part of the box of all numbers, "
+                "checked by Cholesky with bounds on all errors; refuted by numbers and a pattern of frames that grows"
+            )
         if self.rules.vary:
             return (
                 "quadratic norms on a graph of frames, or of messages, in which all shrink, checked by Cholesky with bounds on "
@@ -88,11 +94,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
-        (
-            rules.vary and ranges,
-            "values of numbers beside such that vary from frame to frame",
-            f"the range of {', '.join(ranges)}",
-        ),
+        (rules.messages and ranges, "values of numbers beside channels", f"the range of {', '.join(ranges)}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -127,6 +129,7 @@ class _Row:
     part: Part
     settled: bool
     text: str
+    left_open: str = ""
 
 
 class _Loop:
@@ -158,14 +161,17 @@ class _Loop:
     def varying(self) -> list[_Row]:
         """The rows of loops whose frames vary."""
         rows = []
-        for part in searched(self.cases, self.span):
+        for part in searched(self.cases, self.span, narrow=False):
             own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
             if None not in own:
                 rows.append(_all_of(own))
         return [row for row in rows if row.low < row.high]
 
     def _bracketed(self, case, about) -> _Row | None:
-        family = self.rules.family(Loops(case.loop.drawing, self.values | case.fixed), self.along)
+        loop = Loops(case.loop.drawing, self.values | case.fixed)
+        family = None if case.ranges else self.rules.family(loop, self.along)
+        if family is None or drifts(family):
+            return self._over_ranges(case, loop, about)
         found = bracketed(family, self.span, about)
         if found is None:
             return None
@@ -176,6 +182,25 @@ class _Loop:
             *({**case.fixed, text: None} if text else None for text in texts),
         )
         return _Row(found.low, found.high, part, found.settled, _text(part))
+
+    def _over_ranges(self, case, loop, about) -> _Row | None:
+        """The row of a case whose numbers have ranges, or whose drift depends on the number along which it lies."""
+        found = bracketed_over(self.rules, loop, self.along, case.ranges, self.span, about)
+        if found is None:
+            return None
+        ends = [found.below, found.above]
+        by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
+        part = Part(*(end.x if end.word else own for end, own in zip(ends, (found.low, found.high), strict=True)), *by)
+        return _Row(found.low, found.high, part, found.settled, _text(part), self._left_open(case, found.open))
+
+    def _left_open(self, case, open_):
+        """Which part of the numbers next to the proof was neither proved nor refuted, as a text."""
+        if open_ is None:
+            return ""
+        (low, high), share = open_
+        names = [self.along, *(axis.path for axis in case.ranges)]
+        places = (f"{name_of(path)} {a:.4g} to {b:.4g}" for path, a, b in zip(names, low, high, strict=True))
+        return shorten(f"{100 * share:.2g} %, within {', '.join(places)}", TEXT, placeholder=" ...")
 
 
 def _row(part, low, high) -> _Row:
@@ -209,7 +234,8 @@ def _all_of(rows) -> _Row | None:
     near = [
         by is None or _near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
     ]
-    return _Row(low.low, high.high, part, all(near) and all(row.settled for row in (low, high)), _text(part))
+    settled = all(near) and all(row.settled for row in (low, high))
+    return _Row(low.low, high.high, part, settled, _text(part), high.left_open or low.left_open)
 
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
@@ -240,6 +266,12 @@ def _verdict(spec, rules):
     known = True
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
+        if rules.vary and case.ranges:
+            said, by = decided_over(rules, Loops(case.loop.drawing, dict(spec.values) | case.fixed), case.ranges)
+            if said == "refuted":
+                return {"verdict": said, "counterexample": _numbers(case.fixed | by)}
+            known &= said == "proved"
+            continue
         if rules.vary:
             said, pattern = _decided(spec, rules, number, case)
             if said == "refuted":
@@ -276,6 +308,8 @@ def _decided(spec, rules, number, case):
         family_along = rules.family(Loops(along.loop.drawing, values | along.fixed), path)
     except UsageError:  # its frames cannot be cut there
         return decided(family)
+    if drifts(family_along):  # nothing is proved along such a number without ranges
+        return decided(family)
     for part in searched([along], span):
         said, pattern = decided_along(family_along, value, bracketed(family_along, span, (part.low, part.high)))
         if said != UNKNOWN:
@@ -298,4 +332,5 @@ def _recorded(rows, certified):
         records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan
         records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega
         records["settled"][number], records["counterexample"][number] = row.settled, row.text
+        records["left_open"][number] = row.left_open
     return records

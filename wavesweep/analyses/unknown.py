@@ -59,11 +59,11 @@ def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
     return found
 
 
-def searched(cases: Sequence["Case"], span: tuple[float, float]) -> list[Part]:
-    """The intervals that nothing which is looked at in any of the cases refutes."""
+def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = True) -> list[Part]:
+    """The intervals that nothing which is looked at in any of the cases refutes; narrow: see `Case.parts`."""
     parts = [Part(*span)]
     for case in cases:
-        parts = shared(parts, case.parts())
+        parts = shared(parts, case.parts(narrow))
     return parts
 
 
@@ -131,9 +131,10 @@ class Case:
         self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
         self.certified, self.vouched, self.left = True, False, FRAMES
 
-    def parts(self) -> list[Part]:
-        """What none of the numbers that are looked at refutes; a search goes to the worst ones for each end."""
-        return self.narrowed(self.met([Part(*self.span)], self._points()))
+    def parts(self, narrow: bool = True) -> list[Part]:
+        """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
+        parts = self.met([Part(*self.span)], self._points())
+        return self.narrowed(parts) if narrow else parts
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
         """What is left of the parts after a search for worse numbers about those that set their ends."""

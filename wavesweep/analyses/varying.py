@@ -1,20 +1,25 @@
 """Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results, or whose
 messages may be late or lost, by what their channels say."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, frames_of_controller, frames_of_drawing
+from wavesweep.loops.domain import domain
+from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, plan_of_controller, plan_of_drawing
 from wavesweep.robust.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.robust.loop_frames import LoopFrames
 from wavesweep.robust.mean_square import Chances, bracket_on_average, chances, decays
 from wavesweep.robust.messages import Sent, frames_with_messages
 from wavesweep.robust.norms import WORK
+from wavesweep.robust.plan import Plan
 from wavesweep.robust.words import is_refuted
-from wavesweep.spec import Spec
+from wavesweep.robust.worst import Loops as LoopsOver
+from wavesweep.robust.worst import as_numbers, bracket_over, decide_over
+from wavesweep.spec import Axis, Spec
 from wavesweep.spec.block_types import without_rule
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.expressions import names_in
@@ -22,6 +27,8 @@ from wavesweep.spec.for_all import ForAll, values_of_range
 from wavesweep.sweep.grid import Loops
 
 DELAY = "environment.delay"
+FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0
+WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
 GROW = "second moments that grow"  # with messages lost at random, in place of a pattern
@@ -49,6 +56,11 @@ class Rules:
         return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed", *messages)
 
     @property
+    def ranges(self) -> bool:
+        """Whether some numbers have ranges beside what varies."""
+        return any(not (axis.values or axis.structural) for axis in self.for_all.unknown)
+
+    @property
     def vary(self) -> bool:
         """Whether anything varies."""
         return bool(self.for_all.changing or self.for_all.lost or self.messages)
@@ -57,6 +69,19 @@ class Rules:
         """The frames of a loop along a number, empty for the loop at its own values.
 
         Errors: UsageError for numbers that cannot vary, or another one along.
+        """
+        if not self.messages:
+            return self.plan(loop, (along,)).along(along)
+        if self.for_all.changing:
+            found = ", ".join(without_rule(loop.drawing.channels))
+            expected = "blocks whose types have a rule for steps that vary (`wavesweep keys block`)"
+            raise UsageError(f"[for_all] varying: expected {expected}, found {found}")
+        return (chances if self.at_random else frames_with_messages)(*loop, along)
+
+    def plan(self, loop: Loops, gains: Sequence[str]) -> Plan:
+        """What the frames of a loop without channels consist of; gains: numbers that count as other than 0.
+
+        Errors: UsageError.
         """
         (drawing, values), axes = loop, {axis.path: axis for axis in self.for_all.changing}
         if KIND in values:
@@ -67,15 +92,9 @@ class Rules:
             lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
             delays = values_of_range(axes[DELAY]) if DELAY in axes else (FRAME if self.with_frame else values[DELAY],)
             frames = Frames(tuple(map(int, lengths)), tuple(delays), self.for_all.lost, self.elapsed)
-            return frames_of_controller(values, frames, along)
+            return plan_of_controller(values, frames, gains)
         if self.for_all.lost:
             raise UsageError("[for_all] lost: expected a built-in controller, whose results may be lost, found a drawn loop")
-        if self.messages:
-            if axes:
-                found = ", ".join(without_rule(drawing.channels))
-                expected = "blocks whose types have a rule for steps that vary (`wavesweep keys block`)"
-                raise UsageError(f"[for_all] varying: expected {expected}, found {found}")
-            return (chances if self.at_random else frames_with_messages)(drawing, values, along)
         running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
         wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
         if wrong or len(axes) != 1:
@@ -84,7 +103,12 @@ class Rules:
         ((path, axis),) = axes.items()
         lengths = tuple(map(int, values_of_range(axis)))
         # At the longest, blocks that follow it differ from those of every tick, which they may not at the spec's own.
-        return frames_of_drawing(drawing, {**values, path: max(lengths)}, lengths, along, elapsed=self.elapsed)
+        return plan_of_drawing(drawing, {**values, path: max(lengths)}, lengths, self.elapsed)
+
+
+def drifts(family: LoopFrames | Chances) -> bool:
+    """Whether the drift of a family depends on the number along which it lies."""
+    return isinstance(family, LoopFrames) and family.drift is not None
 
 
 def bracketed(family: LoopFrames | Chances, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
@@ -96,6 +120,73 @@ def bracketed(family: LoopFrames | Chances, span: tuple[float, float], about: tu
         if np.isfinite(found.low):
             return found
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """A refuted number beside a proof: at a point of a box, by a word, with the text of that."""
+
+    x: float
+    point: tuple[float, ...]
+    word: tuple[int, ...]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Over:
+    """A `Bracket` for all numbers of some ranges. open: see `worst.Bracket`."""
+
+    low: float
+    high: float
+    below: End
+    above: End
+    settled: bool
+    open: tuple[np.ndarray, float] | None
+
+
+def bracketed_over(
+    rules: Rules, loop: Loops, along: str, ranges: Sequence[Axis], span: tuple[float, float], about: tuple[float, float]
+) -> Over | None:
+    """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
+    loops = _over(rules, loop, along, ranges, span)
+    least = loops.zeros[0] + FROM_ZERO * (about[1] - loops.zeros[0])
+    for share in STARTS:
+        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least)
+        if np.isfinite(found.low):
+            ends = (End(each.x, each.point, each.word, _text_at(loops, each)) for each in (found.below, found.above))
+            return Over(found.low, found.high, *ends, found.settled, found.open)
+    return None
+
+
+def _text_at(loops, refuted):
+    return text_of(loops.family(refuted.point), refuted.word) if refuted.word else ""
+
+
+def _over(rules, loop, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
+    """The loops of a box of ranges, along a number or at their own values."""
+    paths = [axis.path for axis in ranges]
+    box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
+    plan, zeros = rules.plan(loop, (along, *paths)), [min(0.0, span[0])] if along else []
+    for path, (low, high) in zip(paths, box.T, strict=True):
+        least = domain(*loop, path, (low, high))[0]
+        zeros.append(least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan)
+    zeros = np.array(zeros)
+
+    def family(point):
+        return rules.family(loop.changed(dict(zip(paths, point, strict=True))), along)
+
+    def frames_at(part, units=None):
+        return plan.over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
+
+    return LoopsOver(family, frames_at, box, zeros)
+
+
+def decided_over(rules: Rules, loop: Loops, ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:
+    """Whether a loop is stable for all numbers of some ranges and every order of frames, and what it is not stable with."""
+    loops = _over(rules, loop, "", ranges)
+    point, word, proved = decide_over(loops)
+    by = dict(zip((axis.path for axis in ranges), point, strict=False))
+    return (REFUTED, by | {text_of(loops.family(point), word): None}) if word else (PROVED if proved else UNKNOWN, {})
 
 
 def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]:

@@ -4,14 +4,17 @@ Nothing here depends on how the norms were found.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
 from wavesweep.robust.graph import Graph
+from wavesweep.robust.polynomials import UNIT, Polynomials, monomials
 
-UNIT = np.finfo(float).eps / 2
 SURELY = 4.0  # times the bounds: what is computed in doubles of bounds is known to far better than that
 WEIGHED = 1e-13  # relative error of a probability, in addition to some roundings of 1
+SURE = 1.001  # times the bounds whose own roundings alone are not in them
 LEAST = 1e-290  # entry from which on nothing underflows
 
 
@@ -28,21 +31,21 @@ def shrink(norms: Norms, E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> 
 
     E, dE: `(symbols, n, n)`; dE bounds the errors of the entries. follows: `(symbols, symbols)`, see `Family`.
 
-    It is so if the graph is complete, and `F = P_i - A' P_j A` is positive definite on each edge. F is computed with a bound R
-    on its errors, entry by entry.
+    It is so if the graph is complete, all P_i are positive definite, and `F = P_i - A' P_j A` is so on each edge. F is computed
+    with a bound R on its errors, entry by entry.
 
     Norms are convex: if this holds for two matrices of each symbol, by the same norms, it holds for all between them.
     """
     P, graph = norms.P, norms.graph
     n = P.shape[-1]
-    if not (graph.is_complete(follows) and np.isfinite(P).all() and (np.swapaxes(P, -1, -2) == P).all()):
+    if not (graph.is_complete(follows) and _symmetric(P) and definite(P, np.zeros_like(P))):
         return False
     A, size, dA = np.eye(n) + E, np.abs(np.eye(n) + E), dE + UNIT * np.abs(np.eye(n) + E)
     A, size, dA = A[graph.symbol], size[graph.symbol], dA[graph.symbol]
     of_P, first, last = np.abs(P), P[graph.source], P[graph.target]
-    F = first - np.swapaxes(A, -1, -2) @ last @ A
-    terms = np.swapaxes(size, -1, -2) @ of_P[graph.target]
-    R = np.swapaxes(dA, -1, -2) @ of_P[graph.target] @ (size + dA) + terms @ dA
+    F = first - _transposed(A) @ last @ A
+    terms = _transposed(size) @ of_P[graph.target]
+    R = _transposed(dA) @ of_P[graph.target] @ (size + dA) + terms @ dA
     return definite(F, SURELY * (R + UNIT * (2 * n + 2) * (terms @ size + np.abs(first))))
 
 
@@ -57,7 +60,7 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     """
     P, graph = norms.P, norms.graph
     n, whole = P.shape[-1], np.bincount(graph.source, weight, graph.nodes)
-    if not (np.isfinite(P).all() and (np.swapaxes(P, -1, -2) == P).all() and definite(P, np.zeros_like(P))):
+    if not (_symmetric(P) and definite(P, np.zeros_like(P))):
         return False
     if not ((weight >= 0).all() and (np.abs(whole - 1) <= WEIGHED).all()):
         return False
@@ -66,32 +69,98 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     A, size, dA = (root * each[graph.symbol] for each in (A, size, dA))
     last, of_P = P[graph.target], np.abs(P)[graph.target]
     F, R, terms = P.copy(), np.zeros_like(P), np.abs(P)
-    across = np.swapaxes(size, -1, -2) @ of_P
-    np.subtract.at(F, graph.source, np.swapaxes(A, -1, -2) @ last @ A)
-    np.add.at(R, graph.source, np.swapaxes(dA, -1, -2) @ of_P @ (size + dA) + across @ dA)
+    across = _transposed(size) @ of_P
+    np.subtract.at(F, graph.source, _transposed(A) @ last @ A)
+    np.add.at(R, graph.source, _transposed(dA) @ of_P @ (size + dA) + across @ dA)
     np.add.at(terms, graph.source, across @ size)
     count = np.bincount(graph.source).max()
     return definite(F, SURELY * (R + UNIT * (2 * n + 8 + count) * terms))
 
 
-def definite(F: np.ndarray, R: np.ndarray) -> bool:
-    """Return whether all symmetric matrices within R of F, entry by entry, are positive definite.
+def shrink_over(forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray) -> bool:
+    """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed.
+
+    forms: `P_i(s)` at each node, symmetric, exact; A: the matrix of each symbol. Both for s from -1 to 1 in each number, which
+    are constant in time.
+
+    It is so if the graph is complete, P_i(0) is positive definite, and `F(s) = P_i(s) - A(s)' P_j(s) A(s)` is so on each edge
+    for every s: on the way from 0 to s no form can be the first to become singular, since it exceeds `A' P_j A`. F is definite
+    if `G = W' F W` is, whatever W. The terms of G of degree two or less are a convex combination of Bernstein's control points,
+    each of which has to exceed the norms of all other terms and errors.
+    """
+    P = forms.terms
+    if not (graph.is_complete(follows) and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
+        return False
+    terms, errors, higher = slack_over(forms, graph, A)
+    off = errors + higher
+    low = terms[: len(monomials(A.numbers, 2)[0])]
+    control = np.tensordot(_control(A.numbers), low, (1, 0))
+    rounding = 4 * len(low) * UNIT * np.abs(low).sum(0)
+    return bool(np.isfinite(off).all()) and definite(control, np.broadcast_to(rounding, control.shape), off)
+
+
+def slack_over(forms: Polynomials, graph: Graph, A: Polynomials) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the terms of `G(s)` on each edge, `(monomials, edges, n, n)`, and bounds `(edges,)` on the norm of all errors and
+    of the terms of degree three or more. G(0) is about 1, if F(0) is positive definite; infinite bounds otherwise.
+    """
+    first, last, n = forms.of(graph.source), forms.of(graph.target), A.terms.shape[-1]
+    moved = A.of(graph.symbol)
+    F = first.terms[0] - _transposed(moved.terms[0]) @ last.terms[0] @ moved.terms[0]
+    try:
+        W = _transposed(np.linalg.inv(np.linalg.cholesky(F)))
+    except np.linalg.LinAlgError:
+        return np.zeros_like(first.terms), np.full(len(F), np.inf), np.zeros(len(F))
+    size = np.abs(W)
+    rest = moved.rest @ size + 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size)
+    B = Polynomials(moved.terms @ W, rest, A.numbers, A.order)
+    after = Polynomials(_transposed(B.terms), _transposed(B.rest), A.numbers, A.order) @ (last @ B)
+    terms = _transposed(W) @ first.terms @ W - after.terms
+    errors = after.rest + 4 * n * UNIT * (_transposed(size) @ np.abs(first.terms).sum(0) @ size + np.abs(after.terms).sum(0))
+    more = len(monomials(A.numbers, 2)[0])
+    terms = (terms + _transposed(terms)) / 2
+    return terms, SURE * _norm(errors), SURE * _norm(terms[more:]).sum(0)
+
+
+def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:
+    """Return whether all symmetric matrices within R of F, entry by entry, and within a norm `off`, are positive definite.
 
     In units of the states, powers of 2, that make its diagonal about 1, F is positive definite if the Cholesky decomposition
     of `F - (|R| + c) I` runs to its end. Here `|R|` is the largest sum of a row, and c is what rounding may do to the
     decomposition itself (S. M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
     """
     n = F.shape[-1]
-    F, R = (F + np.swapaxes(F, -1, -2)) / 2, (R + np.swapaxes(R, -1, -2)) / 2
+    F, R = (F + _transposed(F)) / 2, (R + _transposed(R)) / 2
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     if not (np.isfinite(F).all() and np.isfinite(R).all() and (diagonal > LEAST).all()):
         return False
     units = np.exp2(-np.round(np.log2(diagonal) / 2))
     F, R = (part * units[..., None, :] * units[..., :, None] for part in (F, R))
     rounding = SURELY * (n + 2) * UNIT * np.trace(F, axis1=-2, axis2=-1)
-    less = SURELY / 2 * R.sum(-1).max(-1) + rounding
+    less = SURELY / 2 * R.sum(-1).max(-1) + rounding + off * units.max(-1) ** 2
     try:
-        np.linalg.cholesky(F - less[:, None, None] * np.eye(n))
+        np.linalg.cholesky(F - less[..., None, None] * np.eye(n))
     except np.linalg.LinAlgError:
         return False
     return True
+
+
+def _symmetric(P):
+    return bool(np.isfinite(P).all() and (_transposed(P) == P).all())
+
+
+def _transposed(X):
+    return np.swapaxes(X, -1, -2)
+
+
+def _norm(X):
+    """An upper bound on the largest singular value."""
+    return np.sqrt(np.abs(X).sum(-1).max(-1) * np.abs(X).sum(-2).max(-1))
+
+
+@lru_cache(maxsize=8)
+def _control(numbers):
+    """The weights of the monomials up to degree two in each of Bernstein's control points, three for each number."""
+    weights = np.array([[1, 1, 1], [-1, 0, 1], [1, -1, 1]], float)  # of 1, s and s^2 at each
+    exponents = monomials(numbers, 2)[0]
+    points = product(range(3), repeat=numbers)
+    return np.array([[np.prod(weights[each, list(point)]) for each in exponents] for point in points])

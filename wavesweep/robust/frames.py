@@ -6,27 +6,20 @@ of the frame before, because the environment's step is the time since its last s
 any other, and there are as many matrices as lengths. (Products of frames in a row merely begin at another tick.)
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
-from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
-from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.monodromy.drift import counted_ticks, drift_of_drawn
-from wavesweep.monodromy.open_ticks import OpenTicks
-from wavesweep.monodromy.periodic import Ticks, ticks_of
 from wavesweep.robust.loop_frames import LoopFrames, Symbol
+from wavesweep.robust.plan import Plan, Schedule
 from wavesweep.spec.block_types import without_rule
-from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of, path_of
+from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of
 from wavesweep.spec.expressions import evaluate, names_in, text_of
 
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
 RATIO = "rates.ratio"
-ANY = np.array([0.5, 2.0])  # stands for a number that varies
 # Kinds of ticks: the sample; one whose result is in place at once; one in which a result comes into place; an ordinary one; and
 # the moment before the next sample in which a result comes into place.
 SAMPLE, THROUGH, SHOW, TICK, LATE = "sample", "through", "show", "tick", "late"
@@ -55,44 +48,6 @@ class Frames:
             raise UsageError(f"frames: expected delays up to the shortest frame, {min(self.lengths)} ticks, found {longest}")
 
 
-@dataclass(frozen=True, slots=True)
-class _Schedule:
-    """Which slow blocks run in each kind of tick.
-
-    kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal: the nominal length of a
-    frame; elapsed: see `Frames`.
-    """
-
-    kinds: Mapping[str | int, frozenset[str] | None]
-    nominal: int
-    elapsed: bool
-    shown: frozenset[str] = frozenset()
-
-    @property
-    def slow(self) -> set[str]:
-        """The slow blocks."""
-        return set().union(*(blocks or () for blocks in self.kinds.values()))
-
-    def with_period(self, drawing: Drawing, step: int) -> Drawing:
-        """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets their phases."""
-        every, phase, slow = ("number", float(step), 0), ("number", 0.0, 0), self.slow
-        blocks = (replace(each, every=every, phase=phase, phases=()) if each.name in slow else each for each in drawing.blocks)
-        blocks = (each.stepwise(drawing.tick_hz) if self.elapsed and each.name in slow else each for each in blocks)
-        return replace(drawing, blocks=tuple(blocks))
-
-    def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
-        """Return the loop with a frame that has one tick of each kind: connecting it gives the map of each kind."""
-        placed, slow = [], self.slow
-        for each in loop.placed:
-            name = each.block.name
-            runs = [
-                (name in self.shown if blocks is None else name in blocks) if name in slow else blocks is not None
-                for blocks in self.kinds.values()
-            ]
-            placed.append(replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist())))
-        return replace(loop, placed=tuple(placed))
-
-
 def frames_of_controller(values: Mapping[str, object], frames: Frames, number: str = "environment.K_VE") -> LoopFrames:
     """Return the frames of a built-in controller as a family along one of its keys.
 
@@ -100,11 +55,19 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
     frame. number: a key that one wire or gain reads, such as a wall's; empty for the loop at these values alone.
     Errors: UsageError for a controller without a slow environment, or a number that the loop reads in several places.
     """
+    return plan_of_controller(values, frames, (number,)).along(number)
+
+
+def plan_of_controller(values: Mapping[str, object], frames: Frames, gains: Sequence[str] = ()) -> Plan:
+    """Return what the frames of a built-in controller consist of; gains: numbers that count as other than 0.
+
+    values, frames, errors: as for `frames_of_controller`.
+    """
     ratio = values[RATIO]
     if int(ratio) != ratio:
         raise UsageError(f"{RATIO}: expected a whole number of ticks in a frame, found {ratio}")
     # With a delay of 1 results have a separate hold.
-    drawing = loop_drawing({**values, RATIO: 20, "environment.delay": 1}, (number,))
+    drawing = loop_drawing({**values, RATIO: 20, "environment.delay": 1}, gains)
     slow = [block.name for block in drawing.blocks if evaluate(block.every, {RATIO: 20}) != 1]
     if not slow:
         raise UsageError(f"controller.kind: expected a slow environment, found {values['controller.kind']}, which has none")
@@ -126,8 +89,8 @@ def frames_of_controller(values: Mapping[str, object], frames: Frames, number: s
         return row
 
     held = {path: values[path] for path in values.keys() & drawing.reads} | {RATIO: int(ratio)}
-    schedule = _Schedule(kinds, int(ratio), frames.elapsed, shown)
-    return _family(drawing, held, number, schedule, symbols, rest)
+    schedule = Schedule(kinds, int(ratio), frames.elapsed, shown)
+    return Plan(drawing, held, schedule, symbols, rest, THROUGH)
 
 
 def frames_of_drawing(
@@ -139,6 +102,11 @@ def frames_of_drawing(
     their periods are the times since their last runs; otherwise they are the nominal ones. number: a key that one wire or gain
     reads; empty for the loop at these values alone. Errors: UsageError.
     """
+    return plan_of_drawing(drawing, values, lengths, elapsed).along(number)
+
+
+def plan_of_drawing(drawing: Drawing, values: Mapping[str, object], lengths: tuple[int, ...], elapsed: bool) -> Plan:
+    """Return what the frames of a drawn loop consist of; see `frames_of_drawing`."""
     known = {name_of(path): value for path, value in values.items()}
     runs = {block.name: [int(evaluate(tree, known)) for tree in (block.every, block.phase)] for block in drawing.blocks}
     slow = {name: phase for name, (every, phase) in runs.items() if every != 1}
@@ -156,8 +124,8 @@ def frames_of_drawing(
     def rest(symbol):
         return [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]
 
-    schedule = _Schedule(kinds | {TICK: frozenset()}, max(runs[name][0] for name in slow), elapsed)
-    return _family(drawing, values, number, schedule, symbols, rest)
+    schedule = Schedule(kinds | {TICK: frozenset()}, max(runs[name][0] for name in slow), elapsed)
+    return Plan(drawing, values, schedule, symbols, rest)
 
 
 def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> None:
@@ -180,57 +148,3 @@ def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> N
     ):
         if wrong:
             raise UsageError(f"[for_all] varying: expected {expected}, found {', '.join(wrong)}")
-
-
-def _family(drawing, values, number, schedule: _Schedule, symbols, rest) -> LoopFrames:
-    """The family of frames. rest: gives the kinds of a symbol's ticks after its sample."""
-    if number and not scalar_place(drawing, name_of(number)):
-        raise UsageError(
-            f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads linearly, "
-            "found another; look along another one, or leave `varying` out"
-        )
-    varied = {path_of(name_of(number)): ANY} if number else {}
-    steps = sorted({symbol.ticks for symbol in symbols}) if schedule.elapsed else [schedule.nominal]
-    order, maps, index = list(schedule.kinds), [], {}
-    for step in steps:
-        at_step = schedule.with_period(drawing, step)
-        whole = schedule.scheduled(assembled(at_step, values | varied))
-        if number:
-            cut_open = assembled(at_step, values | dict.fromkeys(varied, 0.0), name_of(number))
-            ticks = OpenTicks.of(schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
-        else:
-            ticks = ticks_of(whole, alone=True, terms=True)
-        for position, kind in enumerate(order):
-            own = ticks.maps[ticks.kind[position]]
-            alike = next((i for i in range(len(maps)) if _alike(maps[i], own)), len(maps))
-            if alike == len(maps):
-                maps.append(own)
-            index[kind, step] = alike
-    both_loops = twins(schedule.with_period(drawing, schedule.nominal), values | varied)
-    drift = drift_of_drawn(*map(schedule.scheduled, both_loops))
-    if drift.folded:
-        raise UsageError(
-            f"intervals along {number}: while frames vary ([for_all]), expected no drift, or the same at all its values, found "
-            f"{', '.join(drift.states[at] for at in drift.folded)}; feed the position back, as waves do with Kp > 0"
-        )
-    ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
-    if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
-        symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
-    rows = [[index[kind, symbol.step or steps[0]] for kind in rest(symbol)] for symbol in symbols]
-    samples = [
-        index[THROUGH if symbol.through else order[0], symbol.ticks if schedule.elapsed else schedule.nominal]
-        for symbol in symbols
-    ]
-    follows = np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
-    return LoopFrames.of(ticks, drift.kept, rows, samples, tuple(symbols), follows)
-
-
-def _may_follow(before, after):
-    # A result that is in place at once is so at the end of the frame before.
-    at_once = after.delay == 0
-    in_a_row = after.lost == 0 or after.lost == before.lost + 1
-    return in_a_row and before.through == at_once and after.step in (None, before.ticks)
-
-
-def _alike(one, other):
-    return one.inputs == other.inputs and all(np.array_equal(getattr(one, part), getattr(other, part)) for part in "EBCD")

@@ -131,7 +131,7 @@ def _side(family, start, limit, tolerance, first, work):
     first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
     a number further on, on a finer graph, and the proof goes back from there to what is already proved; and so on.
     """
-    fails, word = _nearest(family, start, limit, tolerance)
+    fails, word = nearest_refuted(family, start, limit, tolerance)
     if first is None:
         return _Side(np.nan, fails, word, False, (), None)
     goal = _inside(fails, start, WITHIN * tolerance) if word else limit
@@ -223,8 +223,8 @@ def _inside(end, start, share):
     return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
 
 
-def _nearest(family, start, limit, tolerance):
-    """The refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
+def nearest_refuted(family: Family, start: float, limit: float, tolerance: float) -> tuple[float, Word]:
+    """Return the refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
     fails, word = np.nan, ()
     alone = [(i,) for i in np.flatnonzero(family.follows.diagonal()).tolist()]
     before = start

@@ -7,10 +7,12 @@ from itertools import groupby
 
 import numpy as np
 
+from wavesweep.monodromy.drift import TickDrift
 from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.monodromy.periodic import Ticks
 from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
+from wavesweep.robust.folded import counted_from_rest, shift_of
 
 SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
 SOME = 0.7  # a value at which no entry of a frame vanishes by chance
@@ -41,7 +43,8 @@ class LoopFrames:
     ticks: one of each kind, open at the number, in states relative to those that drift. rows: the kinds of each symbol's ticks
     after its sample; samples: the kind of the sample that ends it. patterns: entries of each symbol that may be nonzero. kept:
     the states that remain: without drift, and without those that every frame forgets or sets to zero. symbols: the kind of
-    frame of each matrix. at_once: the frames in a simpler form if the number acts in no more than one of their ticks.
+    frame of each matrix. at_once: the frames in a simpler form if the number acts in no more than one of their ticks, and no
+    drift depends on numbers. drift: one that does, or None; its rest is then found at each value of the number.
     """
 
     ticks: Ticks
@@ -52,27 +55,21 @@ class LoopFrames:
     symbols: tuple[Symbol, ...]
     follows: np.ndarray
     at_once: _AtOnce | None
+    drift: TickDrift | None = None
 
     @staticmethod
-    def of(ticks, kept, rows, samples, symbols, follows) -> LoopFrames:
-        """Return the frames that consist of these ticks. kept: the states without drift."""
+    def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
+        """Return the frames that consist of these ticks. kept: the states without drift. drift: if it depends on numbers."""
         changes = [each.E for each in _closed(ticks, SOME).maps]
         patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
-        kept = np.array(kept)
-        acts = np.logical_or.reduce(patterns)
-        while True:
-            inside = acts[np.ix_(kept, kept)]
-            live = inside.any(0) & inside.any(1)
-            if live.all():
-                break
-            kept = kept[live]
+        kept = np.array(kept) if drift else alive(np.logical_or.reduce(patterns), np.array(kept))
         rows, samples = tuple(map(tuple, rows)), tuple(samples)
         whole = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
         acting = [[i for i, kind in enumerate(row) if ticks.maps[kind].inputs] for row in whole]
         at_once = None
-        if all(len(each) <= 1 for each in acting):
+        if not drift and all(len(each) <= 1 for each in acting):
             at_once = _AtOnce.of(ticks, whole, [(*each, -1)[0] for each in acting], kept)
-        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once)
+        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift)
 
     def at(self, x: float) -> np.ndarray:
         """See `Family`."""
@@ -83,23 +80,30 @@ class LoopFrames:
             E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
             maps.append(np.eye(len(E)) + E)
         whole = [_joined(self._ticks(i), maps, lambda first, later: later @ first) for i in range(len(self.rows))]
+        if self.drift:
+            changes = np.array(maps) - np.eye(len(maps[0]))
+            V, dV = shift_of(changes, 0 * changes, self.drift)
+            E, nothing = np.array(whole) - np.eye(len(maps[0])), np.zeros_like(whole)
+            return np.eye(self.kept.size) + counted_from_rest(E, nothing, V, dV, self.drift)[0]
         return np.array([each[np.ix_(self.kept, self.kept)] for each in whole])
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`. Accuracy: to first order in a rounding."""
         maps = _closed(self.ticks, x).maps
         changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
-        E = np.empty((len(self.rows), self.kept.size, self.kept.size))
-        dE = np.empty_like(E)
+        n = len(changes[0])
+        E, dE = np.empty((2, len(self.rows), n, n))
         for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
             if self.at_once is not None:
                 whole, error = self.at_once.enclosed(i, changes, errors)
             else:
                 whole, error = both(_in_a_row(row, changes, errors), (changes[sample], errors[sample]))
-            whole = np.where(self.patterns[i], whole, -np.eye(len(whole)))
-            error = np.where(self.patterns[i], error, 0.0)
-            E[i], dE[i] = (part[np.ix_(self.kept, self.kept)] for part in (whole, error))
-        return E, dE
+            E[i] = np.where(self.patterns[i], whole, -np.eye(n))
+            dE[i] = np.where(self.patterns[i], error, 0.0)
+        if self.drift:
+            return counted_from_rest(E, dE, *shift_of(np.array(changes), np.array(errors), self.drift), self.drift)
+        at = np.ix_(self.kept, self.kept)
+        return E[:, *at], dE[:, *at]
 
     def _ticks(self, symbol):
         """The kinds of a frame's ticks, including the sample at its end, each with the length of its run."""
@@ -111,8 +115,11 @@ class LoopFrames:
         If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between its
         poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
         second order (see `Enclosure`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
-        values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve.
+        values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve. None if
+        a drift depends on the number.
         """
+        if self.drift:
+            return None
         direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
         through = np.array([low, high])[:, None] * direct
         closing = 1 - through
@@ -127,6 +134,17 @@ class LoopFrames:
         more = 2.3 * np.array(rest)
         control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
         return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
+
+
+def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Return those of the states that neither every frame forgets nor every frame sets to zero. acts: entries that may be
+    nonzero."""
+    while True:
+        inside = acts[np.ix_(kept, kept)]
+        live = inside.any(0) & inside.any(1)
+        if live.all():
+            return kept
+        kept = kept[live]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

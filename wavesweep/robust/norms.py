@@ -172,6 +172,22 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
     return recentred(centre, matrices(reached)), reached
 
 
+def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
+    """Return forms after a Newton step, and their slopes along some numbers, `(numbers, nodes, n, n)`, from the same equations.
+
+    terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
+    """
+    A, *changes = (centre.in_basis(each) for each in terms)
+    newton, small = _Newton.of(centre.P, A, centre.graph), 1e-4
+    slopes = [
+        newton.solved(-(_gradient(centre.P, A + small * each, centre.graph)[0] - newton.gradient) / small) for each in changes
+    ]
+    nearer = centre.P + newton.solved(-newton.gradient)
+    P = nearer if _shrinks(nearer, A, centre.graph) else centre.P
+    work = newton.work * (1 + len(changes) / 4)
+    return replace(centre, P=P, work=work), np.array(slopes).reshape(len(changes), *P.shape)
+
+
 def finer(centre, A, follows):
     """Return forms on a graph with some nodes split in two; None if no node can be split.
 

@@ -155,7 +155,15 @@ FOR_ALL = (
         advice="Give them to simulate with --set (a pattern of frames as simulate.frames), and see the loop grow.",
     ),
 )
-INTERVALS = (ALONG, *FOUND, *FELT, *FOR_ALL, *LINES)
+LEFT_OPEN = Field(
+    "left_open",
+    "string",
+    "",
+    "what was neither proved nor refuted next to the proof: a share, and the numbers within which it lies",
+    True,
+    advice="Narrow these ranges, or prove them in parts.",
+)
+INTERVALS = (ALONG, *FOUND, *FELT, *FOR_ALL, *LINES, LEFT_OPEN)
 INTERVALS_FOR_HANDS = (ALONG, HAND, *FOUND, *ABOUT_ENDS, *FELT, *LINES)
 
 # Of responses.

@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.analyses.assumptions import notices_of
 from wavesweep.columns import Columns, joined
 from wavesweep.errors import UsageError
-from wavesweep.tables.fields import ABOUT_ENDS, FOR_ALL
+from wavesweep.tables.fields import ABOUT_ENDS, FOR_ALL, LEFT_OPEN
 from wavesweep.tables.interval_tally import Tallies, interval_lines
 from wavesweep.tables.kind import Again, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
@@ -161,12 +161,12 @@ def _finished(block, word, hands, several) -> Columns:
     """The block in order, with a column that says whose its rows are if there are several kinds of rows, or hands."""
     if hands is None and not several:
         return KINDS[0].completed(block)
-    rows, whose, about = len(block["along"]), "guarantee", [each.name for each in FOR_ALL[1:]]
+    rows, whose, about = len(block["along"]), "guarantee", [each.name for each in (*FOR_ALL[1:], LEFT_OPEN)]
     if hands is not None:
         whose, about = "hand", [each.name for each in ABOUT_ENDS]
     missing = dict.fromkeys(about, np.full(rows, np.nan)) | {"settled": block["certified"]}
-    if "counterexample" in about:
-        missing["counterexample"] = np.full(rows, "", dtype=object)
+    if hands is None:
+        missing |= {name: np.full(rows, "", dtype=object) for name in ("counterexample", "left_open")}
     found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
     found = missing | found | {whose: np.full(rows, word or "spec", dtype=object)}
     found = {name: column for name, column in found.items() if name not in about or hands is None or hands.box}

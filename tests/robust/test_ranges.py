@@ -1,0 +1,173 @@
+"""Boxes of unknown numbers while frames vary: every proof is attacked by a program that shares no code with it."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import butter
+from support.specs import values_of
+
+from wavesweep.robust.checking import shrink_over
+from wavesweep.robust.frames import Frames, plan_of_controller
+from wavesweep.robust.graph import Graph
+from wavesweep.robust.polynomials import Polynomials, monomials
+from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals
+
+T = 1e-3
+HAND = "operator.mass", "operator.damping", "operator.stiffness"
+
+
+def polynomial(rng, numbers=2, order=3, n=3):
+    terms = rng.normal(size=(len(monomials(numbers, order)[0]), n, n)) / 4
+    return Polynomials(terms, np.abs(rng.normal(size=(n, n))) * 1e-3, numbers, order)
+
+
+def at(poly, s):
+    return np.tensordot((s**poly.exponents).prod(1), poly.terms, (0, 0))
+
+
+def test_products_and_parts_of_polynomials_enclose_what_they_stand_for():
+    rng = np.random.default_rng(1)
+    one, other = polynomial(rng), polynomial(rng)
+    both, middle, half = one @ other, np.array([0.3, -0.2]), np.array([0.5, 0.1])
+    part = both.within(middle, half)
+    basis = rng.normal(size=(3, 3))
+    seen = one.similar(basis, np.linalg.inv(basis))
+    for s in rng.uniform(-1, 1, (200, 2)):
+        first, second = (at(each, s) + rng.choice([-1, 1], (3, 3)) * each.rest for each in (one, other))
+        assert (np.abs(first @ second - at(both, s)) <= both.rest).all()
+        inner = middle + half * s
+        assert (np.abs(at(both, inner) - at(part, s)) <= part.rest - both.rest + 1e-15).all()
+        assert (np.abs(np.linalg.solve(basis, at(one, s) @ basis) - at(seen, s)) <= seen.rest).all()
+
+
+def scalar(*terms, rest=0.0):
+    """A polynomial of one number and 1 by 1 matrices, at one node or for one symbol."""
+    return Polynomials(np.array([*terms, *[0.0] * (4 - len(terms))]).reshape(4, 1, 1, 1), np.full((1, 1, 1), rest), 1, 3)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "form", "holds"),
+    [
+        (scalar(0.9), scalar(1.0), True),
+        (scalar(0.9, 0.09), scalar(1.0), True),
+        (scalar(0.9, 0.11), scalar(1.0), False),  # 1.01 at one end of the box
+        (scalar(0.9, 0, 0.11), scalar(1.0), False),
+        (scalar(0.9, 0, 0, 0.11), scalar(1.0), False),
+        (scalar(0.9, rest=0.11), scalar(1.0), False),
+        (scalar(0.9), scalar(1.0, 0.9), True),
+        (scalar(0.9), scalar(1.0, 1.1), False),  # negative at one end
+        (scalar(1.1), scalar(-1.0), False),  # a form that is negative decreases along what grows
+    ],
+)
+def test_what_is_proved_over_a_box_holds_at_its_ends(matrix, form, holds):
+    follows = np.ones((1, 1), bool)
+    assert shrink_over(form, Graph.least(follows), matrix, follows) == holds
+
+
+def test_numbers_that_jump_from_frame_to_frame_do_not_count_as_constant_ones():
+    """A rotation by an angle, in a form that depends on a number: for each number by itself it shrinks, for two of them in turn
+    it does not, so a form that is the same for all of them must fail."""
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    slope = np.diag([1.0, -1.0])
+    follows = np.ones((1, 1), bool)
+    # exp(-s D) R exp(s D) with D = diag(1, -1) is R exp(2 s D): to first order R + 2 s R D.
+    exact = [np.linalg.matrix_power(slope, k) * 0.3**k / np.prod(range(1, k + 1)) for k in range(4)]
+    A = Polynomials(0.9 * turn @ np.array(exact)[:, None], np.full((1, 2, 2), 0.01), 1, 3)
+    forms = np.zeros((4, 1, 2, 2))
+    forms[0], forms[1] = np.eye(2), 0.3 * slope
+    nothing = np.zeros((1, 2, 2))
+    assert shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)
+    forms[1] = 0
+    assert not shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)
+
+
+def marched_frames(kind, K, hand, lengths, b=10.0, B=1.0):
+    """The matrices of frames from their difference equations, tick by tick: a sample ends a frame, as in the package."""
+    mass, damping, stiffness = 0.1 + hand[0], 1.5 + hand[1], hand[2]
+    move = expm(T * np.array([[-damping / mass, -stiffness / mass, 1 / mass], [1, 0, 0], [0, 0, 0]]))[:2]
+    (b0, b1), (_, a1), root = *butter(1, 8.57, fs=1 / T), np.sqrt(2 * b)
+
+    def tick(state, phase, step):
+        v, x, before, u, y, x_s, out, shown = state
+        speed = (x - before) / T
+        shown = out if phase == 1 else shown
+        if kind == "dc-slow":
+            force, out = shown, K * x + B * speed if phase == 0 else out
+            u = y = x_s = 0.0
+        else:
+            wave = root * speed - shown
+            u, y, force = wave, b0 * wave + b1 * u - a1 * y, b * speed - root * shown
+            if phase == 0:
+                slow = (root * y - K * x_s) / (b + B)
+                x_s, out = x_s + step * T * slow, y - np.sqrt(2 / b) * (K * x_s + B * slow)
+        return np.array([*(move @ [v, x, -force]), x, u, y, x_s, out, shown])
+
+    show, plain = (np.array([tick(each, phase, 0) for each in np.eye(8)]).T for phase in (1, 2))
+    ends = (np.array([tick(each, 0, length) for each in np.eye(8)]).T for length in lengths)
+    return [end @ np.linalg.matrix_power(plain, n - 2) @ show for end, n in zip(ends, lengths, strict=True)]
+
+
+def growth(frames, word):
+    """The spectral radius of a product without the eigenvalue 1 of a position that nothing holds."""
+    whole = np.eye(8)
+    for each in word:
+        whole = frames[each] @ whole
+    values = np.linalg.eigvals(whole)
+    at_one = np.argmin(np.abs(values - 1))
+    return np.abs(np.delete(values, at_one) if np.abs(values[at_one] - 1) < 1e-6 else values).max()
+
+
+def spec_of(kind, lengths, box, sweep=(150, 1000)):
+    values = {"controller": {"kind": kind, "b": 10.0}, "device": {"velocity": "difference"}}
+    values |= {"environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0}}
+    values |= {} if kind == "dc-slow" else {"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
+    values["for_all"] = {"rates.ratio": {"values": lengths, "varying": True}}
+    values["for_all"] |= {path: dict(zip(("start", "stop"), ends, strict=True)) for path, ends in zip(HAND, box, strict=True)}
+    return values | {"sweep": {"K_VE": dict(zip(("start", "stop"), sweep, strict=True))}}
+
+
+def attacked(kind, lengths, box, low, high, tries, seed=0):
+    """The largest growth per frame of random words for random hands of the box and stiffnesses that are proved."""
+    rng, worst = np.random.default_rng(seed), 0.0
+    for _ in range(tries // 20):
+        K = high if rng.random() < 0.5 else np.exp(rng.uniform(np.log(low), np.log(high)))
+        hand = [rng.choice([*ends, rng.uniform(*ends)], p=[0.35, 0.25, 0.4]) for ends in box]
+        frames = marched_frames(kind, K, hand, lengths)
+        for _ in range(20):
+            word = rng.choice(rng.choice(len(lengths), rng.integers(1, 4)), rng.integers(1, 9))
+            worst = max(worst, growth(frames, word) ** (1 / len(word)))
+    return worst
+
+
+@pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
+def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
+    """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""
+    lengths, box = (18, 22), np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
+    values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
+    values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
+    paths = ["environment.K_VE", *HAND]
+    plan = plan_of_controller(values, Frames(lengths), paths)
+    frames = plan.over(paths, lambda sides: np.column_stack([np.exp(sides[:, 0]), sides[:, 1:]]), box).polynomials()
+    for s in product((-1.0, 0.3, 1.0), repeat=4):
+        place = box.mean(0) + (box[1] - box[0]) / 2 * s
+        marched = marched_frames(kind, np.exp(place[0]), place[1:], lengths)
+        for own, other in zip(at(frames, np.array(s)), marched, strict=True):
+            assert np.abs(np.linalg.eigvals(own)).max() == pytest.approx(growth([other], [0]), abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "box"), [("pmw", [(0, 0.05), (0, 0.5), (0, 20)]), ("dc-slow", [(0.3, 0.4), (2, 3), (0, 50)])])
+def test_no_hand_of_the_box_and_no_order_of_frames_breaks_what_is_proved(kind, box):
+    lengths = (18, 22)
+    table = intervals(load(spec_of(kind, lengths, box)), jobs=1, along="K_VE").columns
+    row = {name: column[1] for name, column in table.items()}
+    assert row["certified"]
+    assert row["settled"]
+    assert attacked(kind, lengths, box, row["low"], row["high"], 2000) < 1
+    *numbers, pattern = row["counterexample"].split(", frames ")
+    hand = [float(each.split(" = ")[1]) for each in numbers[0].split(", ")]
+    word = [lengths.index(int(each)) for each in pattern.split(", ")]
+    assert growth(marched_frames(kind, 1.0001 * row["fails_from"], hand, lengths), word) > 1

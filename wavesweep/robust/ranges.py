@@ -1,0 +1,184 @@
+"""Boxes of unknown numbers while frames vary: in every box all frames shrink, in norms that depend on its numbers.
+
+Unknown means constant in time, and the proof has to use it: in one norm for the whole box, numbers that jump from frame to
+frame would be proved as well, and often these are not stable. In each part of the box the norms are found for its middle, and
+their slopes from the same equations: the form of node i at s is `P_i + sum_k s_k D_ik`. `checking` proves what is found here. A
+part that is not proved is divided along the side that moves the slack most.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.robust.checking import shrink_over, slack_over
+from wavesweep.robust.loop_numbers import FramesOver
+from wavesweep.robust.norms import CALLS, Centre, find_norms, recentred, sloped
+from wavesweep.robust.polynomials import Polynomials, monomials
+from wavesweep.robust.words import Word, growing
+
+# Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
+# their spectral radius leaves, first the one and then the other.
+MARGIN, SHARES = 3e-3, (0.2, 0.03)
+SEARCH = 4e9  # operations of one search for norms in the middle of a box
+STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
+SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
+FEWEST = 40  # boxes after the last proof, at whose middles words are searched
+NARROW = 1e-6  # of a side, below which a box is not divided along it
+
+Box = np.ndarray
+FramesAt = Callable[[Box], "FramesOver | int"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Covering:
+    """What is known of a box, `(2, sides)`.
+
+    open: the parts that are not proved, as boxes. used: operations. point, word: a place at which the word grows, if one was
+    met. centre: norms of the last part that was proved.
+    """
+
+    open: tuple[Box, ...]
+    used: float
+    boxes: int
+    point: np.ndarray | None = None
+    word: Word = ()
+    centre: Centre | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """A part of the box that is still to be proved.
+
+    frames: of it, or of a box around it; known: polynomials of a box around it that are good enough, with that box; start:
+    norms of that.
+    """
+
+    box: Box
+    frames: FramesOver | None = None
+    known: tuple[Box, Polynomials] | None = None
+    start: Centre | None = None
+
+
+def cover(frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, start: Centre | None = None) -> Covering:
+    """Prove that all frames of a box shrink in every order, except in the parts that are left open.
+
+    work: operations after which this ends. start: norms to begin with, as those of a box next to this one. It also ends where a
+    word is met that grows.
+    """
+    queue, used, boxes, centre, barren = [_Part(box, start=start)], 0.0, 0, start, 0
+    while queue and used < work:
+        part, boxes = queue.pop(), boxes + 1
+        if part.frames is None:
+            frames = frames_at(part.box)
+            used += 10 * CALLS
+            if isinstance(frames, int):
+                queue += [replace(part, box=half) for half in _halves(part.box, frames)]
+                continue
+            part = replace(part, frames=frames)
+        if part.known is None:
+            part = replace(part, frames=part.frames.part(part.box))
+        A = _polynomials(part)
+        try:
+            found, spent = _forms(A, follows, part.start, work - used)
+        except np.linalg.LinAlgError:  # singular to rounding
+            found, spent = None, CALLS
+        used += spent
+        wide = np.flatnonzero(part.box[0] < part.box[1])
+        if found is None:
+            barren += 1
+            basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
+            if barren <= FEWEST and (words := growing(A.terms[0], follows, basis)):
+                return Covering((part.box, *(each.box for each in queue)), used, boxes, part.box.mean(0), words[0], centre)
+            moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
+        else:
+            proved, moves, keep, spent = _judged(A, found, follows)
+            used += spent
+            if proved:
+                centre, barren = found[0], 0
+                continue
+            part = replace(part, start=found[0])
+        known = (part.known or (part.box, A)) if keep else None
+        sizes = (part.box[1] - part.box[0])[wide]
+        moves = np.where(sizes > NARROW * (box[1] - box[0])[wide], moves, -1.0)
+        if not wide.size or moves.max() < 0:
+            queue.append(part)
+            break
+        queue += [replace(part, box=half, known=known) for half in _halves(part.box, int(wide[np.argmax(moves)]))[::-1]]
+    return Covering(tuple(each.box for each in queue), used, boxes, None, (), centre)
+
+
+def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray | None:
+    """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box: see `FramesOver.of`.
+
+    They follow from norms at both ends of each side, as energies do: half the logarithm of what a form has on its diagonal.
+    """
+    frames = frames_at(box)
+    if isinstance(frames, int):
+        return units_of(frames_at, _halves(box, frames)[1], follows)
+    units = np.zeros((box.shape[1], frames.states))
+    for side in np.flatnonzero(box[0] < box[1]):
+        logs = []
+        for end in box[:, side]:
+            place = box.mean(0)
+            place[side] = end
+            A = frames.part(np.stack([place, place])).polynomials().terms[0]
+            centre, factor = find_norms(A, follows, None, SEARCH)
+            logs.append(np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if factor == 1 else None)
+        if logs[0] is not None and logs[1] is not None:
+            change = (logs[1] - logs[0]) / (box[1, side] - box[0, side])
+            units[side, frames.kept] = change - np.median(change)
+    return units
+
+
+def _polynomials(part):
+    if part.known is None:
+        return part.frames.polynomials()
+    around, A = part.known
+    wide = around[0] < around[1]
+    half = (around[1] - around[0])[wide] / 2
+    return A.within((part.box.mean(0) - around.mean(0))[wide] / half, (part.box[1] - part.box[0])[wide] / 2 / half)
+
+
+def _forms(A, follows, start, work):
+    """Norms for the middle of a box and their slopes, None if none are found; and the work."""
+    at_middle, spent = A.terms[0], 0.0
+    radius = np.abs(np.linalg.eigvals(at_middle)).max()
+    if not radius < 1:
+        return None, spent
+    for share in SHARES:
+        margin = min(MARGIN, share * (1 / radius - 1))
+        grown = (1 + margin) * at_middle
+        if start is not None and start.shrinks(grown):
+            centre, factor = recentred(replace(start, work=0.0), grown, STEPS), 1
+        else:
+            centre, factor = find_norms(grown, follows, start, min(work - spent, SEARCH))
+        spent += centre.work
+        if factor == 1:
+            centre, slopes = sloped(centre.rounded(), (1 + margin) * A.terms[: 1 + A.numbers])
+            return (centre, slopes), spent + centre.work
+    return None, spent
+
+
+def _judged(A, found, follows):
+    """Whether a box is proved, how much each side moves the slack, whether the polynomials serve its halves, and the work."""
+    centre, slopes = found
+    seen = A.similar(centre.basis, centre.inverse)
+    P = np.zeros((len(A.terms), *centre.P.shape))
+    P[0], P[1 : 1 + A.numbers] = centre.P, slopes
+    forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
+    edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
+    spent = 8 * CALLS + 4 * edges * pairs * n**3
+    if shrink_over(forms, centre.graph, seen, follows):
+        return True, np.zeros(0), True, spent
+    terms, errors, higher = slack_over(forms, centre.graph, seen)
+    size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))
+    worst = np.argmax(np.nan_to_num(size[1:].sum(0) + errors + higher, nan=np.inf))
+    moves = ((1 - 0.5**A.exponents) * size[:, worst, None]).sum(0)
+    return False, moves, bool((errors < SHARED).all()), spent
+
+
+def _halves(box, side):
+    lower, upper = box.copy(), box.copy()
+    lower[1, side] = upper[0, side] = box[:, side].mean()
+    return [lower, upper]
