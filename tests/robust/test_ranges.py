@@ -159,7 +159,13 @@ def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "box"), [("pmw", [(0, 0.05), (0, 0.5), (0, 20)]), ("dc-slow", [(0.3, 0.4), (2, 3), (0, 50)])])
+@pytest.mark.parametrize(
+    ("kind", "box"),
+    [
+        ("pmw", [(0, 0.02), (0, 0.2), (0, 10)]),
+        pytest.param("dc-slow", [(0.39, 0.4), (2.5, 2.6), (0, 5)], marks=pytest.mark.thorough),
+    ],
+)
 def test_no_hand_of_the_box_and_no_order_of_frames_breaks_what_is_proved(kind, box):
     lengths = (18, 22)
     table = intervals(load(spec_of(kind, lengths, box)), jobs=1, along="K_VE").columns
