@@ -191,7 +191,7 @@ def test_what_cannot_vary_is_said(spec, ranges, expected):
 
 def test_check_says_whether_the_design_holds_for_all():
     good = wavesweep.verdict(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})["for_all"]
-    assert good == {"verdict": "proved", "counterexample": ""}
+    assert good == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
     bad = wavesweep.verdict(PD | {"for_all": {"kd": {"start": 0.2, "stop": 5}}})["for_all"]
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2")
 
@@ -237,7 +237,7 @@ def test_periods_in_any_order_are_judged_without_an_axis(nominal, lengths):
         assert (found["verdict"], sorted(word)) == ("refuted", [18, 18, 54])
         assert radius(word) > 1
     else:
-        assert found == {"verdict": "proved", "counterexample": ""}
+        assert found == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
         assert max(radius(word) for word in product(lengths, repeat=9)) < 1
 
 
@@ -332,7 +332,8 @@ def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, m
     spec = load(tables).with_values({"kp": value[place]})
     found = for_all_module.verdict(spec)
     expected = {"proved": "proved", "between": "unknown"}.get(place, "refuted")
-    assert found == {"verdict": expected, "counterexample": row.counterexample if expected == "refuted" else ""}
+    counterexample = row.counterexample if expected == "refuted" else ""
+    assert (found["verdict"], found["counterexample"]) == (expected, counterexample)
     frames = {ticks: held_arm(ticks, value[place]) for ticks in (5, 10)}
     if expected == "refuted":
         word = [int(ticks) for ticks in row.counterexample.removeprefix("frames ").split(", ")]

@@ -59,7 +59,8 @@ def counted_from_rest(E, dE, V, dV, drift: TickDrift) -> tuple[np.ndarray, np.nd
 def shift_of(E, dE, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return V, `(..., rest, leads)`, and a bound on its error, from the changes of all kinds of ticks `(kinds, ..., n, n)`.
 
-    With `J M = I + N` for the rows M of all ticks, an error is at most `(1 + |N|/(1 - |N|)) |J|` times what V leaves of them.
+    With `J M = I + N` for the rows M of all ticks, an error is at most `(1 + |N|/(1 - |N|)) |J|` times what V leaves of
+    them.
     NaN if there is no such rest, infinite bounds if it is not known how far V is off. Of complex ticks, or without
     errors, there is no bound.
     """
