@@ -108,6 +108,7 @@ ANSWERS = {
         "0 20 0.3 = 71.61; grip, n, J: 0 5 0.06 = 27.79"
     ),
     "random-loss": "p, b: 0 0 = 4000.00, 0.1 0.005 = 4000.00",
+    "late-messages": "k: 4 = 100.00, 15 = 100.00",
     "lost-commands": "n: 0 = 4000.00, 1 = 4000.00",
     "hybrid-test": "n: 1 = 3.372, 3 = 7.842, 5 = 12.249, 10 = 22.791, 20 = 40.820",
     "network": "k: 1 = 111.11, 4 = 166.67, 6 = 166.67, 10 = 100.00, 15 = 66.667",
@@ -158,6 +159,25 @@ def test_an_arm_whose_commands_are_lost():
     assert (rows.fails_from < 1.000001 * limits).all()
     assert (rows.high > np.where(rows.n < 10, 0.99, 0.96) * limits).all()
     assert {"352.2", "355.5"} <= numbers_of("lost-commands")
+
+
+@pytest.mark.slow
+def test_messages_that_are_late_by_other_times():
+    """A message in time and one that is r h late, in turn, for ever: the matrices of both, by hand."""
+    rows = whole_table("late-messages")
+    rows = rows[rows.guarantee != "spec"].set_index("k")
+    assert rows.settled.all()
+    assert f"{rows.high[4]:.3f}" == "99.988"
+    assert [f"{rows.high[15]:.3f}", f"{rows.fails_from[15]:.3f}"] == ["58.571", "58.579"]
+    assert {"99.988", "58.571", "58.579"} <= numbers_of("late-messages")
+
+    def radius(K, r=0.75):
+        step = K * 0.02
+        prompt = np.array([[1 - step, 0], [-step, 0]])  # x, and what is shown times h
+        late = np.array([[1 - step * (1 - r), r], [-step, 0]])
+        return np.abs(np.linalg.eigvals(late @ prompt)).max()
+
+    assert brentq(lambda K: radius(K) - 1, 50, 66) == pytest.approx(rows.fails_from[15], rel=1e-6)
 
 
 @pytest.mark.slow

@@ -40,6 +40,12 @@ def lost_commands(kp, kd, I, n):
     return np.array(step(x, v, -kp * x - kd * v))
 
 
+def late_messages(K, d, k):
+    """All in time; k is how late they might be."""
+    del k
+    return np.array([[1 - K * 20e-3 / d]])
+
+
 def random_loss(kp, kd, I, p, b, e):
     """Without losses."""
     del p, b, e
@@ -235,6 +241,7 @@ def exposure(T, g, n):
 
 
 FRAMES = {
+    "late-messages": late_messages,
     "lost-commands": lost_commands,
     "random-loss": random_loss,
     "physics-joint": physics_joint,
