@@ -101,7 +101,7 @@ def command(
         lines += study.plan(loaded)
     own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
     ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
-    steps = list(_steps(loaded, verdict, lines, overrides, whole))
+    steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
     files = [str(path) for path in _drawn(loaded, places, poles)]
     if talk().as_json:
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
@@ -134,8 +134,8 @@ def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
     yield from (line for number in sorted(kept) for line in folded[number])
 
 
-def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[str], whole: bool) -> Iterator[str]:
-    """Yield the commands that go on from a verdict, each with what it gives.
+def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list[tuple[str, str]]:
+    """The commands that go on from a verdict, each with what it gives.
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
@@ -163,7 +163,11 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], overrides: Sequence[
         steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
-    steps[STEPS:] = [] if whole else [(f"check {name} --all", "the rest: states, methods, times")]
+    return [*steps[:STEPS], *([] if whole else [(f"check {name} --all", "the rest: states, methods, times")])]
+
+
+def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iterator[str]:
+    """Yield the lines of the next steps, with what each gives if there is room for it."""
     room = width() - len("  wavesweep   ")
     wide = max((len(line) for line, text in steps if len(line) + len(text) <= room), default=0)
     yield f"next{', with the same --set' if overrides else ''}:"
