@@ -6,7 +6,7 @@ import wavesweep
 from support.specs import nested
 from wavesweep.analyses.hands import Guarantee
 from wavesweep.analyses.loops import drift_of, frames
-from wavesweep.analyses.passive_ranges import port_ranges
+from wavesweep.analyses.passive_ranges import hand_ranges, port_ranges
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.passive import any_hand, channel, margin
 from wavesweep.passive.held_loop import HAND, HeldLoop
@@ -39,7 +39,7 @@ def channel_norm(values):
 
 
 def any_hand_walls(values, span, hand_damping=0.0, path=WALL):
-    return any_hand.any_hand_walls(held(values, path), span, path, hand_damping)
+    return hand_ranges(held(values, path), path, span, hand_damping)
 
 
 def passive_walls(values, span, path=WALL):

@@ -8,12 +8,12 @@ import numpy as np
 
 from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
 from wavesweep.analyses.loops import held_loop
-from wavesweep.analyses.passive_ranges import PassiveRanges, channel_ranges, port_ranges
+from wavesweep.analyses.passive_ranges import PassiveRanges, channel_ranges, hand_ranges, port_ranges
 from wavesweep.analyses.unknown import Case, proofs
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.passive.any_hand import any_hand_walls, damping_needed, reads_velocity
+from wavesweep.passive.any_hand import reads_velocity
 from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
-from wavesweep.passive.held_loop import HAND, HeldLoop, is_affine
+from wavesweep.passive.held_loop import HAND, HeldLoop
 from wavesweep.spec import Axis, Spec
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.grid import Loops, own_loop
@@ -26,7 +26,7 @@ PASSIVE = (
     "and directions in which energy comes out"
 )
 METHODS = {
-    "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
+    "passive": PASSIVE.format("the Hermitian part of the map from displacement to force, with what the damping takes"),
     "box": "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
     "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else searched",
     "port": PASSIVE.format("the Hermitian part of the map from the held force to the displacement"),
@@ -67,36 +67,16 @@ class Guarantee:
         return self.records(held_loop(loop), along, span)
 
     def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
-        """Intervals of the key `along` within `span` for one loop, as records of slice 0.
-
-        Certified are those for every passive hand if the force against the device is linear in the
-        number, as along the wall of a direct coupling: then the values that a damping pays for are a convex set, which its
-        ends prove. The others are not: nothing proves that no smaller interval hides, or that no hand ends it a little sooner.
-        """
+        """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
         if self.kind == "box":
             return _for_box(loop, along, span, self.box)
-        if self.kind == "port":
-            return _from_ranges(port_ranges(loop, along, span), span)
         if self.kind == "channel":
             return _from_ranges(channel_ranges(loop, along, span, self.tolerance), span)
-        found = any_hand_walls(loop, span, along)
-        convex = is_affine(loop, along)
-        return _from_ends(found, span, lambda at: damping_needed(loop.changed({along: at})), certified=convex)
+        return _from_ranges((port_ranges if self.kind == "port" else hand_ranges)(loop, along, span), span)
 
 
 def _text(ends: tuple[float, float]) -> str:
     return "..".join(repr(float(end)).removesuffix(".0") for end in ends)
-
-
-def _from_ends(found, span, measure, certified=False) -> np.ndarray:
-    records = _blank(found.low, found.high)
-    if certified and found.low.size:
-        records["certified"], records["settled"], records["doubt"] = True, True, NONE
-    for end, border in zip(("low", "high"), span, strict=True):
-        real = np.flatnonzero(records[end] != border) if found.low.size else []
-        if len(real):
-            records[f"{end}_omega"][real] = measure(records[end][real]).omega
-    return records
 
 
 def _from_ranges(found: PassiveRanges, span) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Intervals of a number with a passive port at the hand, or a passive wave channel: searched, then proved.
+"""Intervals of a number with a passive port, with every passive hand, or with a passive channel: searched, then proved.
 
 A finder looks at values of the number. An interval that it finds is proved by the sign of a determinant over the number and the
 angle, what lies outside by angles at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
@@ -17,7 +17,7 @@ from wavesweep.loops.domain import domain
 from wavesweep.passive.any_hand import runs_of
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.held_loop import HeldLoop
-from wavesweep.passive.over_ranges import Determinant, Maps, Witness, channel_maps, least, port_maps
+from wavesweep.passive.over_ranges import Determinant, Maps, Witness, channel_maps, least, port_maps, reaction_maps
 from wavesweep.robust.boxes import positive
 from wavesweep.stability.spectrum import is_stable
 from wavesweep.sweep.grid import Loops
@@ -57,6 +57,15 @@ def port_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
     return whole.answered(known=bool(records["certified"].all()))
 
 
+def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float = 0.0) -> PassiveRanges:
+    """Where the loop is stable with every passive hand of at least `hand_damping` (N*s/m); see `damping_needed`.
+
+    loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
+    any mass and stiffness, including nonlinear and time-varying ones.
+    """
+    return _Ranges(loop, path, span, (reaction_maps(loop, path, span, hand_damping),), [span]).answered(known=True)
+
+
 def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
     """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
     ways = ("whole",) if channel_of(loop.drawing, loop.changed({path: span[1]}).values).joined else ("outward", "inward")
@@ -84,12 +93,11 @@ class _Ranges:
         """
         more: list[float] = []
         for _ in range(ROUNDS):
-            found = runs_of(self._passive, self.span, more)
-            ends = list(zip(found.low.tolist(), found.high.tolist(), strict=True))
+            ends = list(zip(*(each.tolist() for each in runs_of(self._passive, self.span, more)), strict=True))
             proofs = [self._proved(*each) for each in ends]
             edges = [self.span[0], *(end for each in ends for end in each), self.span[1]]
             gaps = [self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
-            against = [p for _, p in (*proofs, *gaps) if p is not None]
+            against = [float(np.clip(p, *self.span)) for _, p in (*proofs, *gaps) if p is not None]  # rounding of a box
             if not known or not against or set(against) <= set(more):
                 break
             more += against

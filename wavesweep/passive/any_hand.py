@@ -1,4 +1,4 @@
-"""Stability with every passive hand: the damping that it needs, and the intervals of a number in which there is enough."""
+"""Stability with every passive hand: the damping that it needs; and a finder of intervals in which something holds."""
 
 from dataclasses import dataclass, replace
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from wavesweep.loops.block import Block
 from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.circle import solve
 from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.passive.held_loop import HeldLoop, device_keys
+from wavesweep.passive.held_loop import HeldLoop
 from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps, read
 from wavesweep.response.linear_systems import solved
@@ -58,8 +59,11 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     if loop.device is None or reads_velocity(loop):
         return None
     drawn, batch = loop.drawn(), loop.batch
-    ticks, x = _reaction(drawn, loop.device, loop.drawing.hand[0], batch)
-    lifted, responsive = _settled(ticks.lifted(), x)
+    ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], batch)
+    lifted = ticks.lifted()
+    responsive, apart = _responsive(lifted, x), settled(lifted, x)
+    parts = [(getattr(apart, name), getattr(lifted, name)) for name in LiftedMap.__slots__]
+    lifted = LiftedMap(*(np.where(responsive[:, None, None], *pair) for pair in parts))
     M, loops = ticks.kind.size, ticks.loops
     period = np.broadcast_to(np.real(drawn.period), batch).reshape(-1)
     least = np.where(responsive, 0.0, LOWEST)
@@ -90,7 +94,7 @@ def reads_velocity(loop: HeldLoop) -> bool:
 REACTION = "ports.push"  # the junction of the force that pushes the device, but for the hand's
 
 
-def _reaction(drawn: MultirateLoop, device: str, force: str, batch) -> tuple[TickMaps, list[int]]:
+def reaction(drawn: MultirateLoop, device: str, force: str, batch) -> tuple[TickMaps, list[int]]:
     """The ticks from the displacement of the device (m) to the force against it (N), and its position among the states.
 
     The device is a ruler: the hand's input is the displacement in the tick. States that the force does not depend on are left
@@ -110,29 +114,35 @@ def _reaction(drawn: MultirateLoop, device: str, force: str, batch) -> tuple[Tic
     return TickMaps.of(maps, ticks.kind, batch), at
 
 
-def _settled(lifted: LiftedMap, x) -> tuple[LiftedMap, np.ndarray]:
-    """The map from displacements to forces, its pole at z = 1 set apart where loops settle, and whether they do, `(loops,)`.
+def settled(lifted: LiftedMap, x) -> LiftedMap:
+    """The map from displacements to forces of loops that settle, with its pole at z = 1 set apart.
 
     Nothing moves the position x but the displacements, and every other state of a responsive loop settles at R times x, so
     the states less R x follow `w s = E s + (G - R G_x) u`, without x. The force for a constant position is the stiffness k,
     the same in every tick, so that x adds `k/w 11^T`, whose Hermitian part is `-k/2 11^T` at every frequency.
     """
-    rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
-    of_rest = lifted.E[:, rest][..., rest]
-    responsive = is_stable(of_rest) if rest.size else np.isfinite(lifted.E).all((-1, -2))
     if not x:
-        return lifted, responsive
+        return lifted
+    rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
     with np.errstate(all="ignore"):
-        settled = -solved(of_rest, 0 * of_rest, lifted.E[:, rest][..., x], np.zeros((rest.size, 1)))[0]
-        stiffness = (lifted.O[..., x] + lifted.O[..., rest] @ settled).mean((-1, -2))
+        place = -_exact(lifted.E[:, rest][..., rest], lifted.E[:, rest][..., x])
+        stiffness = (lifted.O[..., x] + lifted.O[..., rest] @ place).mean((-1, -2))
         E, G, O = (part.copy() for part in (lifted.E, lifted.G, lifted.O))
         E[:, x, :], E[:, :, x], O[..., x] = 0.0, 0.0, 0.0
         E[:, x, x] = -1.0
-        G[:, rest] -= settled * lifted.G[:, x]
-        T = lifted.T - stiffness[:, None, None] / 2
-    chosen = responsive[:, None, None]
-    parts = zip((E, T, O, G), (lifted.E, lifted.T, lifted.O, lifted.G), strict=True)
-    return LiftedMap(*(np.where(chosen, new, old) for new, old in parts)), responsive
+        G[:, rest] -= place * lifted.G[:, x]
+        return LiftedMap(E, lifted.T - stiffness[:, None, None] / 2, O, G)
+
+
+def _exact(A, b):
+    """The solution of A X = b, with refined inverses where it is real."""
+    return solve(A, b) if np.iscomplexobj(A) else solved(A, 0 * A, b, 0 * b)[0]
+
+
+def _responsive(lifted: LiftedMap, x) -> np.ndarray:
+    """Whether the states other than the position x settle, `(loops,)`."""
+    rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
+    return is_stable(lifted.E[:, rest][..., rest]) if rest.size else np.isfinite(lifted.E).all((-1, -2))
 
 
 POINTS = 33  # values tried first
@@ -141,38 +151,8 @@ TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 FINEST = 1e-10  # of the range, to which an end is refined
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PassiveWalls:
-    """Intervals of a number, such as K_VE (N/m), `(intervals,)` each.
-
-    low, high: the passive side of each end. method: every value tried is proved to be passive or not; those between two
-    neighbours of the same kind are not proved.
-    """
-
-    low: np.ndarray
-    high: np.ndarray
-    method: str = "each stiffness looked at is proved; 33 of the range are looked at, and the ends refined"
-
-
-def any_hand_walls(loop: HeldLoop, span, path: str, hand_damping: float = 0.0) -> PassiveWalls | None:
-    """Values of the number `path` within `span` stable with every passive hand of at least `hand_damping` (N*s/m).
-
-    loop: a single one. None if `damping_needed` is None. The guarantee is for continuous hands of any mass and
-    stiffness, including nonlinear and time-varying ones.
-    """
-    if loop.device is None or reads_velocity(loop):
-        return None
-
-    def passive(p):
-        at = loop.changed({path: p})
-        own = device_keys(at)[1]  # the damping needed does not depend on the device's mass
-        return np.broadcast_to(damping_needed(at).suffices(own + hand_damping), np.shape(p))
-
-    return runs_of(passive, span)
-
-
-def runs_of(passive, span, more=()) -> PassiveWalls:
-    """Runs of values that pass, their ends refined all together by multisection. A value of 0 is looked at by itself.
+def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high ends of runs of values that pass, refined all together by multisection. A 0 is looked at by itself.
 
     more: values that are tried first, in addition to POINTS of them.
     """
@@ -199,4 +179,4 @@ def runs_of(passive, span, more=()) -> PassiveWalls:
     rising = good[change + 1]
     lows = np.concatenate([points[:1][good[:1]], inside[rising]])
     highs = np.concatenate([inside[~rising], points[-1:][good[-1:]]])
-    return PassiveWalls(lows, highs)
+    return lows, highs

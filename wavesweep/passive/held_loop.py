@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.loops.from_drawing import POSITION, assembled, scalar_place, twins
+from wavesweep.loops.from_drawing import POSITION, assembled, twins
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.loops.values import values_of
 from wavesweep.monodromy.drift import TickDrift, drift_of_drawn
 from wavesweep.response.port import Port, Ports, port_of
-from wavesweep.spec.drawing import Drawing, name_of, scalars
-from wavesweep.spec.expressions import ONE, names_in
+from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.expressions import ONE
 
 HAND = ("operator.mass", "operator.damping", "operator.stiffness")  # paths of the numbers of a hand at the device
 
@@ -91,22 +91,6 @@ def device_of(drawing: Drawing) -> str | None:
     name = masses[pushed[0][0]]
     (signal, gain), *others = displacement
     return name if not others and signal == f"{name}.x" and _is_one(gain) else None
-
-
-def is_affine(loop: HeldLoop, path: str) -> bool:
-    """Whether the force on the device, its motion prescribed, is linear in a number: a scalar gain that no loop goes round."""
-    number = name_of(path)
-    place = scalar_place(loop.drawing, number)
-    if not place.startswith("wire."):
-        return False
-    wires, port = {name: dict(terms) for name, terms in loop.drawing.wires}, place.removeprefix("wire.")
-    read = {signal for signal, gain in wires[port].items() if any(name == number for name, _ in names_in(gain))}
-    reached, new = set(), {port.rpartition(".")[0]} - {loop.device}
-    while new:
-        reached |= new
-        fed = {name.rpartition(".")[0] for name, terms in wires.items() for each in terms if each.rpartition(".")[0] in reached}
-        new = fed - reached - {loop.device}
-    return not any(signal.rpartition(".")[0] in reached for signal in read)
 
 
 def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:

@@ -10,7 +10,7 @@ reaches the circle: so all loops are passive if one of them is.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -22,8 +22,9 @@ from wavesweep.monodromy.circle import inverse, on_circle, solve
 from wavesweep.monodromy.open_ticks import facts_of
 from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.monodromy.rounding import balance
+from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
-from wavesweep.passive.held_loop import HeldLoop
+from wavesweep.passive.held_loop import HeldLoop, device_keys
 from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels, tick
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps
 from wavesweep.response.port import Ports, port_of
@@ -51,6 +52,25 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
             lifted = ticks.lifted(measured=False)
             lifted = lifted if port.position is None else apart_at_rest(lifted, port.position)
         return lifted, _pivots(at, path, drawn, p.shape)
+
+    return _remembered(maps)
+
+
+def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float) -> Maps:
+    """Maps whose Hermitian parts are positive where the loop is stable with every passive hand of at least this damping.
+
+    They are `d/T + C` of `damping_needed`, d (N*s/m) that of device and hand.
+    """
+
+    def maps(p):
+        at = loop.changed({path: np.where(p == 0, NEXT_TO_0 * span[1], p)})
+        drawn = at.drawn()
+        with np.errstate(all="ignore"):
+            ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], p.shape)
+            lifted = settled(ticks.lifted(measured=False), x)
+        paid = np.broadcast_to((device_keys(at)[1] + hand_damping) / drawn.period, p.shape)
+        T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])
+        return replace(lifted, T=T), _pivots(at, path, drawn, p.shape)
 
     return _remembered(maps)
 

@@ -45,7 +45,7 @@ HANDS = {
 STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
 # Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
-SEARCHED = ("passive", "box")
+SEARCHED = ("box",)
 NEXT = 2e-3  # of the largest value, up to where what is proved begins next to 0
 ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}
 

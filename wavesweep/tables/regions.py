@@ -93,7 +93,7 @@ class View:
 def incomplete(columns: Columns) -> np.ndarray:
     """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
-    searched = False if whose is None else np.isin(whose.astype(str), ("passive", "box", *GUARANTEES))
+    searched = False if whose is None else np.isin(whose.astype(str), ("box", *GUARANTEES))
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 
