@@ -183,7 +183,7 @@ class Loop:
         from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In
         place of an output any signal of the loop, "block.port", does.
         If both are, it is the response that the spec's [bode] asks for: of a loop without a hand those between all of them,
-        with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for names that are none, SpecError for
+        with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for unknown names, SpecError for
         a drawn loop without a hand that has no such ports.
         Accuracy: every row has bounds on its relative errors, or a reason of doubt.
         """

@@ -92,7 +92,7 @@ class DrawnLoop:
 
 
 def refuse_infinite(drawn: MultirateLoop) -> None:
-    """Raise UsageError for a block or a wire of a drawing that has a number which is not finite, or is none."""
+    """Raise UsageError for a block or a wire of a drawing with a number that is missing or not finite."""
     for each in drawn.placed:
         parts = (each.block.E, each.block.B, each.block.C, each.block.D)
         if not all(np.isfinite(part).all() for part in parts):

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
-from wavesweep.analyses.proving import settling
+from wavesweep.analyses.proving import ball_prover
 from wavesweep.export.source import exported
 from wavesweep.loops.from_drawing import assembled
 from wavesweep.monodromy.periodic import ticks_of
@@ -48,13 +48,13 @@ def test_intervals_are_those_of_a_tick_of_which_the_dead_times_are_multiples(see
 
 
 @pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.thorough] * (seed > 1)) for seed in range(10)])
-def test_balls_settle_loops_with_dead_times(seed):
+def test_balls_prove_loops_with_dead_times(seed):
     """Ends against the eigenvalues of the same loop at a tick of which its dead time is a multiple."""
     rng = np.random.default_rng(seed + 50)
     q, order = int(rng.choice([3, 4, 5])), int(rng.integers(1, 4))
     act = int(rng.integers(1, 2 * q))
     spec = wavesweep.compile(drawn(order, False, q, act, None, seed)).spec
-    found = settling(loops_of(spec, spec.values), "numbers.k", np.array([T]), 1e7)(0, 1e-3, 1e4)
+    found = ball_prover(loops_of(spec, spec.values), "numbers.k", np.array([T]), 1e7)(0, 1e-3, 1e4)
     fine = wavesweep.compile(drawn(order, True, q, act, None, seed))
     ends = [end for row in found for end in row[:2] if 1e-3 < end < 1e4]
     for low, high, *_ in found:

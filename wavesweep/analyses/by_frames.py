@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.analyses.interval_records import TINY
 from wavesweep.analyses.loops import drift_of, named_loops
 from wavesweep.analyses.open_loops import in_place
-from wavesweep.analyses.proving import settling
+from wavesweep.analyses.proving import ball_prover
 from wavesweep.controllers import WALL
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.loops.domain import bends_at_zero, domains, guards_at
@@ -38,8 +38,8 @@ def by_dominance(search: "Search", loops: Loops, size: int) -> Intervals:
     batch = replace(batch, radius=search.bound and search.bound.radius_of(period))
     variable = FROM_ZERO if search.span[0] == 0 and bends_at_zero(loops.drawing, search.along) else ""
     variable = BENT if search.along in WALL and search.span[0] >= 0 else variable
-    settle = settling(loops, search.along, period, search.prove) if search.prove and not search.bound else None
-    found = stable_along_any(batch.frames, search.span, size, period, bounds, variable, batch.errors, settle)
+    balls = ball_prover(loops, search.along, period, search.prove) if search.prove and not search.bound else None
+    found = stable_along_any(batch.frames, search.span, size, period, bounds, variable, batch.errors, balls)
     if search.span[0] <= 0 <= search.span[1]:
         found = _meeting_one_at_zero(search, found, loops)
     return _in_own_time(search, found, loops)
@@ -71,7 +71,7 @@ def by_discs(search: "Search", loops: Loops, size: int) -> Intervals:
 
 
 def _asked(search, loops, size):
-    """The period of the frames, `(size,)`, the loops as frames along the number, and the bounds beyond which there are none."""
+    """The period of the frames, `(size,)`, the loops as frames along the number, and the bounds of its values with loops."""
     drawn = loops.drawn()
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     return period, FramesAlong.of(loops, search.along, search.span), domains(*loops, search.along, search.span, size)

@@ -46,7 +46,7 @@ def peak_of_encoder(loop: Loops) -> Peak | None:
 
 
 def peaks_of(loops: Loops, size: int) -> np.ndarray:
-    """Return the peak gains of some loops, `(size,)`; NaN where there is none."""
+    """Return the peak gains of some loops, `(size,)`; NaN for loops without one."""
     peaks = (peak_of_encoder(loops.one(at)) for at in range(size))
     return np.array([np.nan if each is None else each.gain for each in peaks])
 

@@ -16,17 +16,17 @@ OPERATIONS = 3e7  # of ball arithmetic for a column in doubt, at most: some five
 ALL = 3e8  # for all columns of a table, if all were in doubt; counted, so that the result does not depend on the machine
 MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its other side
 
-Settle = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
+BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
 
 
-def settling(loops: Loops, along: str, period: np.ndarray, operations: float) -> Settle:
-    """Return what `covering.settled` asks about a stretch, for loops of a batch along one of their numbers.
+def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float) -> BallProver:
+    """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one of their numbers.
 
     period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop.
     """
     budgets = {}
 
-    def settle(column, low, high):
+    def prove(column, low, high):
         from wavesweep.prove import Budget, prove_column
 
         loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
@@ -48,4 +48,4 @@ def settling(loops: Loops, along: str, period: np.ndarray, operations: float) ->
         slower = rate_of(*loop) / rate_of(*loop.changed({along: value})) if name_of(along) in loop.drawing.rating else 1.0
         return omega * period[column] * slower
 
-    return settle
+    return prove

@@ -155,7 +155,7 @@ class Budget:
 
 
 def _degree(loop: Loop) -> float:
-    """A bound on the degree in the number of the frame's polynomial times the determinants; infinite if it is none.
+    """A bound on the degree in the number of the frame's polynomial times the determinants; infinite if it is not one.
 
     Each equation of a tick, of a port, an output or a state, adds the degree of its factors.
     """

@@ -389,26 +389,8 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
     {
         each.__name__: each
         for each in (
-            *(
-                mass,
-                inertia,
-                spring,
-                ss,
-                tf,
-                gain,
-                hold,
-                channel,
-                impulse,
-                saturation,
-                delay,
-                difference,
-                integrator,
-                butterworth,
-                wave,
-                avatar,
-                local_model,
-            ),
-            *(lowpass, pi, pid, lead, notch, biquad, mean),
+            *(mass, inertia, spring, ss, tf, gain, hold, channel, impulse, saturation, delay, difference, integrator),
+            *(butterworth, wave, avatar, local_model, lowpass, pi, pid, lead, notch, biquad, mean),
         )
     }
 )

@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.monodromy.rounding import uneven_units
 from wavesweep.stability.certificate import NONE
-from wavesweep.stability.covering import ATTACHED, Tiles, regions_of, settled, tiles_of
+from wavesweep.stability.covering import ATTACHED, Tiles, proved_by_balls, regions_of, tiles_of
 from wavesweep.stability.entries import DEGREES, EPS, panels_of
 from wavesweep.stability.frames import Frames
 from wavesweep.stability.intervals import Intervals, doubts_of, intervals_of
@@ -28,17 +28,17 @@ ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their pane
 
 
 def stable_along_any(
-    frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None, settle=None
+    frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None
 ) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
     period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
     """
-    found = regions_along_any(frames, span, columns, bounds, variable, errors, settle)
+    found = regions_along_any(frames, span, columns, bounds, variable, errors, balls)
     return intervals_of(found, doubts_of(found, np.full(columns, NONE)), period)
 
 
-def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None, settle=None) -> Regions:
+def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None) -> Regions:
     """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
 
     frames(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
@@ -50,7 +50,7 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
     poles below zero; FROM_ZERO, the logarithm of p from ATTACHED of the span on, for a span from 0, at which the loop need not
     be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is the logarithm of p if high > WIDE low > 0, as
     masses, impedances and cutoffs act by their ratios, or else p.
-    settle(column, low, high): the stable intervals of what is left in doubt, see `covering.settled`; by default it stays so.
+    balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
 
     The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
     these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
@@ -82,7 +82,7 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
     order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
     few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
     parts = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
-    own = settle and _in_variable(settle, into, out)
+    own = balls and _in_variable(balls, into, out)
     found = Regions.join([_regions(*through, ends, names, bounds[:, names], slack, own) for names in parts])
     # The range's own ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
@@ -103,18 +103,18 @@ def _through(function, out, column, t):
     return function(column, p)
 
 
-def _in_variable(settle, into, out):
-    """`settle` for ends in the variable."""
+def _in_variable(balls, into, out):
+    """`balls` for ends in the variable."""
 
-    def settled_there(column, low, high):
+    def proved_there(column, low, high):
         a, b = float(out(low)), float(out(high))
-        found = settle(column, a, b)
+        found = balls(column, a, b)
         if found is None:
             return None
         known = {a: low, b: high}
         return [(*(known.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in found]
 
-    return settled_there
+    return proved_there
 
 
 def _rounded(frames, column, p):
@@ -122,7 +122,7 @@ def _rounded(frames, column, p):
     return E, 4 * EPS * np.abs(E)
 
 
-def _regions(frames, errors, span, names, bounds, slack, settle) -> Regions:
+def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
     """The regions of some columns in the variable; slack: how far an end may be off; the others: see `regions_along_any`."""
 
     def of_errors(column, t):
@@ -153,7 +153,7 @@ def _regions(frames, errors, span, names, bounds, slack, settle) -> Regions:
         panels, kept = panels.without_forgotten()
         tiles = tiles_of(panels, lambda *at: (part[:, kept[:, None], kept] for part in of_errors(*at)), span, names.size, slack)
     attached = ATTACHED * (span[1] - span[0]), slack(span[1])
-    if settle is not None:
-        tiles, lost = settled(tiles, lost, span, names.size, attached, lambda at, *part: settle(int(names[at]), *part))
+    if balls is not None:
+        tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))
     found = regions_of(tiles, lost, span, names.size, attached)
     return replace(found, column=names[found.column])

@@ -255,10 +255,10 @@ class _Test:
         return np.split(ends, 2), np.split(outside, 2)
 
 
-def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[Tiles, tuple[np.ndarray, ...]]:
+def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> tuple[Tiles, tuple[np.ndarray, ...]]:
     """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is proved of these.
 
-    settle(column, low, high): the stable intervals from low to high as (low, high, low_theta, high_theta), None if they stay in
+    balls(column, low, high): the stable intervals from low to high as (low, high, low_theta, high_theta), None if they stay in
     doubt; see `Tiles` for theta. lost, attached: see `regions_of`.
     """
     ends = [Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span]
@@ -288,12 +288,12 @@ def settled(tiles: Tiles, lost, span, columns: int, attached, settle) -> tuple[T
         own = pairs[whole.column[pairs[:, 0]] == column]
         for before, after in own.tolist() if len(own) <= FEW else [(own[0, 0], own[-1, 1])]:
             a, b = float(whole.high[before]), float(whole.low[after])
-            found = settle(column, a, b)
+            found = balls(column, a, b)
             if found is None:
                 continue
             begins, stops = bool(found) and found[0][0] == a, bool(found) and found[-1][1] == b
             if any(not outer[at] and (whole.outside[at] == 0) != stable for at, stable in ((before, begins), (after, stops))):
-                continue  # a proof that contradicts what is next to it is none
+                continue  # what contradicts its neighbours is not taken for proved
             kept[before + 1 : after] = False
             new.append(_tiles_of_intervals(column, a, b, found))
             elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)

@@ -195,8 +195,8 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
 def count_where_clear(parts: Parts, which, matrices):
     """Count the regions `which` at the first of SHARES at which no eigenvalue is within rounding of the circle.
 
-    The count is -1 if there is none. matrices(regions, value): the frame-to-frame matrices less identity of these regions at
-    these values, and bounds on the errors of their entries.
+    The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less identity of these regions
+    at these values, and bounds on the errors of their entries.
     """
     unstable = np.full(which.size, -1)
     for share in SHARES:
