@@ -160,22 +160,20 @@ class Experiment:
 
     def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
         """Yield the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
-        half, most = fast_hz / 2, MOST_TICKS / fast_hz
-        if self.frequencies and self.values["frequency_hz"] and not self.frequencies.stop < half:
-            expected, found = f"numbers < {half!r} (half of {rate})", show(self.frequencies.stop)
-            yield self._leaf("frequency_hz").mistake(FREQUENCIES, expected, found)
-        seconds = self._seconds()
-        if seconds > most:
-            name = "frequency_hz" if self.values["duration_s"] is None else "duration_s"
-            expected = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
-            yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
-        if self.values["duration_s"] is not None and 0 < seconds * fast_hz <= 0.5:
-            yield self._leaf("duration_s").mistake("simulate.duration_s", f"at least a tick ({1 / fast_hz:g} s)", show(seconds))
-        sets_in, width = self.values["at_s"], self.values["width_s"]
-        if self.values["input"] in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz:
-            yield self._leaf("at_s").mistake("simulate.at_s", f"a number < {seconds!r} (simulate.duration_s)", show(sets_in))
-        if self.values["input"] == "pulse" and width * fast_hz <= 0.5:
-            yield self._leaf("width_s").mistake("simulate.width_s", f"at least a tick ({1 / fast_hz:g} s)", show(width))
+        half, most, tick = fast_hz / 2, MOST_TICKS / fast_hz, f"at least a tick ({1 / fast_hz:g} s)"
+        kind, sets_in, width, lasts = (self.values[name] for name in ("input", "at_s", "width_s", "duration_s"))
+        seconds, stop = self._seconds(), self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0
+        late = kind in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
+        long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
+        for name, wrong, expected, found in (
+            ("frequency_hz", stop >= half, f"numbers < {half!r} (half of {rate})", show(stop)),
+            ("frequency_hz" if lasts is None else "duration_s", seconds > most, long, f"{seconds:g} s"),
+            ("duration_s", lasts is not None and 0 < seconds * fast_hz <= 0.5, tick, show(seconds)),
+            ("at_s", late, f"a number < {seconds!r} (simulate.duration_s)", show(sets_in)),
+            ("width_s", kind == "pulse" and width * fast_hz <= 0.5, tick, show(width)),
+        ):
+            if wrong:
+                yield self._leaf(name).mistake(f"simulate.{name}", expected, found)
 
     def _leaf(self, name: str) -> Leaf:
         """Return the given leaf of a key, or an empty one at the place of its table."""
