@@ -70,6 +70,15 @@ def test_held_inputs_have_the_radius_of_their_second_moments():
     assert decays(chain(recursion(1.2, "held"), k=0.1)) == "refuted"
 
 
+@pytest.mark.parametrize("keys", [{"lost": 1}, {"late": 1}])
+def test_patterns_beside_losses_at_random_are_refused(keys):
+    spec = recursion(1.2)
+    spec["block"]["back"] = {"type": "channel", **keys}
+    spec["wire"] |= {"back.u": "plant.y", "net.u": "-k*back.y"}
+    with pytest.raises(UsageError, match="found back with more"):
+        chain(spec)
+
+
 def test_a_number_in_probabilities_and_wires_is_refused():
     spec = recursion(1.2)
     spec["wire"]["net.u"] = "-k*(1 - p)*plant.y"

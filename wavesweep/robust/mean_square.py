@@ -23,7 +23,7 @@ from wavesweep.robust.checking import Norms, shrink_on_average
 from wavesweep.robust.graph import Graph
 from wavesweep.robust.joint import NEAR_START, Bracket, Stretch
 from wavesweep.robust.loop_frames import LoopFrames
-from wavesweep.robust.messages import LOST, frames_with_messages
+from wavesweep.robust.messages import LOST, channels_of, frames_with_messages
 from wavesweep.spec.drawing import Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in
 from wavesweep.stability.spectrum import count_outside
@@ -168,8 +168,13 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     """Return the chain of a drawn loop whose messages are lost at random.
 
     values: flat numbers. number: that one wire or gain reads, or probabilities are linear in; empty for none.
-    Errors: UsageError for another number, or a loop with too many states or moments.
+    Errors: UsageError for another number, a loop with too many states or moments, or other channels whose messages are late or
+    lost in any pattern.
     """
+    if others := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
+        raise UsageError(
+            f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(others)} with more"
+        )
     name, known = name_of(number) if number else "", scalars(values)
     keys = {block.name: dict(block.keys) for block in drawing.channels}
     trees = {channel: [own[key] for key in ("loss", "burst_loss", "burst", "burst_end")] for channel, own in keys.items()}
