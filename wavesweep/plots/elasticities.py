@@ -15,17 +15,22 @@ PANELS = 8
 ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
 _BAR, _ROOM = 0.17, 0.95  # inches of the figure's height for a number, and for the title and the axis of a panel
 _LETTERS = 46  # of a line above a panel
+SET_ELSEWHERE = "Stability sets no end of an interval in the range searched."
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 
 
 def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
+    from matplotlib.patches import Patch
+
     panels = _panels(columns)
     drawn = [rows for rows in panels if not _without_bars(rows)]
     notes = dict.fromkeys(f"{_end(rows)}: no bars, {why}." for rows in panels if (why := _without_bars(rows)))
     notes = [*notes][:PANELS]
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
-    notes += [_without_ends(facts)] if not panels else []
+    doubts = ", ".join(facts.get("doubts") or ())
+    nothing = f"No end of an interval is known in the range searched ({doubts})." if doubts else SET_ELSEWHERE
+    notes += [] if panels else [nothing]
     shown = [(rows, *_sorted(rows)) for rows in drawn[:PANELS]]
     across = min(1 if is_narrow() else 2, len(shown))
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
@@ -37,16 +42,13 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 _draw(axis, *panel)
             for axis in axes.ravel()[len(shown) :]:
                 axis.set_visible(False)
-            _legend(canvas, [rows for rows, *_ in shown])
+            present = [each for each in _QUANTITIES if any(each in _kinds(rows) for rows, *_ in shown)]
+            if len(present) > 1:
+                words = [_QUANTITIES[each] for each in present]
+                canvas.legend([Patch(**_look(each)) for each in present], words, loc="outside upper center", ncols=2)
         elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
         note_below(canvas, *notes, assumption(facts), axis=elasticity)
     return canvas
-
-
-def _without_ends(facts: Mapping[str, Any]) -> str:
-    if facts.get("doubts"):
-        return f"No end of an interval is known in the range searched ({', '.join(facts['doubts'])})."
-    return "Stability sets no end of an interval in the range searched."
 
 
 def _without_bars(rows: Columns) -> str:
@@ -135,12 +137,3 @@ def _look(quantity: str) -> dict[str, Any]:
     """The look of bars; the second is hatched, since its grey is much the same."""
     number = list(_QUANTITIES).index(quantity)
     return {"facecolor": distinct_colour(number), "edgecolor": "white", "hatch": "////" * number or None, "linewidth": 0}
-
-
-def _legend(canvas: Any, shown: list[Columns]) -> None:
-    from matplotlib.patches import Patch
-
-    present = [quantity for quantity in _QUANTITIES if any(quantity in _kinds(rows) for rows in shown)]
-    if len(present) > 1:
-        handles = [Patch(**_look(quantity)) for quantity in present]
-        canvas.legend(handles, [_QUANTITIES[each] for each in present], loc="outside upper center", ncols=2)

@@ -1,6 +1,6 @@
 """The roles of a table's axes in the figure of its intervals, and a note on the values that are not shown."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -111,10 +111,16 @@ def lay_out(
         beside = {}
     fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name and name not in beside}
     shown = ((x, points), (panels, panel_values), (family, members))
-    notes = [f"{len(v)} of {len(several[n])} values of {n}" for n, v in shown if n and len(v) < len(several[n])]
-    notes += [f"{name} at {value:g} alone, of {len(several[name])} values" for name, value in fixed.items()]
-    said = f"Shown: {'; '.join(notes)}." if notes else ""
+    said = what_is_shown([(n, v, several[n]) for n, v in shown if n] + [(n, (v,), several[n]) for n, v in fixed.items()])
     return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
+
+
+def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:
+    """A sentence on axes some values of which are not shown, empty without any; axes: name, values that are shown, and all."""
+    cut = [(name, some, len(every)) for name, some, every in axes if len(some) < len(every)]
+    one, several = "{0} at {1[0]:g} alone, of {2} values", "{3} of {2} values of {0}"
+    parts = [(one if len(some) == 1 else several).format(name, some, n, len(some)) for name, some, n in cut]
+    return f"Shown: {'; '.join(dict.fromkeys(parts))}." if parts else ""
 
 
 def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()) -> str | None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import rows_with
+from wavesweep.plots.layout import rows_with, what_is_shown
 from wavesweep.plots.sampling import Loops
 from wavesweep.plots.scales import by_factors, is_logarithmic
 from wavesweep.plots.style import (
@@ -70,7 +70,12 @@ def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any
             panel.set_xlim(columns[x].min(), columns[x].max())
         _scale(channel.yaxis, port.yaxis, columns, facts)
         _legend(canvas, port, "passive")
-        note_below(canvas, _left_out(loops), assumption(facts), axis=label(x, facts))
+        note_below(
+            canvas,
+            what_is_shown((n, v, loops.several[n]) for n, v in loops.roles.items()),
+            assumption(facts),
+            axis=label(x, facts),
+        )
     return canvas
 
 
@@ -149,17 +154,6 @@ def _legend(canvas: Any, panel: Any, shaded: str) -> None:
     handles, labels = panel.get_legend_handles_labels()
     handles, labels = [*handles, Patch(**_PASSIVE)], [*labels, shaded]
     canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)))
-
-
-def _left_out(loops: Loops) -> str:
-    parts = [
-        f"{name} at {values[0]:g} alone, of {len(loops.several[name])} values"
-        if len(values) == 1
-        else f"{len(values)} of {len(loops.several[name])} values of {name}"
-        for name, values in loops.roles.items()
-        if len(values) < len(loops.several[name])
-    ]
-    return f"Shown: {'; '.join(parts)}." if parts else ""
 
 
 def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:

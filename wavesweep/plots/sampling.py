@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having, where
+from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having, what_is_shown, where
 
 KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer table is read a second time
 MOST_DRAWN = 200  # curves of all specs together: more of them are an area
@@ -61,12 +61,9 @@ class Curves(Kept):
                 flags |= having(columns, axes) & (columns["spec"] == spec)
             return flags
 
-        notes = dict.fromkeys(
-            f"{len(few)} of {len(self._values[spec][name])} values of {name}"
-            for spec, axes in wanted.items()
-            for name, few in axes.items()
+        return self.where(shown), what_is_shown(
+            (name, few, self._values[spec][name]) for spec, axes in wanted.items() for name, few in axes.items()
         )
-        return self.where(shown), f"Shown: {'; '.join(notes)}." if notes else ""
 
     def _along(self) -> str:
         """The axis along the curves: frequency or, if there is only one, the axis with most values."""

@@ -41,7 +41,10 @@ def wiring(loop: Wiring, title: str) -> Any:
     Columns go from the hand's force to the right; if they are too many for one row, the next row goes on below.
     """
     boxes, routes = placed(loop)
-    colours, legend = _colours(loop), _legend(loop)
+    rates = sorted({part.every for part in loop.parts} - {0})
+    looks = family_looks(len(rates)) if len(rates) > 5 else [distinct_look(n) for n in range(len(rates))]
+    colours = {0: NO_RATE} | {rate: look.colour for rate, look in zip(rates, looks, strict=True)}  # ports are grey
+    legend = {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
     head = 0.24 + 0.2 * len(legend)
     wide = max(routes.width, _width(title, TITLE) + MARGIN, NARROWEST)
     size = wide + 2 * MARGIN, routes.height + head + 2 * MARGIN
@@ -77,18 +80,6 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
     return boxes, route(boxes, bands)
 
 
-def _colours(loop):
-    """Colour of each rate; ports are grey."""
-    rates = sorted({part.every for part in loop.parts} - {0})
-    looks = family_looks(len(rates)) if len(rates) > 5 else [distinct_look(n) for n in range(len(rates))]
-    return {0: NO_RATE} | {rate: look.colour for rate, look in zip(rates, looks, strict=True)}
-
-
-def _legend(loop):
-    rates = sorted({part.every for part in loop.parts} - {0})
-    return {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
-
-
 def _when(every, phase=0):
     text = "every tick" if every == 1 else f"every {every:.6g} ticks"
     return f"{text}, from {phase:.6g}" if phase else text
@@ -109,7 +100,7 @@ def _texts(part: Part) -> list[tuple[str, float, str]]:
 def _box(part: Part) -> Box:
     rows, inputs = 0, []
     for _, terms in part.inputs:
-        inputs += [(rows + n, signal, _label_width(terms, gain)) for n, (signal, gain) in enumerate(terms)]
+        inputs += [(rows + n, signal, 0.16 + _width(_gain(terms, gain), SMALL)) for n, (signal, gain) in enumerate(terms)]
         rows += max(1, len(terms))
     texts = _texts(part)
     height = max(rows, len(part.outputs), 3 if part.kind == "block" else 1)
@@ -141,10 +132,6 @@ def _gain(terms: Terms, gain: str) -> str:
     if gain in ("1", "-1"):
         text = "" if gain == "1" and len(terms) == 1 else "+" if gain == "1" else "-"
     return text.replace("**", "^").replace("*", "·").replace("-", "\N{MINUS SIGN}")
-
-
-def _label_width(terms: Terms, gain: str) -> float:
-    return 0.16 + _width(_gain(terms, gain), SMALL)
 
 
 @lru_cache(maxsize=4096)  # texts of users
