@@ -18,6 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from wavesweep.monodromy.rounding import balance
+from wavesweep.robust.polynomials import along, nodes, to_series
 from wavesweep.stability.frames import Frames
 from wavesweep.stability.guardian_maps import MOST_ORDER, from_coefficients, from_eigenvalues
 
@@ -136,7 +137,7 @@ class _Pieces:
             # Divide along the number along which the sizes on the other ellipses change most.
             steep = np.isfinite(counts).all() and steps.max() > STEEP
             return self._none, _divided(piece, wide, steps if steep else counts)
-        return self._within(piece, wide, [_nodes(int(count)) for count in counts], units, trend, peak, far)
+        return self._within(piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far)
 
     @property
     def _none(self):
@@ -218,22 +219,9 @@ def _trend(log, grid):
 
 
 @lru_cache
-def _nodes(count):
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-@lru_cache
 def _lebesgue(count):
     """An upper bound on the Lebesgue constant of so many Chebyshev nodes."""
     return 2 / np.pi * np.log(count) + 1
-
-
-@lru_cache
-def _to_series(count):
-    """From values at the nodes to coefficients of Chebyshev polynomials."""
-    series = 2 / count * np.cos(np.outer(np.arange(count), np.arccos(_nodes(count))))
-    series[0] /= 2
-    return series
 
 
 @lru_cache
@@ -248,7 +236,7 @@ def _to_bernstein(count):
 def _turned(array, matrices):
     """The array with a matrix applied along each axis."""
     for axis, matrix in enumerate(matrices):
-        array = np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)
+        array = along(matrix, array, axis)
     return array
 
 
@@ -259,7 +247,7 @@ def _positive(values, noise):
     coefficients lose fewer digits.
     """
     dimensions = values.ndim
-    series = _turned(values, map(_to_series, values.shape))
+    series = _turned(values, map(to_series, values.shape))
     noise += 2**dimensions * values.size * EPS * np.abs(values).max()
     series, left_out = _shortened(series, SPARED * max(values.min() - noise, 0.0))
     to = list(map(_to_bernstein, series.shape))

@@ -13,6 +13,7 @@ from wavesweep.monodromy.periodic import Ticks
 from wavesweep.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.monodromy.rounding import both
 from wavesweep.robust.folded import counted_from_rest, shift_of
+from wavesweep.robust.polynomials import Polynomials
 
 SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
 SOME = 0.7  # a value at which no entry of a frame vanishes by chance
@@ -79,7 +80,7 @@ class LoopFrames:
         for each in self.ticks.maps:
             E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
             maps.append(np.eye(len(E)) + E)
-        whole = [_joined(self._ticks(i), maps, lambda first, later: later @ first) for i in range(len(self.rows))]
+        whole = [_joined(self._ticks(i), maps, _after) for i in range(len(self.rows))]
         if self.drift:
             changes = np.array(maps) - np.eye(len(maps[0]))
             V, dV = shift_of(changes, 0 * changes, self.drift)
@@ -114,7 +115,7 @@ class LoopFrames:
 
         If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between its
         poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
-        second order (see `Enclosure`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
+        second order (see `Polynomials`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
         values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve. None if
         a drift depends on the number.
         """
@@ -130,7 +131,7 @@ class LoopFrames:
         middle, half = (low + high) / 2, (high - low) / 2
         (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
         maps = [_enclosure(each, middle, half) for each in self.ticks.maps]
-        rest = [_joined(self._ticks(i), maps, _then).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
+        rest = [_joined(self._ticks(i), maps, _after).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
         more = 2.3 * np.array(rest)
         control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
         return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
@@ -204,23 +205,22 @@ def _in_a_row(row, changes, errors):
 
 
 def _enclosure(tick, middle, half):
-    """The change of a tick for all values of the number from `middle - half` to `middle + half`."""
-    nothing = np.zeros_like(tick.E)
+    """A tick for all values of the number from `middle - half` to `middle + half`."""
+    nothing, whole = np.zeros_like(tick.E), np.eye(len(tick.E)) + tick.E
     if not tick.inputs:
-        return Enclosure(tick.E, nothing, nothing, nothing)
+        return Polynomials(np.array([whole, nothing, nothing]), nothing, 1, 2)
     d = tick.D[0, 0]
     through = tick.B @ tick.C
     # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
     closing = 1 - d * middle
     least = abs(closing) - abs(d) * half
-    parts = middle / closing, half / closing**2, d * half**2 / closing**3
+    centre, slope, curve = middle / closing, half / closing**2, d * half**2 / closing**3
     rest = d**2 * half**3 / least**4
-    centre, slope, curve = (part * through for part in parts)
-    return Enclosure(tick.E + centre, slope, curve, rest * np.abs(through))
+    return Polynomials(np.array([whole + centre * through, slope * through, curve * through]), rest * np.abs(through), 1, 2)
 
 
-def _then(first, later):
-    return first + later + later @ first
+def _after(first, later):
+    return later @ first
 
 
 def _joined(runs, maps, joined):
@@ -234,29 +234,3 @@ def _joined(runs, maps, joined):
             left //= 2
             power = joined(power, power) if left else power
     return whole
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Enclosure:
-    """Matrices within `rest` of `centre + s slope + s^2 curve` for s from -1 to 1, `(n, n)` each.
-
-    Sums and products enclose the sums and products of any two matrices at the same s: a Taylor model of second order (M. Berz,
-    K. Makino, Verified integration of ODEs and flows using differential algebraic methods on high-order Taylor models, Reliable
-    Computing 4, 361-369, 1998).
-    Accuracy: rounding of the sums is not enclosed; a proof has to leave room for it.
-    """
-
-    centre: np.ndarray
-    slope: np.ndarray
-    curve: np.ndarray
-    rest: np.ndarray
-
-    def __add__(self, other: Enclosure) -> Enclosure:
-        return Enclosure(self.centre + other.centre, self.slope + other.slope, self.curve + other.curve, self.rest + other.rest)
-
-    def __matmul__(self, other: Enclosure) -> Enclosure:
-        (x0, x1, x2), (y0, y1, y2) = ((each.centre, each.slope, each.curve) for each in (self, other))
-        size, others = (sum(map(np.abs, parts)) for parts in ((x0, x1, x2), (y0, y1, y2)))
-        rest = size @ other.rest + self.rest @ (others + other.rest)
-        rest = rest + np.abs(x1) @ np.abs(y2) + np.abs(x2) @ (np.abs(y1) + np.abs(y2))
-        return Enclosure(x0 @ y0, x0 @ y1 + x1 @ y0, x0 @ y2 + x1 @ y1 + x2 @ y0, rest)

@@ -24,6 +24,7 @@ SEARCH = 4e9  # operations of one search for norms in the middle of a box
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 FEWEST = 40  # boxes after the last proof, at whose middles words are searched
+EACH = 40  # times as long as it takes to multiply, what is done with each entry of the polynomials
 NARROW = 1e-6  # of a side, below which a box is not divided along it
 
 Box = np.ndarray
@@ -168,7 +169,7 @@ def _judged(A, found, follows):
     P[0], P[1 : 1 + A.numbers] = centre.P, slopes
     forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
     edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
-    spent = 8 * CALLS + 4 * edges * pairs * n**3
+    spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**3
     if shrink_over(forms, centre.graph, seen, follows):
         return True, np.zeros(0), True, spent
     terms, errors, higher = slack_over(forms, centre.graph, seen)
