@@ -89,11 +89,11 @@ def report(spec: Spec, asked: Request) -> str:
                 text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
-        own = _own_lines(spec)
+        own, proved = _own_lines(spec)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
-    body += [*_answer(spec, found.get(INTERVALS), own), *_counterexamples(spec, found.get(INTERVALS))]
+    body += [*_answer(spec, found.get(INTERVALS), own[0], proved), *_counterexamples(spec, found.get(INTERVALS))]
     body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(own)]
     for number, each in enumerate(found.values(), start=1):
         if each.title in KNOWN:
@@ -158,29 +158,35 @@ def _found(title: str, table: Table, command: str) -> Found:
     return Found(title, table, (*kind.lines(tally.numbers(table.facts)), *notices), picture, command, sha256)
 
 
-def _own_lines(spec: Spec) -> list[Line]:
-    """The verdict of `check` on the spec's own numbers."""
+def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
+    """The verdict of `check` on the spec's own numbers, and whether they lie in a proved range, as then stability is proved."""
     from wavesweep.analyses.assumptions import over_preset, unusual
     from wavesweep.analyses.verdict import verdict
     from wavesweep.cli.verdict import own_lines, verdict_lines
 
     found = verdict(spec)
     lines = (*own_lines(spec, found), *(line for _, line in verdict_lines(spec, found)), *unusual(spec), *over_preset(spec))
-    return [(line, any(word in line for word in ("not proved", "not known", "not stable", "UNSTABLE"))) for line in lines]
+    marked = [(line, any(word in line for word in ("not proved", "not known", "not stable", "UNSTABLE"))) for line in lines]
+    return marked, any(each["stable"] and each["certified"] for each in found["limits"])
 
 
-def _answer(spec: Spec, intervals: Found | None, own: list[Line]) -> Iterator[str]:
-    """The proved numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself."""
+def _answer(spec: Spec, intervals: Found | None, own: Line, proved: bool) -> Iterator[str]:
+    """The proved numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself.
+
+    own: the first line of the verdict; proved: whether it is proved that the loop is stable with its own numbers.
+    """
     yield html.element("h2", "Answer")
     assumed = [MODEL, *([VARYING] if spec.for_all else [])]
     if intervals is None:
-        yield html.verdict(not own[0][1], "Computed in double precision.", "The ranges of its numbers follow below.", own[:1])
+        title = "Proved stable." if proved else "Computed in double precision, not proved."
+        yield html.verdict(not own[1], title, "The ranges of its numbers follow below.", [own])
     else:
         rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
         lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
         of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
+        how = "with its own numbers, proved" if proved else "with its own numbers, computed in double precision"
         said = ("Not all of this is proved.", "") if doubtful else ("Proved.", PROVED * of_one)
-        yield html.verdict(not doubtful, *said, [*lines, (f"computed in double precision: {own[0][0]}", own[0][1])])
+        yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
         yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
         yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
         facts = intervals.table.facts

@@ -100,6 +100,8 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     said = dict(HEADS, low=f"{columns['along'][0]} from")
     head = [f"{said.get(name, name)}{f' ({units[name]})' if units.get(name, '1') not in ('', '1') else ''}" for name in shown]
     rows = [[*(WHOSE.get(row[name]) or _text(row[name]) for name in shown), _proof(row)] for row in _rows(columns)]
+    for row, number in zip(rows, columns["intervals"].tolist(), strict=True):
+        row[shown.index("low")] = row[shown.index("low")] if number else "none"
     return (*head, "proof"), rows
 
 
