@@ -8,6 +8,8 @@ from support.messages import marched, random_loop, spec_of
 
 import wavesweep
 from wavesweep.errors import UsageError
+from wavesweep.robust.checking import Norms, shrink_on_average
+from wavesweep.robust.graph import Graph
 from wavesweep.robust.mean_square import bracket_on_average, chances, decays
 from wavesweep.spec import load
 
@@ -23,6 +25,22 @@ def recursion(a, missing="zero", **channel):
         },
         "wire": {"net.u": "-k*plant.y", "plant.u": "net.y"},
     }
+
+
+@pytest.mark.parametrize(
+    ("P", "weight", "holds"),
+    [
+        (1.0, [0.75, 0.25 - 1e-9], False),  # not all that may happen
+        (1.0, [0.75 + 1e-9, 0.25 - 1e-9], True),
+        (1.0, [0.75, 0.25], False),  # p a^2 is 1
+        (-1.0, [0.5, 0.5], False),  # -1 + 0.5 * 4 is positive, but it is no norm
+    ],
+)
+def test_the_check_takes_probabilities_and_norms_alone(P, weight, holds):
+    """`x+ = 0` or `2 x` with probability p: p < 1/4."""
+    graph = Graph(np.zeros(2, int), np.arange(2), np.zeros(2, int))
+    E, weight = np.array([[[-1.0]], [[1.0]]]), np.array(weight)
+    assert shrink_on_average(Norms(np.full((1, 1, 1), P), graph), weight, E, np.zeros_like(E)) is holds
 
 
 def chain(spec, along="", **values):
