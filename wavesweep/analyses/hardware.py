@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,12 @@ from wavesweep.analyses.loops import drift_of, named_loops
 from wavesweep.loops.from_drawing import POSITION, REACTION
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.passive.held_loop import device_of
-from wavesweep.response.peak import Peak, peak_of
 from wavesweep.response.port import port_between
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Loops, own_loop
+
+if TYPE_CHECKING:
+    from wavesweep.response.peak import Peak
 
 GIVEN = ("resolution", "friction", "max_force")  # keys of [simulate]
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
@@ -37,6 +40,8 @@ def peak_of_encoder(loop: Loops) -> Peak | None:
 
     None without a device that the hand holds and a force against it, and as for `peak_of`.
     """
+    from wavesweep.response.peak import peak_of
+
     device = device_of(loop.drawing)
     if device is None or loop.drawing.hand[2] is None:
         return None

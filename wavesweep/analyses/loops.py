@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.loops.from_drawing import OUTPUT, POSITION, REACTION, twins
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
-from wavesweep.passive.held_loop import HeldLoop
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.port import NoPositionError, Port, Ports, port_between, port_of
 from wavesweep.response.resting import resting
@@ -22,6 +22,9 @@ from wavesweep.spec.checking import show
 from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
 from wavesweep.stability.spectrum import radius_of
 from wavesweep.sweep.grid import Loops, distinct_rows, drawn_groups, items_of, make_grid, own_loop
+
+if TYPE_CHECKING:
+    from wavesweep.passive.held_loop import HeldLoop
 
 Route = tuple[str, str]  # names of an input and an output
 SURE = 1e-6  # relative error up to which a stiffness counts as known
@@ -74,8 +77,10 @@ def drift_of(loops: Loops, out: str = "", watched=(), beside: str = "") -> TickD
 _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
 
 
-def held_loop(loops: Loops) -> HeldLoop:
+def held_loop(loops: Loops) -> "HeldLoop":
     """The loops with a hand."""
+    from wavesweep.passive.held_loop import HeldLoop
+
     return HeldLoop(*loops.read)
 
 
