@@ -74,6 +74,8 @@ def test_a_recipe_runs_with_the_command_that_it_names(path, tmp_path, monkeypatc
     kinds = len(set(rows["guarantee"].tolist())) if "guarantee" in rows else 1
     assert f"all {len(rows['certified']) // kinds} rows certified" in capsys.readouterr().err
     assert main(["check", words[1]]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert (len(lines) <= 15, max(map(len, lines)) <= 100) == (True, True), lines
 
 
 @pytest.mark.sample(2)
