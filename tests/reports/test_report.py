@@ -13,10 +13,9 @@ import pytest
 
 import wavesweep
 from wavesweep.cli import main
+from wavesweep.spec.writing import as_toml
 
-ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
-VOID = ("meta", "path", "use", "rect")
 PD = {
     "rates": {"tick_hz": 1000},
     "numbers": {"K": 40.0, "J": 0.01},
@@ -67,12 +66,16 @@ def read(text):
 
 
 @pytest.fixture(scope="module")
-def cascade():
-    return wavesweep.report(ROOT / "sweeps/recipes/cascade.toml")
+def axis(tmp_path_factory):
+    """A spec with an axis, as a file, and its report."""
+    source = tmp_path_factory.mktemp("spec") / "axis.toml"
+    tables = PD | {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}, "J": [0.005, 0.01]}}
+    source.write_text(f"# How stiff may the axis be?\n{as_toml(tables)}", encoding="utf-8")
+    return source, wavesweep.report(source)
 
 
-def test_a_report_needs_no_other_file_and_its_names_are_its_own(cascade):
-    page = read(cascade)
+def test_a_report_needs_no_other_file_and_its_names_are_its_own(axis):
+    page = read(axis[1])
     assert page.names["svg"] == 3
     assert page.names["script"] == page.names["link"] == page.names["img"] == 0
     inside = {each for each in page.refers if not each.startswith("data:image/png;base64,")}
@@ -81,47 +84,46 @@ def test_a_report_needs_no_other_file_and_its_names_are_its_own(cascade):
     assert max(page.ids.values()) == 1
 
 
-def test_a_report_has_the_intervals_margins_and_spec(cascade):
-    source = ROOT / "sweeps/recipes/cascade.toml"
-    text = unescape(" ".join(read(cascade).words))
+def test_a_report_has_the_intervals_margins_and_spec(axis):
+    source, text = axis[0], unescape(" ".join(read(axis[1]).words))
     for row in wavesweep.stability_region(source).itertuples():
-        assert re.search(rf"\b{row.h:g}\s+{row.low:.6g}\s+{row.high:.6g}\b", text)
+        assert re.search(rf"\b{row.J:g}\s+{row.low:.6g}\s+{row.high:.6g}\b", text)
     margins = wavesweep.compile(source).margins().set_index("margin")["value"]
     assert f"disk margin {margins['disk']:.6g}" in text
     assert source.read_text(encoding="utf-8") in text
+    assert "In the words of the spec: How stiff may the axis be?" in text
 
 
-def test_what_a_report_refutes_is_unstable_by_the_spectral_radius_and_stable_on_the_other_side_of_the_end(cascade):
-    loop, text = wavesweep.compile(ROOT / "sweeps/recipes/cascade.toml"), " ".join(read(cascade).words)
-    found = re.findall(r"h = (\S+)\s+k = (\S+)\s+eigenvalue .* per frame, modulus 1 \+ (\S+):", text)
-    assert len(found) == 10
-    ends = np.sort(wavesweep.stability_region(loop.spec)[["low", "high"]].to_numpy().ravel())
-    for h, k, over in np.array(found, float):
-        end = ends[np.argmin(np.abs(ends / k - 1))]
-        assert loop.spectral_radius(h=h, k=k) - 1 == pytest.approx(over, rel=1e-2, abs=1e-9)
-        assert loop.spectral_radius(h=h, k=end + (end - k)) < 1
+def test_what_a_report_refutes_is_unstable_by_the_spectral_radius_and_stable_on_the_other_side_of_the_end(axis):
+    loop, text = wavesweep.compile(axis[0]), " ".join(read(axis[1]).words)
+    found = re.findall(r"J = (\S+)\s+K = (\S+)\s+eigenvalue .* per frame, modulus 1 \+ (\S+):", text)
+    assert len(found) == 2
+    ends = wavesweep.stability_region(loop.spec)["high"].to_numpy()
+    for J, K, over in np.array(found, float):
+        end = ends[np.argmin(np.abs(ends / K - 1))]
+        assert loop.spectral_radius(J=J, K=K) - 1 == pytest.approx(over, rel=1e-2, abs=1e-9)
+        assert loop.spectral_radius(J=J, K=end + (end - K)) < 1
 
 
-def test_the_commands_of_a_report_give_its_tables_and_the_report(cascade, tmp_path, monkeypatch):
+def test_the_commands_of_a_report_give_its_tables_and_the_report(axis, tmp_path, monkeypatch):
+    source, page = axis
     monkeypatch.chdir(tmp_path)
-    text = unescape(" ".join(read(cascade).words))
-    Path("cascade.toml").write_text((ROOT / "sweeps/recipes/cascade.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    for command in re.search(r"<pre>(.*?)</pre>", cascade, re.DOTALL)[1].splitlines():
+    Path("axis.toml").write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    for command in re.search(r"<pre>(.*?)</pre>", page, re.DOTALL)[1].splitlines():
         assert main(shlex.split(unescape(command))[1:]) == 0
-    hashes = dict(re.findall(r"SHA-256 of (verified/\S+)\s+([0-9a-f]{64})", text))
+    hashes = dict(re.findall(r"SHA-256 of (verified/\S+)\s+([0-9a-f]{64})", unescape(" ".join(read(page).words))))
     assert len(hashes) == 3
     assert {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in hashes} == hashes
-    assert Path("results/cascade/report.html").read_text(encoding="utf-8") == cascade
+    assert Path("results/axis/report.html").read_text(encoding="utf-8") == page
 
 
-def test_frames_of_any_length_are_refuted_by_the_frames_of_the_table():
-    spec = ROOT / "sweeps/for-all/dc-slow.toml"
-    text, rows = " ".join(read(wavesweep.report(spec)).words), wavesweep.zwidth(spec)
-    told = rows[rows["counterexample"] != ""]
-    assert len(told)
-    for row in told.itertuples():
-        assert re.search(rf"K_VE = {row.fails_from:.6g}\s+{re.escape(row.counterexample)}", text)
-    assert "all of [for_all]" in text
+def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
+    sweep = {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}}
+    spec = PD | sweep | {"for_all": {"J": {"start": 0.005, "stop": 0.02}}}
+    text, rows = " ".join(read(wavesweep.report(spec)).words), wavesweep.stability_region(spec)
+    (told,) = rows[rows["counterexample"] != ""].itertuples()
+    assert re.search(rf"K = {told.fails_from:.6g}\s+{re.escape(told.counterexample)}", text)
+    assert "for every J from 0.005 to 0.02?" in text
 
 
 @pytest.mark.parametrize(
