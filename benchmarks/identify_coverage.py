@@ -48,6 +48,7 @@ KINDS = {
     "acceleration": (1000, 0.0, 0.0, "acceleration"),
     "acceleration, white": (1000, 1.0, 0.0, "acceleration"),
     "acceleration, spring": (1000, 1.0, 0.0, "acceleration spring"),
+    "acceleration, instant": (1000, 1.0, 0.0, "acceleration at an instant"),
     "10^4 acceleration": (10_000, 3.0, 0.0, "acceleration"),
     "300 quantised": (300, 0.0, 0.0, ""),
     "300 white": (300, 1.0, 0.0, ""),
@@ -173,7 +174,10 @@ def log_of(kind, source, force_kind):
         places = linear(A, [0, 1 / mass], felt, late, [0.0, velocity], int(sensor != "position"))
     else:
         places = marched(mass, damping, felt, late, velocity, friction, sensor)
-    if sensor == "acceleration":  # the mean over the tick before, with an offset
+    if special.endswith("instant"):  # just before the force changes, with an offset
+        before = felt[np.clip(np.arange(len(felt)) - int(late) - 1, 0, None)]
+        places = (before - damping * places) / mass + source.uniform(-0.3, 0.3)
+    elif sensor == "acceleration":  # the mean over the tick before, with an offset
         places = np.diff(places, prepend=velocity) * RATE + source.uniform(-0.3, 0.3)
     places, force = places[BEFORE:], force[BEFORE:]
     q = min(10 ** source.uniform(-6, -4) if sensor == "position" else np.ptp(places) / 100, np.ptp(places) / 30)

@@ -138,6 +138,17 @@ def widened(fit: Fit) -> Fit:
     return replace(fit, extra=moved)
 
 
+def at_an_instant(fit: Fit) -> Fit:
+    """The same fit with intervals for a sensor that gives the acceleration at an instant, not its mean over the tick before.
+
+    To first order that is the error of Euler's rule in mass and damping, and a part of a tick of delay does not show.
+    """
+    moved = np.zeros(len(fit.theta)) + fit.extra
+    moved[:2] += euler(fit.numbers, fit.rows.period)
+    moved[[name == "delay" for name in fit.model.names]] += 1.0
+    return replace(fit, extra=moved)
+
+
 def _hidden(model, reading, way):
     """The numbers that friction hides: the speed of a device at rest; a constant force, if the device moves one way.
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.special import gammaincc
 
-from wavesweep.identification.fit import Fit, fitted, moves, refined, widened
+from wavesweep.identification.fit import Fit, at_an_instant, fitted, moves, refined, widened
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured
 
 SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
@@ -52,7 +52,8 @@ def identified(model: Model, force: np.ndarray, reading: np.ndarray, period: flo
     """Fit a model to a log and judge the fit, whose intervals are widened if it does not explain the log; see `fitted`."""
     fit = fitted(model, force, reading, period, resolution)
     verdict = judged(fit)
-    return (widened(fit) if verdict.missing not in ("", "one-way", "unseen") else fit), verdict
+    fit = widened(fit) if verdict.missing not in ("", "one-way", "unseen") else fit
+    return (at_an_instant(fit) if model.measured == "acceleration" else fit), verdict
 
 
 def judged(fit: Fit) -> Verdict:
