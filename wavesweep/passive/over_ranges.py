@@ -45,7 +45,7 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     drift, hand = loop.changed({path: inner}).drift((POSITION,)), Ports(loop.drawing.hand[0], POSITION)
 
     def maps(p):
-        at = loop.changed({path: np.where(p == 0, NEXT_TO_0 * span[1], p)})
+        at = loop.changed({path: _away_from_0(p, span)})
         with np.errstate(all="ignore"):
             port = port_of(drawn := at.drawn(), hand, drift)
             ticks = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, p.shape)
@@ -63,7 +63,7 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float], hand_dam
     """
 
     def maps(p):
-        at = loop.changed({path: np.where(p == 0, NEXT_TO_0 * span[1], p)})
+        at = loop.changed({path: _away_from_0(p, span)})
         drawn = at.drawn()
         with np.errstate(all="ignore"):
             ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], p.shape)
@@ -86,6 +86,11 @@ def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
         return bounded_by(flat.lifted(measured=False), square), _pivots(at, path, at.drawn(), p.shape)
 
     return _remembered(maps)
+
+
+def _away_from_0(p, span):
+    """The number, but for values so near to 0 that rounding hides what they do."""
+    return np.where(np.abs(p) < NEXT_TO_0 * span[1], NEXT_TO_0 * span[1], p)
 
 
 def _remembered(maps: Maps) -> Maps:
