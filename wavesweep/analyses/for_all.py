@@ -1,7 +1,7 @@
 """Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from textwrap import shorten
 
@@ -25,6 +25,8 @@ MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
 NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
 SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
+QUICK = 3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
+NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
 OF_KINDS = {  # what a verdict is about, and its words
     "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
@@ -240,8 +242,10 @@ def _all_of(rows) -> _Row | None:
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved to be stable from about 0 on."""
+    rules = replace(rules, work=QUICK)
     rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
-    found = rows[(rows["intervals"] > 0) & (rows["low"] <= 10 * FROM_ZERO * rows["high"])]
+    share = NEAR_ZERO if rules.vary and rules.ranges else 10 * FROM_ZERO
+    found = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
     return float(found["high"].max(initial=0.0))
 
 

@@ -17,6 +17,7 @@ from wavesweep.robust.messages import Sent, frames_with_messages
 from wavesweep.robust.norms import WORK
 from wavesweep.robust.plan import Plan
 from wavesweep.robust.words import is_refuted
+from wavesweep.robust.worst import WORK as WORK_OVER
 from wavesweep.robust.worst import Loops as LoopsOver
 from wavesweep.robust.worst import as_numbers, bracket_over, decide_over
 from wavesweep.spec import Axis, Spec
@@ -27,7 +28,7 @@ from wavesweep.spec.for_all import ForAll, values_of_range
 from wavesweep.sweep.grid import Loops
 
 DELAY = "environment.delay"
-FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0
+FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
@@ -40,6 +41,7 @@ class Rules:
 
     with_frame: whether results are in place with the next frame. elapsed: whether the slow environment integrates over the
     time since its last frame. messages: whether the loop has channels; at_random: whether these lose messages at random.
+    work: operations of a proof over ranges beside what varies.
     """
 
     for_all: ForAll
@@ -47,6 +49,7 @@ class Rules:
     elapsed: bool = True
     messages: bool = False
     at_random: bool = False
+    work: float = WORK_OVER
 
     @staticmethod
     def of(spec: Spec) -> "Rules":
@@ -151,7 +154,7 @@ def bracketed_over(
     loops = _over(rules, loop, along, ranges, span)
     least = loops.zeros[0] + FROM_ZERO * (about[1] - loops.zeros[0])
     for share in STARTS:
-        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least)
+        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work)
         if np.isfinite(found.low):
             ends = (End(each.x, each.point, each.word, _text_at(loops, each)) for each in (found.below, found.above))
             return Over(found.low, found.high, *ends, found.settled, found.open)

@@ -142,7 +142,7 @@ FOR_ALL = (
         "boolean",
         "",
         "what is proved comes within 1 % of what is refuted, or of the swept range, at both ends; near an end of 0 within a "
-        "ten-thousandth of the other end",
+        "ten-thousandth of the other end (for ranges beside frames that vary a thousandth)",
         True,
         advice="Rely on low to high in any case; between high and fails_from nothing is known. Narrower ranges settle it.",
     ),
