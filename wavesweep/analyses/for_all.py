@@ -202,7 +202,7 @@ class _Loop:
         (low, high), share = open_
         names = [self.along, *(axis.path for axis in case.ranges)]
         places = (f"{name_of(path)} {a:.4g} to {b:.4g}" for path, a, b in zip(names, low, high, strict=True))
-        return shorten(f"{100 * share:.2g} %, within {', '.join(places)}", TEXT, placeholder=" ...")
+        return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", TEXT, placeholder=" ...")
 
 
 def _row(part, low, high) -> _Row:

@@ -31,6 +31,7 @@ table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabu
 th, td { text-align: left; padding: .2rem .9rem .2rem 0; border-bottom: 1px solid #ddd; vertical-align: top;
   overflow-wrap: normal; }
 td:not(:last-child) { white-space: nowrap; }
+td:last-child { overflow-wrap: anywhere; }
 th { vertical-align: bottom; }
 figure { margin: 1rem 0; break-inside: avoid; }
 figure svg { max-width: 100%; height: auto; }
