@@ -69,7 +69,7 @@ def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: 
     _refuse_tolerance(tolerance)
     hands = hands_of(["port", *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])])
     table = intervals(spec, along=along, hands=hands, **work)
-    return replace(table, kind="passivity-along", facts=table.facts | {"along": along, "tolerance": tolerance})
+    return replace(table, kind="passivity-along", facts={**table.facts, "along": along, "tolerance": tolerance})
 
 
 def in_memory(spec: Spec, axes) -> Columns:
