@@ -237,7 +237,7 @@ CONSERVES = (
         ),
         ({}, f"sweep.require: expected a table with some of {NAMES}, found an empty table"),
         ({"bounded": 1}, "sweep.require.bounded: expected true or false, found 1"),
-        ({"bounded": True, "radius": 0.9}, "sweep.require.bounded: expected true alone, found others beside it"),
+        ({"bounded": True, "radius": 0.9}, "sweep.require.bounded: expected true alone, found other requirements as well"),
         ({"bounded": True}, CONSERVES),
         ({"damping_ratio": 1}, "sweep.require.damping_ratio: expected a number <= 0.999, found 1"),
         ({"radius": 1}, "sweep.require.radius: expected a number <= 0.999999, found 1"),

@@ -11,8 +11,17 @@ from wavesweep.controllers import WALL
 from wavesweep.loops.controllers import keys_of_page
 from wavesweep.tables.intervals import intervals
 
-PAPERS = {  # what the paper gives for the figures that the statements are on; its local model has a stiffness only
-    *("rates.fast_hz", "rates.ratio", "device.mass", "device.damping", "controller.kind", "controller.b", "controller.Kp"),
+PAPERS = {  # what the paper gives for its statements: a local model with a stiffness only, a device without delay
+    *(
+        "rates.fast_hz",
+        "rates.ratio",
+        "device.mass",
+        "device.damping",
+        "device.delay",
+        "controller.kind",
+        "controller.b",
+        "controller.Kp",
+    ),
     *("local_model.K_LM", "local_model.B_LM", "operator.mass", "operator.damping", "operator.stiffness"),
     *WALL,
 }
