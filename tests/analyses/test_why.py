@@ -195,6 +195,9 @@ def test_a_row_that_is_not_certified_has_a_doubt_and_no_numbers():
     assert table[["elasticity", "slope", "damping_ratio"]].isna().all(axis=None)
 
 
+WITHOUT = "without derivatives, since they are whole numbers or decide how the loop is built"
+
+
 def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     table = wavesweep.why({"controller": {"kind": "dc-slow"}, "sweep": {"B_VE": [0.5, 1.0]}})
     zero = table[table.number == "operator.mass"]
@@ -202,8 +205,7 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     assert zero.slope.isna().all()
     assert table.attrs["facts"]["notices"] == [
         "B_VE is not swept here, held at the spec's 1",
-        "without derivatives, since they are whole numbers or decide how the loop is built: "
-        "rates.ratio, device.delay, environment.delay",
+        f"{WITHOUT}: rates.ratio, device.delay, environment.delay",
     ]
     uneven = wavesweep.why({"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": 60.0}})
     assert uneven.attrs["facts"]["notices"][-1].endswith("is built: rates.slow_hz, device.delay, environment.delay")
