@@ -1,50 +1,15 @@
 """Step responses with their rise time, overshoot and settling time marked."""
 
 from collections.abc import Sequence
-from textwrap import fill
 from typing import Any
 
-from wavesweep.errors import UsageError
 from wavesweep.plots.simulation import extremes
-from wavesweep.plots.style import GRID, NOTE, TWO_COLUMNS, Look, distinct_colour, figure, is_narrow, note_below, wide
-from wavesweep.plots.words import assumption, printed, with_unit
+from wavesweep.plots.style import GRID, Look, distinct_colour
 from wavesweep.response.step import BAND, Step
-from wavesweep.spec import Spec
 
 FEW = 60  # samples, up to which each has a dot
 MARK = "0.2"
 _MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
-
-
-def step_responses(spec: Spec, routes: Sequence[tuple[str, str]] = ()) -> Any:
-    """Draw the responses of outputs to steps of inputs, a panel for each pair, with the numbers above it: a `Figure`.
-
-    routes: pairs of an input and an output of [ports], by default all. Errors: UsageError for a spec without such pairs, and as
-    for `step_of`, such as of a loop that is not stable.
-    """
-    from wavesweep.analyses.assumptions import assumes
-    from wavesweep.analyses.steps import routes_of, step_between
-
-    routes = routes or routes_of(spec)
-    if not routes:
-        raise UsageError("step: expected [ports.inputs] and [ports.outputs], found none; the figure of margins needs neither")
-    steps, across = [step_between(spec, route) for route in routes], 1 if is_narrow() or len(routes) == 1 else 2
-    down, letters = -(-len(routes) // across), int(NOTE * wide(TWO_COLUMNS) / across) - 8
-    with figure(TWO_COLUMNS, 0.5 + 2.2 * down) as canvas:
-        grid, handles = canvas.subplots(down, across, squeeze=False), {}
-        for axes, route, step in zip(grid.flat, routes, steps, strict=False):
-            marks = draw_step(axes, step, with_unit(route[1], printed([spec.unit_between(*route)])))
-            axes.set_title(
-                fill(f"step of {route[0]}: {', '.join(words for _, words in marks)}".rstrip(": "), letters), fontsize=7
-            )
-            handles |= {handle.get_marker(): handle for handle, _ in marks}
-        for axes in grid.flat[len(routes) :]:
-            axes.set_visible(False)
-        entries = {handles[marker]: words for marker, words in _MARKS.values() if marker in handles}
-        if entries:
-            canvas.legend([*entries], [*entries.values()], loc="outside upper center", ncols=len(entries), fontsize=7)
-        note_below(canvas, assumption({"assumes": assumes(spec)}))
-    return canvas
 
 
 def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:

@@ -35,12 +35,6 @@ class Intervals(Rows):
         """Whether each element's column is proved as a whole."""
         return self.doubt == NONE
 
-    def mirrored(self) -> "Intervals":
-        """Return the intervals of a parameter of which this one is the negative."""
-        ends = {"low": 0.0 - self.high, "high": 0.0 - self.low, "low_omega": self.high_omega, "high_omega": self.low_omega}
-        found = replace(self, **ends, index=np.where(self.index < 0, -1, self.count - 1 - self.index))
-        return found.take(np.lexsort((found.index, found.column)))
-
 
 def intervals_of(r: Regions, doubt, period) -> Intervals:
     """Return runs of regions with no unstable eigenvalue, and an empty row for columns without any.
