@@ -24,6 +24,7 @@ from wavesweep.robust.graph import Graph
 from wavesweep.robust.joint import NEAR_START, Bracket, Stretch
 from wavesweep.robust.loop_frames import LoopFrames
 from wavesweep.robust.messages import LOST, channels_of, frames_with_messages
+from wavesweep.robust.norms import acting, packed, unpacked
 from wavesweep.spec.drawing import Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in
 from wavesweep.stability.spectrum import count_outside
@@ -143,25 +144,16 @@ class Chances:
     def _solved(self, operator, diagonal):
         """The matrices at the nodes that the operator changes by this diagonal matrix."""
         nodes, n = self.graph.nodes, diagonal.size
-        row, column, weight = _places(n)
-        given = np.tile(np.diag(diagonal)[row, column], nodes)
+        given = np.tile(packed(np.diag(diagonal)), nodes)
         found = np.full((nodes, n, n), np.nan)
         with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
-            entries = np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1) / weight
-            found[:, row, column] = found[:, column, row] = entries
+            found = unpacked(np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1), n)
         return found
 
 
-def _places(n):
-    row, column = np.triu_indices(n)
-    return row, column, np.where(row == column, 1.0, np.sqrt(2))
-
-
 def _acting(A):
-    """The maps `X -> A X A'` of symmetric matrices, as matrices for their entries `(i, j)`, i <= j, with weights."""
-    row, column, weight = _places(A.shape[-1])
-    i, j, k, m = row[:, None], column[:, None], row, column
-    return weight[:, None] * weight / 2 * (A[..., i, k] * A[..., j, m] + A[..., i, m] * A[..., j, k])
+    """The maps `X -> A X A'` of symmetric matrices, as matrices for vectors of `packed`."""
+    return acting(A[:, :, :, None, None] * A[:, None, None], A.shape[-1])
 
 
 def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") -> Chances:

@@ -124,7 +124,7 @@ def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
             break
         step = newton.solved(-newton.gradient)
         work += newton.work
-        decrement = np.sqrt(max(0.0, -newton.gradient @ _packed(step).ravel()))
+        decrement = np.sqrt(max(0.0, -newton.gradient @ packed(step).ravel()))
         length, least = 1.0, 0.1 / (1 + decrement)
         while not _shrinks(P + length * step, seen, centre.graph) and length > least:
             length *= 0.7
@@ -206,7 +206,7 @@ def finer(centre, A, follows):
         scale = np.linalg.inv(np.linalg.cholesky(leaving[node]))
         flows = scale @ arriving[edges] @ _transposed(scale)
         weight = np.trace(flows, axis1=-2, axis2=-1)
-        apart = _packed(flows / weight[:, None, None] - flows.sum(0) / weight.sum())
+        apart = packed(flows / weight[:, None, None] - flows.sum(0) / weight.sum())
         values, vectors = np.linalg.eigh((apart * weight[:, None]).T @ apart)
         late = apart @ vectors[:, -1] > 0
         if late.any() and not late.all():
@@ -245,7 +245,7 @@ def _gradient(P, A, graph):
     total = np.zeros_like(P) + np.eye(P.shape[-1])
     np.add.at(total, graph.source, -inverse)
     np.add.at(total, graph.target, arriving)
-    return _packed(total).ravel(), (inverse, A, moved, arriving)
+    return packed(total).ravel(), (inverse, A, moved, arriving)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -265,9 +265,9 @@ class _Newton:
         hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
         at = np.arange(nodes)
         ends = (graph.source, inverse), (graph.target, arriving)
-        hessian[at, :, at] = sum(_acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
+        hessian[at, :, at] = sum(acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
         pairs, first, last = graph.pairs
-        mixed = _acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+        mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
         np.subtract.at(hessian, (first, slice(None), last), mixed)
         np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
         return _Newton(gradient, cho_factor(hessian.reshape(gradient.size, -1), lower=True, overwrite_a=True), (nodes, n))
@@ -281,7 +281,7 @@ class _Newton:
         """The changes of the forms that solve the equations for a right side."""
         from scipy.linalg import cho_solve
 
-        return _unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
+        return unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
 
 
 @lru_cache(maxsize=64)
@@ -290,13 +290,14 @@ def _places(n):
     return row, column, np.where(row == column, 1.0, np.sqrt(2))
 
 
-def _packed(X):
-    """Symmetric matrices as vectors with the same inner product."""
+def packed(X: np.ndarray) -> np.ndarray:
+    """Return symmetric matrices `(..., n, n)` as vectors with the same inner product."""
     row, column, weight = _places(X.shape[-1])
     return X[..., row, column] * weight
 
 
-def _unpacked(vectors, n):
+def unpacked(vectors: np.ndarray, n: int) -> np.ndarray:
+    """Return the symmetric matrices of such vectors."""
     row, column, weight = _places(n)
     X = np.empty((*vectors.shape[:-1], n, n))
     X[..., row, column] = X[..., column, row] = vectors / weight
@@ -314,8 +315,8 @@ def _products(X, order, bounds):
     return sums
 
 
-def _acting(products, n):
-    """The sums over groups of the maps `S -> X S X'` of symmetric matrices, as matrices for vectors of `_packed`."""
+def acting(products: np.ndarray, n: int) -> np.ndarray:
+    """Return the sums over groups of the maps `S -> X S X'` of symmetric matrices, as matrices for vectors of `packed`."""
     weight = _places(n)[2]
     factor = weight / np.sqrt(2)
     one, other = _crossed(n)
