@@ -176,3 +176,8 @@ def test_a_check_needs_every_sequence_small_errors_and_symmetric_forms():
     assert not shrink(Norms(-norms.P, norms.graph), E, exact, follows)
     lopsided = np.array([[[1.0, 0.1], [0.0, 1.0]]])
     assert not shrink(Norms(lopsided, ONE), -np.eye(2)[None], np.zeros((1, 2, 2)), np.ones((1, 1), bool))
+
+
+def test_a_form_that_is_not_positive_proves_nothing():
+    """With P = -1, `P - A P A` is positive for A = 1.1, which grows."""
+    assert not shrink(Norms(np.array([[[-1.0]]]), ONE), np.array([[[0.1]]]), np.zeros((1, 1, 1)), np.ones((1, 1), bool))
