@@ -3,6 +3,7 @@
 import os
 import signal
 import sqlite3
+import time
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,16 @@ class DieOnce:
             self.mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         return timed(*given)
+
+
+def meet(folder, count):
+    """Wait until `count` processes have come to a folder; the id of this one."""
+    (folder / str(os.getpid())).touch()
+    patience = time.monotonic() + 120
+    while len(os.listdir(folder)) < count:
+        assert time.monotonic() < patience, f"{count} processes did not start"
+        time.sleep(0.01)
+    return os.getpid()
 
 
 def finished(folder, name=""):

@@ -11,7 +11,7 @@ import warnings
 from concurrent.futures import Future
 
 import pytest
-from support.chunks import DieOnce, finished_in
+from support.chunks import DieOnce, finished_in, meet
 
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.reproducibility import versions
@@ -57,15 +57,18 @@ def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
 
 
 @pytest.mark.slow
-def test_the_next_run_has_the_processes_of_the_last_one_and_an_error_ends_them():
-    def ids():
-        return {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
+def test_the_next_run_has_the_processes_of_the_last_one_and_an_error_ends_them(tmp_path):
+    def both(name):
+        """The processes of a run whose two tasks wait for each other, so that neither process does both."""
+        (tmp_path / name).mkdir()
+        return {process for process, _ in in_parallel("loky", 2, [(meet, tmp_path / name, 2)] * 2)}
 
-    first = ids() | ids() | ids()  # one of the two may have done all of the first tasks
-    assert ids() <= first
+    first = both("first")
+    assert len(first) == 2
+    assert both("second") == first
     with pytest.raises(ZeroDivisionError):
         list(in_parallel("loky", 2, [(divmod, 1, 0)]))
-    assert not ids() & first
+    assert not both("third") & first
 
 
 @pytest.mark.slow
