@@ -28,7 +28,7 @@ def meet(folder, count):
     """Wait until `count` processes have come to a folder; the id of this one."""
     (folder / str(os.getpid())).touch()
     patience = time.monotonic() + 120
-    while len(os.listdir(folder)) < count:
+    while sum(1 for _ in folder.iterdir()) < count:
         assert time.monotonic() < patience, f"{count} processes did not start"
         time.sleep(0.01)
     return os.getpid()

@@ -2,7 +2,6 @@
 
 import contextlib
 import logging
-import os
 import platform
 import subprocess
 import sys
