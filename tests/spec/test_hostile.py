@@ -118,7 +118,7 @@ def extreme(rng):
     chosen = [key for key in rng.sample(list(KEYS.values()), rng.randint(1, 5)) if key.type == "number"]
     values = {key.path: rng.choice(NUMBERS) for key in chosen}
     values |= {path: rng.choice([1, 2, 3, 20, 1000]) for path in ("rates.ratio",) if rng.random() < 0.3}
-    values = {path: value for path, value in values.items() if not path.endswith(("band_hz", "band_db", "slow_hz"))}
+    values = {path: value for path, value in values.items() if not path.endswith(("band_hz", "band_db", "slow_hz", "at_s"))}
     lines = [f"{path} = {value!r}" for path, value in values.items()]
     lines += [f'controller.kind = "{rng.choice(["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])}"']
     if rng.random() < 0.3:
@@ -129,7 +129,7 @@ def extreme(rng):
     lines += [f'sweep."{other}" = [{rng.choice(NUMBERS[1:])!r}, {rng.choice(NUMBERS[1:])!r}]']
     lines += [f"bode.frequency_hz = [{rng.choice([0, 1e-9, 0.1, 10.0, 50.0])}, {rng.choice([1.0, 25.0, 100.0])}]"]
     kind = rng.choice(["sine", "chirp", "step", "pulse", "noise"])
-    lines += [f'simulate.input = "{kind}"', f"simulate.duration_s = {rng.choice([0.0, 0.001, 0.3])}"]
+    lines += [f'simulate.input = "{kind}"', f"simulate.duration_s = {rng.choice([0.001, 0.02, 0.3])}", "simulate.at_s = 0.0"]
     lines += [f"simulate.amplitude = {rng.choice([0.0, 1.0, 1e300])}", f"simulate.settle_s = {rng.choice([0.0, 2.0, 1e308])}"]
     return "\n".join(lines) + "\n"
 

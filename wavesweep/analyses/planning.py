@@ -24,15 +24,18 @@ PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at sev
 MANY = 30_000_000  # rows: some 5 GB of CSV
 
 
-def plan(spec: Spec) -> list[str]:
-    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped."""
+def plan(spec: Spec, estimated: bool = True) -> list[str]:
+    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped.
+
+    estimated: with the time and the disk that each command takes, for which samples of the work are done.
+    """
     if spec.drawing:
-        return _drawn_plan(spec)
+        return _drawn_plan(spec, estimated)
     lines = [f"{spec.source or spec.name}: valid, controller {spec.kind}"]
     lines += _loop_lines(spec)
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
-        lines += _interval_lines(spec, command, along)
-    return [*lines, *_bode_lines(spec), *_passivity_lines(spec), *_skipped_lines(spec)]
+        lines += _interval_lines(spec, command, along, estimated)
+    return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated), *_skipped_lines(spec)]
 
 
 def _loop_lines(spec):
@@ -52,20 +55,25 @@ def _loop_lines(spec):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
 
-def _interval_lines(spec, command, along):
+def _interval_lines(spec, command, along, estimated):
     try:
         job = job_of(spec, along)
     except (SpecError, UsageError) as error:
         return [f"  {command}: not possible with this spec: {error}"]
     grid, axis, expected = job.grid, job.asked.axis, cache(partial(expected_seconds, job))
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
-    workers = choose(None, None, None, len(job.chunks), expected)
     repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
     slices = f"{_count(job.slices, 'slice')}{repeated}"
-    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
-    return [
+    lines = [
         f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: {slices}",
         f"    method: {method(job.asked)}",
+    ]
+    if not estimated:
+        return lines
+    workers = choose(None, None, None, len(job.chunks), expected)
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    return [
+        *lines,
         f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
         *_advice([job]),
@@ -94,7 +102,7 @@ def _short(number):
     return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
-def _bode_lines(spec):
+def _bode_lines(spec, estimated):
     points = spec.frequency_hz
     try:
         names, routes = tuple(axis.name for axis in spec.bode), spec.routes or (None,)
@@ -105,10 +113,13 @@ def _bode_lines(spec):
     frequencies = several if len(points) > 1 else f"1 frequency, {points[0]:g} Hz"
     curves = _count(sum(job.grid.loops for job in jobs), "curve")
     between = f" ({', '.join(' to '.join(route) for route in spec.routes)})" if spec.routes else ""
-    return [f"  bode: {curves}{between} of {frequencies}; method: lifted resolvent of both rates", *_long_lines(jobs)]
+    return [
+        f"  bode: {curves}{between} of {frequencies}; method: lifted resolvent of both rates",
+        *(_long_lines(jobs) if estimated else ()),
+    ]
 
 
-def _passivity_lines(spec):
+def _passivity_lines(spec, estimated):
     axes = tuple(axis for axis in spec.sweep if axis.values)
     make_grid(spec, axes)  # a sweep that no command could do is a mistake of the spec
     try:
@@ -119,7 +130,7 @@ def _passivity_lines(spec):
     norm = f", norm of {_count(channels, 'wave channel')}" if channels else ""
     what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *_long_lines([*jobs.values()])]
+    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *(_long_lines([*jobs.values()]) if estimated else ())]
 
 
 def _long_lines(jobs):
@@ -134,7 +145,7 @@ def _long_lines(jobs):
     return [f"    work: {work}; disk: about {size} until the results are in place", *_advice(jobs)]
 
 
-def _drawn_plan(spec):
+def _drawn_plan(spec, estimated):
     """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     loop = Loops(spec.drawing, spec.values)
@@ -152,14 +163,14 @@ def _drawn_plan(spec):
     ]
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         if command != "zwidth" or drawing.wall:
-            lines += _interval_lines(spec, command, along)
+            lines += _interval_lines(spec, command, along, estimated)
     if drawing.hand is None and not spec.routes:
         lacking = "bode, passivity" if drawing.inputs else "bode, passivity, simulate"
         names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
         return [*lines, f"  {lacking}: not possible, [ports] names {names}"]
     if drawing.hand is None:
-        return [*lines, *_bode_lines(spec), "  passivity: not possible, [ports] names no hand"]
-    return [*lines, *_bode_lines(spec), *_passivity_lines(spec)]
+        return [*lines, *_bode_lines(spec, estimated), "  passivity: not possible, [ports] names no hand"]
+    return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated)]
 
 
 def _runs_lines(drawing, drawn):

@@ -94,7 +94,7 @@ def command(
         verdict = own_design(loaded)
         said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
         verdict |= further(loaded, verdict, report and _after(PATIENT, report))
-    lines = plan(loaded)
+    lines = plan(loaded, estimated=whole or talk().as_json)
     if loaded.design:
         from wavesweep.search import study
 

@@ -131,7 +131,7 @@ class Family:
 
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
-        self.budget.use(NODES * nodes**2)
+        self.budget.use(NODES * nodes**2 + nodes**3 / 4)  # the second for `_to_bernstein`, kept or not
         points, weights = _nodes(nodes, ctx.prec)
         values = [self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact) for point in points]
         for number, (times, error) in enumerate(zip(self.ones, errors, strict=True)):
