@@ -158,7 +158,7 @@ class _Ranges:
         """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
         low, high = self._away(low, 1), self._away(high, -1)
         queue = [(max(low, a), min(high, b)) for a, b in self.stable if max(low, a) < min(high, b)]
-        least = CLOSE / 2 * (self.span[1] - self.span[0])
+        least, ends = CLOSE / 2 * (self.span[1] - self.span[0]), {end for each in queue for end in each}
         for _ in range(PIECES):
             if not queue:
                 return True, None
@@ -166,8 +166,13 @@ class _Ranges:
             p = (a + b) / 2
             if self._passive(np.array([p]))[0]:
                 return False, p
-            if not any(self._takes(way, p, a, b) for way in self.ways):
-                queue += [(a, p), (p, b)] if b - a > min(least, CLOSE * max(abs(a), abs(b))) else []
+            if any(self._takes(way, p, a, b) for way in self.ways):
+                continue
+            narrow = min(least, CLOSE * max(abs(a), abs(b)))
+            if b - a > narrow:
+                queue += [(a, p), (p, b)]
+            elif all(abs(p - end) > 2 * narrow for end in ends):  # the ends are as exact as this, and nothing else is
+                return False, None
         return False, None
 
     def _takes(self, way: Maps, p: float, low: float, high: float) -> bool:
