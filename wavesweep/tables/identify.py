@@ -16,7 +16,7 @@ from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.writing import as_toml
-from wavesweep.tables.fields import IDENTIFY, IDENTIFY_RESPONSE, Field
+from wavesweep.tables.fields import COLUMNS, Field
 from wavesweep.tables.kind import Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table
 
@@ -113,10 +113,8 @@ def _of_response(path: str, rate_hz: float | None, spring: bool, delay: float | 
         "residual_abs": np.abs(fit.residual),
         "coherence": measured.coherence,
     } | parts
-    names = [each.name for each in IDENTIFY_RESPONSE]
-    return Table.of(
-        "identify-response", {name: found[name] for name in names}, facts | {"methods": {"identify": RESPONSE_METHOD}}
-    )
+    found = {each.name: found[each.name] for each in COLUMNS["identify-response"]}
+    return Table.of("identify-response", found, facts | {"methods": {"identify": RESPONSE_METHOD}})
 
 
 def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
@@ -189,7 +187,7 @@ def turned(unit: str) -> str:
 
 def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
     """The columns of a table with what is measured, of a device that turns with its own units."""
-    own = [each for each in IDENTIFY if each.name == measured or each.name not in READ]
+    own = [each for each in COLUMNS["identify"] if each.name == measured or each.name not in READ]
     units = [READ[measured] if each.unit == "m" else each.unit for each in own]
     return tuple(replace(each, unit=turned(unit) if turns else unit) for each, unit in zip(own, units, strict=True))
 

@@ -161,7 +161,7 @@ def _finished(block, word, hands, several) -> Columns:
     """The block in order, with a column that says whose its rows are if there are several kinds of rows, or hands."""
     if hands is None and not several:
         return KINDS[0].completed(block)
-    rows, whose, about = len(block["along"]), "guarantee", [each.name for each in (*FOR_ALL[1:], LEFT_OPEN)]
+    rows, whose, about = len(block["along"]), "guarantee", [each.name for each in (*FOR_ALL[1:], *LEFT_OPEN)]
     if hands is not None:
         whose, about = "hand", [each.name for each in ABOUT_ENDS]
     missing = dict.fromkeys(about, np.full(rows, np.nan)) | {"settled": block["certified"]}
