@@ -7,7 +7,7 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import SpecError
 from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS
 from wavesweep.spec.expressions import value_of
@@ -90,13 +90,6 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
     assert {
         field.name for kind in ("zwidth", "bode", "passivity") for field in kind_named(kind).fields if not field.derived
     } <= COLUMNS
-
-
-def test_a_spec_s_file_has_no_such_name_either(tmp_path):
-    path = tmp_path / "NaN.toml"
-    path.write_text('[controller]\nkind = "pmw"\n')
-    with pytest.raises(UsageError, match=r'file name: expected a name that is no value, .*, found "NaN"; rename the file'):
-        load(path)
 
 
 def test_the_hand_of_a_drawn_loop_is_simulated(write):

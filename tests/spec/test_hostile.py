@@ -49,11 +49,11 @@ def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
             read_force(tmp_path / name, 1000.0)
 
 
-@pytest.mark.parametrize("stem", ["=HYPERLINK(1)", "+1", "-x", "@SUM(1)", "\tx", "a\nb", "\udcff", "\x1b[31m"])
-def test_a_name_that_a_spreadsheet_would_run_is_refused(stem, tmp_path):
+@pytest.mark.parametrize("stem", ["=HYPERLINK(1)", "@SUM(1)", "a\nb", "\udcff", "NaN"])
+def test_a_name_that_other_programs_would_run_or_misread_is_refused(stem, tmp_path):
     path = tmp_path / f"{stem}.toml"
     path.write_text(HEAD)
-    with pytest.raises(UsageError, match=r"expected a name that is printable and does not begin with = \+ - @"):
+    with pytest.raises(UsageError, match=r"expected a name that is printable, does not begin with = \+ - @"):
         load(path)
 
 

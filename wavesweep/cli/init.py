@@ -156,7 +156,7 @@ def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
         _known(name, numbers, f"number of {path.stem}")
     load(tomllib.loads(text), settings)  # refuses values that a spec refuses
     for name, typed in chosen.items():
-        at = scan(text)[numbers[name]].value
+        at = scan(text)[numbers[name]][1]
         value = json.dumps(read_override(typed)[1])
         text = text[:at] + value + text[at + len(re.match(r"[^,}\]\s]+", text[at:])[0]) :]
     return text
