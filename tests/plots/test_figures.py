@@ -13,7 +13,7 @@ import pytest
 import wavesweep
 import wavesweep.sweep
 from wavesweep import plots
-from wavesweep.plots import sampling, style
+from wavesweep.plots import style
 from wavesweep.plots.files import save
 from wavesweep.plots.layout import lay_out
 from wavesweep.plots.style import about_figure, as_asked, figure, note_below, warn_above
@@ -66,21 +66,14 @@ def png(figure):
 
 
 @pytest.mark.thorough
-def test_a_figure_of_a_long_table_is_the_same_in_blocks(panels, monkeypatch):
+def test_a_figure_of_a_long_table_is_the_same_in_blocks(panels):
     whole = png(plots.zwidth(panels, {}))
     assert size_of(whole)[0] == pytest.approx(200 * 7.0, abs=1)
     assert len(whole) < 250_000
     blocks = [
         {name: column[start : start + 1000] for name, column in panels.items()} for start in range(0, len(panels["b"]), 1000)
     ]
-    for kept in (1e9, 2500):  # all of them, or none, so that they are read a second time
-        monkeypatch.setattr(sampling, "KEPT_ROWS", kept)
-        picture = plots.Picture(
-            {name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")}, lambda: blocks
-        )
-        for block in blocks:
-            picture.add(block)
-        assert png(picture.draw({})) == whole
+    assert png(plots.zwidth(lambda: blocks, {})) == whole
 
 
 def test_roles_are_given_in_order_and_what_is_left_out_is_said():

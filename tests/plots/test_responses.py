@@ -80,7 +80,6 @@ def test_more_than_a_dozen_curves_have_a_scale_of_colours():
 
 @pytest.mark.thorough
 def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
-    from wavesweep.plots import sampling
     from wavesweep.tables.responses import responses
 
     axes = {"b": {"start": 5, "stop": 200, "num": 40}, "B_VE": {"start": 0, "stop": 5, "num": 10}}
@@ -92,7 +91,7 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
     assert "Shown: 20 of 40 values of b." in whole.get_supxlabel()
     monkeypatch.setattr("wavesweep.sweep.running.BLOCK", 100)
     for kept in (10**6, 500):
-        monkeypatch.setattr(sampling, "KEPT_ROWS", kept)
+        monkeypatch.setattr(plots, "IN_MEMORY", kept)
         drawn = plots.drawn(table, said.append)
         assert sum(len(block["b"]) for block in drawn.blocks()) == 1200
         pictures = []

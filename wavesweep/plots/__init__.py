@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +20,8 @@ from wavesweep.tables import HOMES, kind_named
 if TYPE_CHECKING:
     from wavesweep.tables.table import Table
 
-_HOMES = MappingProxyType({"Picture": "intervals", "diagram": "wiring", "drawn_into": "style"})
+IN_MEMORY = 300_000  # rows of a table that are drawn at once
+_HOMES = MappingProxyType({"diagram": "wiring", "drawn_into": "style"})
 
 
 def __getattr__(name):
@@ -54,34 +55,19 @@ def refuse_settings() -> None:
 
 
 def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
-    """The table with its figure. Of a long table only the rows that the figure needs are kept.
+    """The table with its figure, for which a long table is read in blocks.
 
     say: called with a sentence if the figure of responses leaves some of them out.
     """
     if table.figure is not None:
         return table
-    if table.kind in ("bode", "bode-ports", "passivity"):
-        from wavesweep.plots.sampling import Curves, Loops
+    more = {"say": say} if "bode" in table.kind else {}
 
-        rows = (Loops if table.kind == "passivity" else Curves)(table.blocks)
-        return with_figure(table.watched(rows.add), partial(_drawn_of, table.kind, rows, table.facts, say))
-    if table.axes is None:
-        return with_figure(table, partial(figure_of(table.kind), table.columns, table.facts))
-    from wavesweep.plots.intervals import Picture
+    def draw() -> Any:
+        rows = table.blocks if table.rows > IN_MEMORY else table.columns
+        return figure_of(table.kind)(rows, table.facts, **more)
 
-    picture = Picture(table.axes, table.blocks)
-    return with_figure(table.watched(picture.add), partial(picture.draw, table.facts))
-
-
-def _drawn_of(kind, rows, facts, say):
-    if kind == "passivity":
-        from wavesweep.plots.passive import passivity_of
-
-        return passivity_of(rows, facts)
-    columns, left_out = rows.chosen()
-    if left_out:
-        say(f"figure of {facts['spec_name']}: {left_out[0].lower()}{left_out[1:-1]}")
-    return figure_of(kind)(columns, facts, left_out)
+    return with_figure(table, draw)
 
 
 def with_figure(table: Table, draw: Callable[[], Any]) -> Table:

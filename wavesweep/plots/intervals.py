@@ -1,6 +1,6 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
-from wavesweep.plots.layout import MOST_BARS, axes_of, best_of, best_row, lay_out, rows_with
+from wavesweep.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
 from wavesweep.plots.measured import draw_walls, undrawn
 from wavesweep.plots.members import (
     HALF_BAR,
@@ -23,7 +23,7 @@ from wavesweep.plots.members import (
     whose_of,
 )
 from wavesweep.plots.regions import draw_felt, draw_for_all, draw_for_all_bar, draw_region, mark_range, view_of
-from wavesweep.plots.sampling import Kept
+from wavesweep.plots.sampling import Blocks, blocks_of, note_values, rows_where
 from wavesweep.plots.scales import by_factors, is_logarithmic
 from wavesweep.plots.shown import Shown
 from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figure, is_narrow, note_below, wide
@@ -38,7 +38,7 @@ _APART = 1.6  # points between thin bars of two members
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 
 
-def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
+def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """Draw the stable intervals of a `zwidth` or `stability-region` table.
 
     The intervals between two values of x are those of `tables.regions`; if these cannot be computed, thin bars show the values
@@ -47,9 +47,14 @@ def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
     partly known are hatched outside of their intervals. One further axis is a family of lines, the next one gives panels
     through the best design. What is guaranteed for hands or for [for_all] is known at the swept values, which have dots.
     """
-    picture = Picture(axes_of(columns), lambda: (columns,))
-    picture.add(columns)
-    return picture.draw(facts)
+    blocks, axes, best, several = blocks_of(table), {}, {}, False
+    for block in blocks():
+        note_values(axes, block, "along")
+        best, several = best_of([best, best_row(block)]), bool(whose_of(block))
+    axes = {name: values[~np.isnan(values)].tolist() for name, values in axes.items() if name != "spec"}
+    walls = [name for tables in specs_of(facts).values() if (name := damping_of(tables))]
+    layout = lay_out(axes, best, several, [] if several else smooth_axes(axes, facts), walls)
+    return _draw(Shown(_once(rows_where(blocks, layout.shows)), facts, layout, best))
 
 
 def compare(
@@ -75,33 +80,10 @@ def compare(
     return canvas
 
 
-class Picture(Kept):
-    """The figure of a table that need not fit into memory: `add` each of its blocks, then `draw`.
-
-    axes: name -> values of the table's leading columns. blocks: gives all blocks again, if they are too many to be kept.
-    """
-
-    def __init__(self, axes: Mapping[str, Sequence[float]], blocks: Callable[[], Iterable[Columns]]) -> None:
-        super().__init__(blocks)
-        self._axes, self._best, self._several = axes, {}, False
-
-    def add(self, columns: Columns) -> None:
-        """Look for the best design in a block (its columns by name), and keep it if it fits."""
-        super().add(columns)
-        self._best, self._several = best_of([self._best, best_row(columns)]), bool(whose_of(columns))
-
-    def draw(self, facts: Mapping[str, Any]) -> Any:
-        """Draw the figure."""
-        walls = [name for tables in specs_of(facts).values() if (name := damping_of(tables))]
-        smooth = [] if self._several else smooth_axes(self._axes, facts)
-        layout = lay_out(self._axes, self._best, self._several, smooth, walls)
-        return _draw(Shown(_once(self.where(lambda columns, _: layout.shows(columns))), facts, layout, self._best))
-
-
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = [*axes_of(columns), *filter(None, [whose_of(columns)])]
-    labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in (*names, "interval")]
+    names = dict.fromkeys([*list(columns)[: list(columns).index("along")], *filter(None, [whose_of(columns)]), "interval"])
+    labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in names]
     rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
     return {name: column[rows] for name, column in columns.items()}
 

@@ -75,12 +75,6 @@ def rows_with(columns: Columns, values: Mapping[str, float]) -> dict[str, np.nda
     return where(columns, having(columns, {axis: (value,) for axis, value in values.items()}))
 
 
-def axes_of(columns: Columns) -> dict[str, tuple[float, ...]]:
-    """The axes of a table of intervals and their values, those before `along`."""
-    names = [name for name in list(columns)[: list(columns).index("along")] if name != "spec"]
-    return {name: tuple(np.unique(columns[name][~np.isnan(columns[name])]).tolist()) for name in names}
-
-
 def lay_out(
     axes: Mapping[str, Sequence[float]],
     best: Mapping[str, float],

@@ -1,14 +1,14 @@
 """Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's port, and filter orders."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from wavesweep.columns import Columns
-from wavesweep.plots.layout import rows_with, what_is_shown
-from wavesweep.plots.sampling import Loops
+from wavesweep.plots.layout import rows_with
+from wavesweep.plots.sampling import Blocks, shown_loops
 from wavesweep.plots.scales import by_factors, is_logarithmic
 from wavesweep.plots.style import (
     DOUBTFUL,
@@ -32,28 +32,21 @@ _NAME = 40  # letters of the name of a dot with those of its axes
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
 
-def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
+def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """Draw a `passivity` table: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
 
     If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
     """
-    loops = Loops(lambda: (columns,))
-    loops.add(columns)
-    return passivity_of(loops, facts)
-
-
-def passivity_of(loops: Loops, facts: Mapping[str, Any]) -> Any:
-    """The same for a table that need not fit into memory."""
-    columns = loops.chosen()
+    columns, roles, left_out = shown_loops(table)
     # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
     margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
     columns = {**columns, "port_margin": 1e3 * margin}
-    return _draw_lines(columns, loops, facts) if loops.roles else _draw_dots(columns, loops, facts)
+    return _draw_lines(columns, roles, left_out, facts) if roles else _draw_dots(columns, left_out, facts)
 
 
-def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
-    x, family, *_ = [*loops.roles, None]
-    members = loops.roles[family] if family else (None,)
+def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out: str, facts: Mapping[str, Any]) -> Any:
+    x, family, *_ = [*roles, None]
+    members = roles[family] if family else (None,)
     with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
         channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
         for look, value in zip(family_looks(len(members)), members, strict=True):
@@ -70,23 +63,18 @@ def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any
             panel.set_xlim(columns[x].min(), columns[x].max())
         _scale(channel.yaxis, port.yaxis, columns, facts)
         _legend(canvas, port, "passive")
-        note_below(
-            canvas,
-            what_is_shown((n, v, loops.several[n]) for n, v in loops.roles.items()),
-            assumption(facts),
-            axis=label(x, facts),
-        )
+        note_below(canvas, left_out, assumption(facts), axis=label(x, facts))
     return canvas
 
 
-def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
+def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
     count = len(columns["channel_norm"])
     places, axes = np.arange(count), ""
-    names = [", ".join(valued(name, columns[name][row], facts) for name in loops.several) for row in range(count)]
+    swept = [name for name in list(columns)[: list(columns).index("channel_norm")] if len(np.unique(columns[name])) > 1]
+    names = [", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)]
     if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
-        axes = "\n".join(wrap(", ".join(symbol(name) for name in loops.several), 12 * (2 + count // 3)))
+        axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
         names = [", ".join(part.partition(" = ")[2] for part in name.split(", ")) for name in names]
-    note = f"Shown: {count} of {loops.rows} combinations." if count < loops.rows else ""
     with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() else 1)) as canvas:
         channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
         panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")
@@ -104,7 +92,7 @@ def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
         channel.set_ylim(count - 0.4, -0.6)
         _scale(channel.xaxis, port.xaxis, columns, facts)
         _legend(canvas, port, "range of what is passive")
-        note_below(canvas, note, assumption(facts))
+        note_below(canvas, left_out, assumption(facts))
     return canvas
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.plots.layout import where
 from wavesweep.plots.measured import coloured, draw_responses
-from wavesweep.plots.sampling import Curves
+from wavesweep.plots.sampling import Blocks, shown_curves
 from wavesweep.plots.scales import add_decibels, by_factors, goes_by_factors, in_degrees, scale_magnitudes
 from wavesweep.plots.style import (
     FAINT,
@@ -34,6 +34,7 @@ from wavesweep.stability.certificate import SPARED
 
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
+Say = Callable[[str], None]
 NYQUIST = "slow Nyquist frequency, {:.4g} Hz"
 
 
@@ -59,16 +60,16 @@ class _Quantity:
     unit: str | None = None
 
 
-def bode(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
+def bode(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
     """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz, with decibels at the right.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
     numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
     jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that varies. More than a
-    dozen curves have a scale of colours; of hundreds some are shown (see `Curves`). left_out: a sentence about the rows of a
-    table that are not among `columns`, None if these are all.
+    dozen curves have a scale of colours; of hundreds some are shown (see `shown_curves`). say: called with a sentence if
+    some are left out.
     """
-    columns, left_out = _shown(columns, left_out)
+    columns, left_out = _shown(table, facts, say)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
     return _drawn(columns, at_both_ports(facts), left_out, facts)
 
@@ -79,9 +80,9 @@ def at_both_ports(facts: Mapping[str, Any]) -> list[_Quantity]:
     return [_Quantity(name, at_hand(name, f"{name}_abs", unit, facts), f"phase of {name} (deg)") for name, unit in units]
 
 
-def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None = None) -> Any:
+def bode_ports(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
     """Draw a `bode-ports` table as `bode` draws one: a curve for each pair of input and output, and panels for each unit."""
-    columns, left_out = _shown(columns, left_out)
+    columns, left_out = _shown(table, facts, say)
     several = len(set(columns["spec"].tolist())) > 1
     pairs = zip(*(columns[name].tolist() for name in ("spec", "from_input", "to_output")), strict=True)
     names = [f"{shortened(spec)}: " * several + f"{source} to {output}" for spec, source, output in pairs]
@@ -90,12 +91,11 @@ def bode_ports(columns: Columns, facts: Mapping[str, Any], left_out: str | None 
     return _drawn({**columns, "spec": np.array(names, object)}, quantities, left_out, facts)
 
 
-def _shown(columns: Columns, left_out: str | None) -> tuple[Columns, str]:
-    if left_out is not None:
-        return columns, left_out
-    curves = Curves(lambda: (columns,))
-    curves.add(columns)
-    return curves.chosen()
+def _shown(table, facts, say) -> tuple[Columns, str]:
+    columns, left_out = shown_curves(table)
+    if left_out:
+        say(f"figure of {facts['spec_name']}: {left_out[0].lower()}{left_out[1:-1]}")
+    return columns, left_out
 
 
 def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]) -> Any:

@@ -18,10 +18,10 @@ class Table:
 
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
-    leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
-        they are not those of its kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
-    Markdown. beside: writes further files, which appear together with the table, into a folder. forget: removes the
-    checkpoint that the rows are read from, once they are safe elsewhere. rows: how many there are, 0 if it is not known.
+    leading column of a table of intervals. fields: the columns' fields, if they are not those of its kind. figure: writes
+    the figure to a path, in the format of its suffix. text: the table as Markdown. beside: writes further files, which
+    appear together with the table, into a folder. forget: removes the checkpoint that the rows are read from, once they
+    are safe elsewhere. rows: how many there are, 0 if it is not known.
     """
 
     kind: str
