@@ -34,7 +34,7 @@ def test_all_pairs_are_asked_for_unless_bode_names_an_end():
     assert len(spec.routes) == 8
     assert load(tables(bode={"from": "load", "to": "speed"})).routes == (("load", "speed"),)
     assert load(tables(), ["bode.to=angle"]).routes == (("ref", "angle"), ("load", "angle"))
-    with pytest.raises(UsageError, match=r"to: expected a name in \[ports\] .*, found 'spede'; did you mean `speed`"):
+    with pytest.raises(UsageError, match=r"to: expected an output in \[ports\] .*; did you mean `speed`"):
         spec.routes_between(None, "spede")
 
 

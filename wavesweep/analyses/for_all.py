@@ -17,7 +17,7 @@ from wavesweep.robust.joint import UNKNOWN
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.for_all import GUARANTEES, values_of_range
-from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.grid import Loops, loops_of, own_loop
 

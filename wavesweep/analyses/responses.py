@@ -14,7 +14,8 @@ from wavesweep.response.gain import gain_of
 from wavesweep.response.lifted import Lifted
 from wavesweep.response.steady import respond, transfer
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.studies import beyond_half
+from wavesweep.spec.checking import Mistakes
+from wavesweep.spec.studies import refuse_beyond_half
 from wavesweep.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE, words
 from wavesweep.sweep.grid import Loops, drawn_groups, keys_of, loops_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunks, Job, Kind, resolve_all
@@ -88,7 +89,9 @@ def _refuse_aliases(grid, frequency):
     """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
     own = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False)
-    if beyond := list(beyond_half(own, grid.axes, grid.spec.tick_hz, name)):
+    beyond = Mistakes()
+    refuse_beyond_half(own, grid.axes, grid.spec.tick_hz, name, beyond)
+    if beyond:
         raise SpecError(beyond)
 
 

@@ -11,7 +11,7 @@ from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import SYMBOLS, Key, Spec, load
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.grid import is_plain
 

@@ -25,7 +25,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND, Wish
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.sweep.job import Chunks, Job, Kind
 from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable

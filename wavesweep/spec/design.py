@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.controllers import WALL
-from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Mistakes, apart, show
 from wavesweep.spec.drawing import Drawing, path_of
@@ -188,13 +187,13 @@ class Design:
                 mistakes.refuse(self.place, f"design.wish.{wish.name}", expected, "none")
         return replace(self, wishes=tuple(wishes))
 
-    def beyond_half(self, hz: float, rate: str) -> Iterator[Mistake]:
-        """Yield the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
+    def refuse_beyond_half(self, hz: float, rate: str, mistakes: Mistakes) -> None:
+        """Add the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
         for wish in self.wishes:
             stop = max(wish.options.get("band_hz", ()), default=0.0)
             if stop > hz / 2:
                 path, (expected, found) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
-                yield Leaf(None, wish.places["band_hz"]).mistake(path, f"numbers <= {expected} (half of {rate})", found)
+                mistakes.refuse(wish.places["band_hz"], path, f"numbers <= {expected} (half of {rate})", found, of_key=False)
 
     def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
         """Add the mistakes of a design of this drawn loop."""

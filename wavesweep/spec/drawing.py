@@ -6,10 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
-from itertools import product
 
 from wavesweep.errors import Mistake
-from wavesweep.spec.axes import Axis
 from wavesweep.spec.block_types import EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, sum_of, value_of
@@ -390,24 +388,6 @@ class Drawing:
             slowest = max(runs, key=runs.get)
             expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
             yield f"block.{slowest}.every", expected, f"{frame} (the least common multiple of {_listed(set(runs.values()))})"
-
-    def vanishing(self, study: str, axes: Iterable[Axis], values: Mapping[str, float]) -> Iterator[Mistake]:
-        """Yield the mistakes of axes on which the first coefficient of a denominator becomes 0, the other numbers as they are.
-
-        study: the table that the axes are in.
-        """
-        firsts = [(block.name, dict(block.keys)["den"][0]) for block in self.blocks if block.type == "tf"]
-        for axis, (block, tree) in product(axes, firsts):
-            name = name_of(axis.path)
-            if not any(name == each for each, _ in names_in(tree)):
-                continue
-            numbers = scalars(values)
-            coefficients = [_value(tree, numbers | {name: value}) or 0.0 for value in axis.values or (axis.start, axis.stop)]
-            if min(map(abs, coefficients)) < LEAST or (not axis.values and min(coefficients) < 0 < max(coefficients)):
-                expected = f"values with which the first coefficient of block.{block}.den is not 0"
-                between = "" if axis.values else f" between {axis.start:g} and {axis.stop:g}"
-                mistaken = f"one with which it is 0{between}"
-                yield Leaf(None, axis.place).mistake(f"{study}.{axis.name}", expected, mistaken, of_key=True)
 
     def displaced(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each part of the hand's displacement that is known to be no such position."""

@@ -8,10 +8,10 @@ from types import MappingProxyType
 from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ, TYPES
 from wavesweep.spec.checking import Mistakes, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
-from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, own_axes, path_of
+from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, is_derived, names_of, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, extent, names_in, parse
-from wavesweep.spec.keys import TURNED, Key
+from wavesweep.spec.keys import TURNED, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import names_in_list, normal_path
 
@@ -47,8 +47,8 @@ def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
 
 def read_drawing(
     leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes
-) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf]]:
-    """Return the drawing, the values of its numbers and its leaves by path; None if there are mistakes, which it adds.
+) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], Names]:
+    """Return the drawing, the values of its numbers, its leaves by path, and its names; None if it has mistakes, which it adds.
 
     leaves: those of the whole spec; tables of studies are skipped. source: place of the spec.
     """
@@ -62,7 +62,9 @@ def read_drawing(
         text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
     mistakes += reader.mistakes
-    return (None if reader.mistakes else drawing), values, reader.leaves
+    following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
+    names = dataclasses.replace(names_of(leaves) if reader.mistakes else drawing.names, following=following)
+    return (None if reader.mistakes else drawing), values, reader.leaves, names
 
 
 class _TableReader(KeyReader):

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
-from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear
 from wavesweep.spec.block_types import MOST_LATE
 from wavesweep.spec.checking import Mistakes, show
@@ -158,13 +157,14 @@ class Experiment:
         paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
         return [name for name, path in paths.items() if path in given and given[path] != SIMULATE_KEYS[path].default]
 
-    def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
-        """Yield the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
+    def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
+        """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
         half, most, tick = fast_hz / 2, MOST_TICKS / fast_hz, f"at least a tick ({1 / fast_hz:g} s)"
         kind, sets_in, width, lasts = (self.values[name] for name in ("input", "at_s", "width_s", "duration_s"))
         seconds, stop = self._seconds(), self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0
         late = kind in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
         long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
+        table = next((leaf.place.parent() for leaf in self.given.values()), Place())
         for name, wrong, expected, found in (
             ("frequency_hz", stop >= half, f"numbers < {half!r} (half of {rate})", show(stop)),
             ("frequency_hz" if lasts is None else "duration_s", seconds > most, long, f"{seconds:g} s"),
@@ -173,12 +173,8 @@ class Experiment:
             ("width_s", kind == "pulse" and width * fast_hz <= 0.5, tick, show(width)),
         ):
             if wrong:
-                yield self._leaf(name).mistake(f"simulate.{name}", expected, found)
-
-    def _leaf(self, name: str) -> Leaf:
-        """Return the given leaf of a key, or an empty one at the place of its table."""
-        table = next((leaf.place.parent() for leaf in self.given.values()), Place())
-        return self.given.get(f"simulate.{name}") or Leaf(None, table)
+                leaf = self.given.get(f"simulate.{name}", table)
+                mistakes.refuse(leaf, f"simulate.{name}", expected, found, of_key=False)
 
     def _seconds(self) -> float:
         values = self.values

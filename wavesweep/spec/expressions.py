@@ -11,6 +11,7 @@ import math
 import operator
 import re
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -33,6 +34,15 @@ _TOKEN = re.compile(
 )
 
 
+# Rank of an operation, the ranks that its parts need, and its sign in a text.
+_RANKS = {
+    "+": (1, (1, 2), " + "),
+    "-": (1, (1, 2), " - "),
+    "negative": (1, (2,), ""),
+    "*": (2, (2, 3), "*"),
+    "/": (2, (2, 3), "/"),
+    "**": (3, (4, 3), "**"),
+}
 # What is meant by signs of other languages and of typeset text.
 MEANT = {"^": "**", "\u2212": "-", "\u2013": "-", "\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u00f7": "/", "\u2215": "/"}
 
@@ -47,14 +57,50 @@ class Fault(ValueError):
 
 def parse(text: str) -> Tree:
     """Return the tree of a text. Errors: Fault at the first token that does not fit."""
-    tokens = list(_tokens(text))
+    tokens = deque(_tokens(text))
     if len(tokens) > LONGEST:
         raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
-    reader = _Reader(tokens)
-    tree = reader.sum()
-    if reader.kind != "end":
-        raise Fault(reader.offset, "an operator or the end", show(reader.text))
+    tree = _part(tokens, 1, 0)
+    kind, rest, at = tokens.popleft()
+    if kind != "end":
+        raise Fault(at, "an operator or the end", show(rest))
     return tree
+
+
+def _part(tokens: deque, least: int, depth: int) -> Tree:
+    """Read a part of a text, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
+    kind, text, at = tokens.popleft()
+    if depth > DEEPEST:
+        raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
+    if kind == "number":
+        if not math.isfinite(float(text)):
+            raise Fault(at, "a finite number", text)
+        tree = ("number", float(text), at)
+    elif text in ("+", "-"):
+        tree = _part(tokens, _RANKS["**"][0], depth + 1)
+        tree = ("negative", tree, at) if text == "-" else tree
+    elif text == "(" or text in FUNCTIONS or (kind == "name" and tokens[0][1] == "("):
+        if kind == "name" and text not in (PREVIOUS, *FUNCTIONS):
+            raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
+        if kind == "name":
+            _expect(tokens, "(", f"( after {text}")
+        inner = _part(tokens, 1, depth + 1)
+        _expect(tokens, ")", ") to close a parenthesis")
+        tree = (text, inner, at) if kind == "name" else inner
+    elif kind == "name":
+        tree = ("number", math.pi, at) if text == "pi" else ("name", text, at)
+    else:
+        raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
+    while tokens[0][0] == "sign" and _RANKS.get(tokens[0][1], (0,))[0] >= least:
+        _, sign, at = tokens.popleft()
+        tree = (sign, tree, _part(tokens, _RANKS[sign][1][1], depth + (sign == "**")), at)
+    return tree
+
+
+def _expect(tokens: deque, sign: str, expected: str) -> None:
+    _, text, at = tokens.popleft()
+    if text != sign:
+        raise Fault(at, expected, show(text) if text else "the end")
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
@@ -68,81 +114,6 @@ def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
         yield match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)
         at = match.end()
     yield "end", "", len(text)
-
-
-class _Reader:
-    """A recursive descent over tokens; one method per rule of the grammar."""
-
-    def __init__(self, tokens: list[tuple[str, str, int]]) -> None:
-        self._tokens, self._depth = iter(tokens), 0
-        self.next()
-
-    def next(self) -> None:
-        self.kind, self.text, self.offset = next(self._tokens)
-
-    def take(self) -> tuple[str, int]:
-        taken = self.text, self.offset
-        self.next()
-        return taken
-
-    def within(self, rule: Callable[[], Tree], at: int) -> Tree:
-        self._depth += 1
-        if self._depth > DEEPEST:
-            raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
-        tree = rule()
-        self._depth -= 1
-        return tree
-
-    def sum(self) -> Tree:
-        return self.chain(self.product, "+", "-")
-
-    def product(self) -> Tree:
-        return self.chain(self.signed, "*", "/")
-
-    def chain(self, part: Callable[[], Tree], *signs: str) -> Tree:
-        tree = part()
-        while self.text in signs:
-            sign, at = self.take()
-            tree = (sign, tree, part(), at)
-        return tree
-
-    def signed(self) -> Tree:
-        if self.text not in ("+", "-"):
-            return self.power()
-        sign, at = self.take()
-        tree = self.within(self.signed, at)
-        return ("negative", tree, at) if sign == "-" else tree
-
-    def power(self) -> Tree:
-        base = self.atom()
-        if self.text != "**":
-            return base
-        _, at = self.take()
-        return ("**", base, self.within(self.signed, at), at)
-
-    def atom(self) -> Tree:
-        kind, (text, at) = self.kind, (self.text, self.offset)
-        if kind == "number":
-            self.next()
-            if not math.isfinite(float(text)):
-                raise Fault(at, "a finite number", text)
-            return ("number", float(text), at)
-        if kind != "name" and text != "(":
-            raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
-        self.next()
-        if kind == "name":
-            if text not in FUNCTIONS and self.text != "(":
-                return ("number", math.pi, at) if text == "pi" else ("name", text, at)
-            if text not in (PREVIOUS, *FUNCTIONS):
-                raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
-            if self.text != "(":
-                raise Fault(self.offset, f"( after {text}", show(self.text) if self.text else "the end")
-            self.next()
-        inner = self.within(self.sum, at)
-        if self.text != ")":
-            raise Fault(self.offset, ") to close a parenthesis", show(self.text) if self.text else "the end")
-        self.next()
-        return (text, inner, at) if kind == "name" else inner
 
 
 def text_of(tree: Tree, least: int = 0) -> str:
@@ -179,17 +150,6 @@ def _unsigned(tree: Tree) -> Tree | None:
     if operation not in ("*", "/") or (inner := _unsigned(first)) is None:
         return None
     return tree[2] if operation == "*" and inner[:2] == ("number", 1.0) else (operation, inner, *tree[2:])
-
-
-# Rank of an operation, the ranks that its parts need, and its sign.
-_RANKS = {
-    "+": (1, (1, 2), " + "),
-    "-": (1, (1, 2), " - "),
-    "negative": (1, (2,), ""),
-    "*": (2, (2, 3), "*"),
-    "/": (2, (2, 3), "/"),
-    "**": (3, (4, 3), "**"),
-}
 
 
 def names_in(tree: Tree) -> Iterator[tuple[str, int]]:

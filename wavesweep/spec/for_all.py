@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis
 from wavesweep.spec.checking import Mistakes, show
 from wavesweep.spec.design import Design
@@ -94,11 +93,3 @@ def build_for_all(
         axes += [axis] if axis else []
     results = mistakes.check(LOST, lost) if lost else 0
     return ForAll(tuple(axes), frozenset(varying), results or 0) if axes or results else None
-
-
-def refuse_swept(swept: Collection[str], for_all: ForAll) -> Iterator[Mistake]:
-    """Yield a mistake for each number that is swept and has a range to hold for as well. swept: paths of axes of [sweep]."""
-    for axis in for_all.axes:
-        if axis.path in swept:
-            expected = "a number that [sweep] does not have as well"
-            yield Leaf(None, axis.place).mistake(f"for_all.{axis.name}", expected, axis.name, of_key=True)

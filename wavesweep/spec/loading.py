@@ -1,31 +1,22 @@
 """Loading: from a path or nested tables, and overrides, to a `Spec`."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError, UsageError
-from wavesweep.spec.checking import Mistakes, Rejected, check, show
+from wavesweep.spec.checking import Mistakes
 from wavesweep.spec.classes import expanded, numbers_of_blocks
-from wavesweep.spec.drawing import MARKS, RATE, is_derived, names_of, path_of
+from wavesweep.spec.drawing import MARKS, RATE, path_of
 from wavesweep.spec.drawing_tables import as_meant, read_drawing
-from wavesweep.spec.keys import KEYS, SYMBOLS
+from wavesweep.spec.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
-from wavesweep.spec.spec import K_VE_SPAN, Spec
-from wavesweep.spec.studies import (
-    DEFAULT_FREQUENCIES,
-    Studies,
-    beyond_half,
-    beyond_limits,
-    build_studies,
-    unknown_ends,
-    unmeasurable,
-    usual_frequencies,
-)
+from wavesweep.spec.spec import Spec
+from wavesweep.spec.studies import build_studies, refuse_beyond_limits, refuse_beyond_rate, refuse_unknown_ends
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 _TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
@@ -131,74 +122,32 @@ def _overlap(one: Path, other: Path) -> bool:
 
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
     tables = {each[0] for each in leaves}
-    if tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves):
-        return _drawn(name, path, leaves, place, mistakes)
-    belongs = sort_leaves(leaves, mistakes)
-    given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
-    values, wrong = resolve(given)
-    mistakes += wrong
-    studies = build_studies(belongs, given, mistakes)
-    mistakes += unknown_ends(belongs, None)
-    if not wrong:
-        wall = next((axis.stop for axis in studies.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1])
-        followers = tuple(studies.design.followers(values, wall)) if studies.design else ()  # set by ratios of [design.for_all]
-        for study, axes in (*studies.axes, ("design.for_all", followers)):
-            mistakes += beyond_limits(study, axes, values)
-        for axis in followers:
-            for end in (axis.start, axis.stop):
-                try:
-                    check(KEYS[axis.path], float(end))
-                except Rejected as error:
-                    found = f"{show(end)} of {axis.path}"
-                    mistakes.refuse(axis.place, f"design.for_all.{axis.name}", error.expected, found)
-                    break
-    if not any(mistake.key.startswith("rates.") for mistake in wrong):
-        mistakes += _beyond_rate(studies, values["rates.fast_hz"], "rates.fast_hz")
+    drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
+    rate, names, drawing = RATE if drawn else "rates.fast_hz", BUILT_IN, None
+    if drawn:
+        leaves = expanded(as_meant(leaves, mistakes), mistakes)
+        drawing, values, of_loop, names = read_drawing(leaves, place, mistakes)
+        given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
+        hz = drawing.rate(values) if drawing else values.get(rate)
+    else:
+        belongs = sort_leaves(leaves, mistakes)
+        given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
+        values, wrong = resolve(given)
+        mistakes += wrong
+        hz = None if any(mistake.key.startswith("rates.") for mistake in wrong) else values[rate]
+    studies = build_studies(belongs, given, mistakes, names, drawing, hz)
+    if hz:
+        refuse_beyond_rate(studies, hz, rate, mistakes)
+    if drawing and studies.design:
+        studies.design.refuse_unsuited(drawing, mistakes)
+    if drawing or not drawn:  # what the loop is
+        refuse_unknown_ends(belongs, drawing, mistakes)
+    if not (drawn or wrong):
+        refuse_beyond_limits(studies, values, mistakes)
     if mistakes:
         raise SpecError(_in_order(mistakes))
-    return Spec(name, path, values, studies, given)
-
-
-def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
-    """Return the spec of a drawn loop; its axes are checked as far as its numbers are known."""
-    leaves = expanded(as_meant(leaves, mistakes), mistakes)
-    drawing, values, of_loop = read_drawing(leaves, place, mistakes)
-    following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
-    names = replace(drawing.names if drawing else names_of(leaves), following=following)
-    belongs = sort_leaves(leaves, mistakes, names)
-    given = Given(of_loop, place)
-    stepped = drawing is not None and drawing.hand is None and drawing.inputs
-    studies = build_studies(belongs, given, mistakes, names, "step" if stepped else "sine")
-    hz = drawing.rate(values) if drawing else values.get(RATE)
-    mistakes += _beyond_rate(studies, hz, RATE) if hz else []
-    if drawing:
-        for study, axes in studies.axes:
-            mistakes += drawing.vanishing(study, axes, values)
-        if studies.design:
-            studies.design.refuse_unsuited(drawing, mistakes)
-        mistakes += [*unknown_ends(belongs, drawing), *unmeasurable(belongs, drawing)]
-    if mistakes:
-        raise SpecError(_in_order(mistakes))
-    if stepped:
-        studies = usual_frequencies(studies, hz)
-    if "sweep.along" not in belongs.keys:  # intervals are along the only span, or the wall's stiffness
-        spans = [axis.name for axis in studies.sweep if not axis.values]
-        along = spans[0] if len(spans) == 1 else (*(drawing.wall or ()), "")[0]
-        studies = replace(studies, along=along)
-    return Spec(name, path, values, studies, given, drawing=drawing)
-
-
-def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
-    """Yield the mistakes of frequencies and times that do not fit the fast rate, `hz`; rate: its path.
-
-    Defaults are not checked, since the command that reads them may never run.
-    """
-    if studies.frequencies is not DEFAULT_FREQUENCIES:
-        yield from beyond_half(studies.frequencies, studies.bode, hz, rate)
-    if studies.experiment.given:
-        yield from studies.experiment.beyond_limits(hz, rate)
-    if studies.design:
-        yield from studies.design.beyond_half(hz, rate)
+    asked = {each.name: getattr(studies, each.name) for each in fields(studies)}
+    return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **asked)
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:

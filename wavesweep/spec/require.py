@@ -59,13 +59,10 @@ def build_require(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> Require | N
 
 def words_of(written: Mapping[str, float]) -> str:
     """What is required, in words; written: see `Require.written`."""
-    parts = []
-    if "radius" in written:
-        parts.append(f"within {written['radius']:g} per frame")
-    if "settling" in written:
-        parts.append(f"down to {100 * SETTLED:g} % in {written['settling']:g} s")
-    if "damping_ratio" in written:
-        parts.append(f"of a damping ratio of at least {written['damping_ratio']:g}")
-    if "bounded" in written:
-        parts.append("on the unit circle")
-    return f"every mode {' and '.join(parts)}"
+    words = {
+        "radius": "within {:g} per frame",
+        "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
+        "damping_ratio": "of a damping ratio of at least {:g}",
+        "bounded": "on the unit circle",
+    }
+    return f"every mode {' and '.join(text.format(written[name]) for name, text in words.items() if name in written)}"

@@ -3,35 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
-from wavesweep.spec.checking import nearest
-from wavesweep.spec.design import Design
+from wavesweep.spec.checking import Mistakes, nearest
 from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
 from wavesweep.spec.experiment import Experiment
-from wavesweep.spec.for_all import ForAll
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
-from wavesweep.spec.require import Require
 from wavesweep.spec.resolving import Given, is_frame, resolve
-from wavesweep.spec.studies import Studies, axis_fault, fitting
-
-K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
+from wavesweep.spec.studies import K_VE_SPAN, Studies, axis_fault, fitting, unknown_end
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Spec:
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
+class Spec(Studies):
     """A request with all its values, made by `load`. Two specs are the same request if their `sha256` are equal."""
 
     name: str
     source: str | None
-    _values: dict[str, float | int | str] = field(repr=False)
-    _studies: Studies = field(repr=False)
-    _given: Given = field(repr=False)  # the keys of the loop as given, with their places; `with_values` starts from them
+    _values: dict[str, float | int | str]
+    _given: Given  # the keys of the loop as given, with their places; `with_values` starts from them
     for_simulation: bool = False  # whether [simulate] is part of the request, see `as_simulated`
     for_design: bool = False  # whether [design] is, see `as_designed`
     drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
@@ -50,7 +44,7 @@ class Spec:
         their own names.
         """
         device = self._given.device()
-        return frozenset((*self._given.leaves, *self._studies.experiment.given, *(device.numbers if device else ())))
+        return frozenset((*self._given.leaves, *self.experiment.given, *(device.numbers if device else ())))
 
     def builds(self, path: str, changes: Iterable[str]) -> bool:
         """Return whether a number decides how the loop is built, or others follow from it, so that it cannot vary smoothly.
@@ -72,7 +66,7 @@ class Spec:
         """The paths of the device preset's numbers that have no public source and that the spec does not give itself."""
         device = self._given.device()
         numbers = device.numbers.items() if device else ()
-        own = {*self._given.leaves, *self._studies.experiment.given}
+        own = {*self._given.leaves, *self.experiment.given}
         return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
     def without_hand(self) -> list[Mistake]:
@@ -91,7 +85,7 @@ class Spec:
     @property
     def entry(self) -> str:
         """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
-        named = self._studies.experiment.values["from"]
+        named = self.experiment.values["from"]
         signals = [signal for name, signal, _ in self.drawing.inputs if name == named] if self.drawing else []
         return next(iter((*signals, *(self.drawing.outside if self.drawing else ()))), "")
 
@@ -101,8 +95,7 @@ class Spec:
 
         If it names neither end, they are those of a loop without a hand.
         """
-        route = self._studies.route
-        return self.routes_between(route.get("from"), route.get("to"))
+        return self.routes_between(self.route.get("from"), self.route.get("to"))
 
     def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
         """The same for an input and an output, None for all. Errors: UsageError for an unknown name."""
@@ -111,16 +104,11 @@ class Spec:
             raise UsageError("from, to: expected a drawn loop, found a controller, whose responses are those at the hand")
         if drawing is None or (drawing.hand and not asked):
             return ()
-        chosen = []
-        for end, name, ports in (("from", source, drawing.inputs), ("to", output, drawing.outputs)):
-            names = [each[0] for each in ports]
-            if name is not None and name not in names:
-                hint = nearest(name, (*names, *(drawing.signals if end == "to" else ()))) if isinstance(name, str) else ""
-                hint = hint and f"; did you mean `{hint}`?"
-                known = ", ".join(names) or "it has none"
-                raise UsageError(f"{end}: expected a name in [ports] ({known}), found {name!r:.60}{hint}")
-            chosen.append(names if name is None else [name])
-        return tuple(product(*chosen))
+        for end, name, ports in (("from", source, "inputs"), ("to", output, "outputs")):
+            if name is not None and (fault := unknown_end(drawing, name, ports)):
+                raise UsageError(str(Mistake("", end, *fault)))
+        names = ([each[0] for each in ports] for ports in (drawing.inputs, drawing.outputs))
+        return tuple(product(*(some if name is None else [name] for some, name in zip(names, (source, output), strict=True))))
 
     def unit_between(self, source: str, output: str) -> str:
         """The unit of the response from an input to an output, empty if one of their units is unknown."""
@@ -180,22 +168,6 @@ class Spec:
         return self._values.get(path)
 
     @property
-    def along(self) -> str:
-        """The name of the axis whose stable intervals are wanted, as written."""
-        return self._studies.along
-
-    @property
-    def require(self) -> Require | None:
-        """What [sweep] requires of every mode, None if it is stability alone."""
-        return self._studies.require
-
-    @property
-    def for_all(self) -> ForAll | None:
-        """What every answer has to hold for; None if it is for the spec's own numbers alone and there are no channels."""
-        messages = self.drawing and self.drawing.channels
-        return self._studies.for_all or (ForAll(()) if messages else None)
-
-    @property
     def delay_of_frame(self) -> bool:
         """Whether slow results are in place with the next frame, however long the one before is."""
         return is_frame(self._given)
@@ -213,63 +185,44 @@ class Spec:
             raise UsageError(f"{self.name}: expected {expected} (--set sweep.require= leaves it out), found one")
 
     @property
-    def sweep(self) -> tuple[Axis, ...]:
-        """The axes of [sweep] in the spec's order, the one along which intervals are wanted among them."""
-        return self._studies.sweep
-
-    @property
-    def bode(self) -> tuple[Axis, ...]:
-        """The axes of [bode] in the spec's order, without the frequencies."""
-        return self._studies.bode
-
-    @property
     def frequency_hz(self) -> tuple[float, ...]:
         """The frequencies of the responses, in Hz."""
         return self._frequencies.values
 
     @property
     def _frequencies(self) -> Axis:
-        return fitting(self._studies.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz")
+        return fitting(self.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz")
 
     @property
     def simulate(self) -> Mapping[str, float | int | str | tuple | None]:
         """The resolved keys of [simulate] by their last name (`friction`), None if one is absent; read-only."""
-        return MappingProxyType(self._experiment().values)
+        return MappingProxyType(self._on_device().values)
 
     @property
     def unread(self) -> list[str]:
         """The keys of [simulate] that are given, and that its input does not read."""
-        return self._experiment().unread()
+        return self._on_device().unread()
 
-    def _experiment(self) -> Experiment:
+    def _on_device(self) -> Experiment:
         device = self._given.device()
-        return self._studies.experiment.on(device) if device else self._studies.experiment
+        return self.experiment.on(device) if device else self.experiment
 
     @property
     def uneven(self) -> bool:
         """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop, which has a common tick."""
         return isinstance(self._values.get("rates.ratio"), float)
 
-    @property
-    def measured(self) -> Mapping[str, str]:
-        """The paths of the files that [measured] names, `z_width` and `response`, relative to the spec's folder; read-only."""
-        return MappingProxyType(self._studies.measured)
-
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
         Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from.
         """
-        rate = RATE if self.drawing else "rates.fast_hz"
-        mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_entry()]
+        mistakes = Mistakes()
+        self.experiment.refuse_beyond_limits(self.tick_hz, RATE if self.drawing else "rates.fast_hz", mistakes)
+        mistakes += self.without_entry()
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)
-
-    @property
-    def design(self) -> Design | None:
-        """The table [design], None if the spec has none."""
-        return self._studies.design
 
     def as_designed(self) -> Spec:
         """Return the spec with [design] as part of the request, in `tables()` and `sha256`.
@@ -299,11 +252,11 @@ class Spec:
         if self.for_all and (ranges := self.for_all.written()):
             tables["for_all"] = ranges
         bode = (self._frequencies, *self.bode)
-        tables["bode"] = dict(self._studies.route) | {axis.name: axis.written() for axis in bode}
+        tables["bode"] = dict(self.route) | {axis.name: axis.written() for axis in bode}
         if self.measured:
             tables["measured"] = dict(self.measured)
         if self.for_simulation:
-            tables["simulate"] = self._experiment().written()
+            tables["simulate"] = self._on_device().written()
         if self.for_design:
             tables["design"] = self.design.written()
         return tables

@@ -11,7 +11,7 @@ from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
 from wavesweep.spec.drawing import keys_of_block
 from wavesweep.spec.keys import TURNED
-from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.tables import HOMES, kind_named, kinds
 from wavesweep.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind
 

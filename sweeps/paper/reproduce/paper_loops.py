@@ -16,7 +16,7 @@ from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.monodromy.cut import with_batch
 from wavesweep.passive.channel import ChannelNorm, channel_norm
 from wavesweep.spec import find_key
-from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.stability.stable import stable_intervals
 
 Change = Mapping[str, float | int | str]
