@@ -10,7 +10,7 @@ import pytest
 
 from wavesweep.loops.values import values_of
 from wavesweep.spec.exact import exactly
-from wavesweep.spec.expressions import FUNCTIONS, LONGEST, Fault, evaluate, linear, parse, singular, text_of, unknown, value_of
+from wavesweep.spec.expressions import FUNCTIONS, LONGEST, Fault, evaluate, linear, parse, singular, text_of, value_of
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
 NAMES = {"__builtins__": {}, "pi": math.pi} | {name: getattr(math, name) for name in FUNCTIONS}
@@ -162,11 +162,6 @@ def test_texts_that_are_not_refused_are_read_from_deep_in_a_program():
     assert deep(below, "-" * 50 + "a") == 1.5
     assert deep(below, "+".join(["(-a)"] * 60)) == -1.5 * 60
     assert deep(below, "+".join(["a"] * (LONGEST // 2))) == 1.5 * (LONGEST // 2)
-
-
-def test_an_unknown_name_has_a_place_and_the_nearest_known_one():
-    (fault,) = unknown(parse("2*gian*a"), {"a", "gain"}, "a number")
-    assert (fault.offset, fault.suggestion) == (2, "gain")
 
 
 def test_divisors_roots_and_broken_powers_are_where_a_text_is_not_analytic():

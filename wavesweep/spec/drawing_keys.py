@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 from wavesweep.errors import Mistake
@@ -17,7 +18,6 @@ from wavesweep.spec.expressions import (
     names_in,
     parse,
     remembered,
-    unknown,
     with_trees,
 )
 from wavesweep.spec.keys import Key
@@ -26,6 +26,7 @@ from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 PERIOD = "dt"  # the name of a block's own period in its expressions
 ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # each type has one name of each group
 LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of names of keys with which people limit controllers
+NAMES_OF = ("the name of a number in [numbers]", "the output of a block, a number, or a signal from outside that [ports] names")
 _Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
@@ -58,13 +59,10 @@ class KeyReader:
         self.tick_hz: Tree = ("name", RATE, 0)
         self.period: Tree | None = None
 
+        self.refuse = self.mistakes.refuse
+
     def leaf(self, path: str) -> Leaf:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
-
-    def refuse(
-        self, leaf: Leaf | Place, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = True
-    ) -> None:
-        self.mistakes.refuse(leaf, key, expected, found, suggestion, of_key=of_key)
 
     def fault(self, path: str, leaf: Leaf, fault: Fault) -> None:
         """Add the mistake in an expression, at its place in the text."""
@@ -105,19 +103,18 @@ class KeyReader:
             self.read.update(re.findall(r"\w+", leaf.value))
             return self.fault(path, leaf, fault)
         self.read.update(name for name, _ in names_in(tree))
-        known, meanings = {*self.numbers, *(self.signals if signals else ())}, self.meanings
+        known, meanings, before = {*self.numbers, *(self.signals if signals else ())}, self.meanings, len(self.mistakes)
         if self.period:
             meanings = meanings if PERIOD in known else {**meanings, PERIOD: self.period}
             known.add(PERIOD)
-        expected = "the output of a block, a number, or a signal from outside that [ports] names"
-        faults = unknown(tree, known, expected if signals else "the name of a number in [numbers]")
-        faults = [fault for fault in faults if not (signals and self.is_broken(leaf.value[fault.offset :]))]
-        for fault in faults:
-            block = _block_of(leaf.value[fault.offset :])
-            if signals and (own := [each for each in sorted(self.signals) if each.startswith(f"{block}.")]):
-                fault.expected = f"an output of {block}: {' or '.join(own)}"
-            self.fault(path, leaf, fault)
-        if faults:
+        for name, at in names_in(tree):
+            block = name.rpartition(".")[0]
+            if name in known or (signals and block in self.broken):
+                continue
+            own = [each for each in sorted(self.signals) if block and signals and each.startswith(f"{block}.")]
+            expected = f"an output of {block}: {' or '.join(own)}" if own else NAMES_OF[signals]
+            self.fault(path, leaf, Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(known))))
+        if len(self.mistakes) > before:
             return None
         try:  # registers in place of `prev(...)`
             tree = with_trees(tree, meanings)
@@ -130,7 +127,7 @@ class KeyReader:
 
     def signals_of(self, tree: Tree) -> set[str]:
         """The signals, among them those in the tree of blocks that have a mistake themselves."""
-        return self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
+        return self.signals | {name for name, _ in names_in(tree) if name.rpartition(".")[0] in self.broken}
 
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
@@ -149,10 +146,6 @@ class KeyReader:
             path, leaf = texts[name]
             expected = "an expression whose names do not stand for each other in a circle"
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
-
-    def is_broken(self, text: str) -> bool:
-        """Whether a text begins with a port of a block that has a mistake itself."""
-        return _block_of(text) in self.broken
 
     def read_terms(self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
         """Read an expression that is linear in signals. within: makes the result of its tree and the signals."""
@@ -177,7 +170,8 @@ class KeyReader:
             return self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
         if not is_dotted(name):
             return self.refuse(next(iter(given.values())).place.parent(), path, NAME, show(name))
-        kind = self.read_type(path, given.get("type"))
+        key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES), required=True)
+        kind = self.read_key(key.path, key, given.get("type"))
         if kind is None:  # which of its numbers are read is not known
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
             return None
@@ -221,19 +215,18 @@ class KeyReader:
                 meant.setdefault(near, leaf)
         return meant
 
-    def read_type(self, path: str, leaf: Leaf | None) -> str | None:
-        key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES), required=True)
-        return self.read_key(key.path, key, leaf)
-
     def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
         """Read the value of a key by its type: trees of numbers, a word, true or false, or names of ports."""
         if leaf is None:
-            return self.default(path, key)
+            if key.required:
+                what = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
+                self.refuse(self.leaf(path.rpartition(".")[0]), path, what, "nothing (it has no default)")
+            return self.number(path, key.default) if key.numeric and key.default is not None else key.default
         self.leaves[path], value = leaf, leaf.value
-        if key.type in ("number", "integer"):
+        if key.numeric:
             return self.read_number(path, key, leaf)
         if key.type in ("list", "rows"):
-            return self.read_numbers_of(path, key, leaf)
+            return self.read_numbers_of(path, leaf, deep=key.type == "rows")
         if key.type != "ports":
             return self.mistakes.check(key, leaf, path)
         if isinstance(value, list) and all(map(is_name, value)) and len(set(value)) == len(value):
@@ -241,17 +234,8 @@ class KeyReader:
         names = ", ".join(map(str, value)) if isinstance(value, list) else show(value)
         return self.refuse(leaf, path, "a list of different names", names or "none", of_key=False)
 
-    def default(self, path: str, key: Key) -> object:
-        if key.required:
-            named = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
-            self.refuse(self.leaf(path.rpartition(".")[0]), path, named, "nothing (it has no default)")
-        elif key.type in ("number", "integer") and key.default is not None:
-            return self.number(path, key.default)
-        return key.default
-
-    def read_numbers_of(self, path: str, key: Key, leaf: Leaf) -> tuple | None:
+    def read_numbers_of(self, path: str, leaf: Leaf, deep: bool) -> tuple | None:
         """Read a list of numbers, or of rows of them."""
-        deep = key.type == "rows"
         rows = leaf.value if deep else [leaf.value]
         if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows) or (not deep and not rows[0]):
             expected = "a list of rows, each a list of numbers" if deep else "a list of numbers"
@@ -259,8 +243,7 @@ class KeyReader:
         entry, trees = Key(path, "number", None, "", ""), []
         for i, row in enumerate(rows):
             at = f"{path}[{i}]" if deep else path
-            items = enumerate(Leaf(item, leaf.place) for item in row)
-            trees.append(tuple(self.read_number(f"{at}[{j}]", entry, item) for j, item in items))
+            trees.append(tuple(self.read_number(f"{at}[{j}]", entry, replace(leaf, value=each)) for j, each in enumerate(row)))
         self.leaves[path] = leaf
         return tuple(trees) if deep else trees[0]
 
@@ -273,11 +256,6 @@ def is_name(name: object) -> bool:
 def is_dotted(name: str) -> bool:
     """Return whether a name is one, or that of a part of a block, `block.part`."""
     return all(map(is_name, name.split(".")))
-
-
-def _block_of(text):
-    """The block of the port that a text begins with."""
-    return re.match(r"[\w.]*", text)[0].rpartition(".")[0]
 
 
 def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:

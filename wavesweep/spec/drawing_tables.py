@@ -1,17 +1,17 @@
 """Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
 
-import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
-from types import MappingProxyType
 
-from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS, TICK_HZ, TYPES
+from wavesweep.spec.block_types import COLUMNS, TICK_HZ, TYPES
 from wavesweep.spec.checking import Mistakes, nearest, show
 from wavesweep.spec.continuous import parted, watching_held
 from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, is_derived, names_of, own_axes, path_of
-from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
+from wavesweep.spec.drawing_keys import NAME, is_dotted, is_name
+from wavesweep.spec.drawing_ports import TURNS, PortReader, column_fault
 from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, extent, names_in, parse
-from wavesweep.spec.keys import TURNED, Key, Names
+from wavesweep.spec.keys import Key, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import names_in_list, normal_path
 
@@ -20,29 +20,34 @@ STUDIES = ("sweep", "bode", "for_all", "simulate", "measured", "design")  # tabl
 KNOWN = ("type", *TABLES, *STUDIES)
 TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")
-PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
-OPTIONAL = ("reaction", "turns")
-TURNS = Key("ports.hand.turns", "boolean", False, "", "whether force and displacement of the hand are a torque and an angle")
-NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
-PORT_PARTS = ("signal", "unit")
-NAMED_PARTS = (".signal", ".unit")
 LISTED = 8  # ports that a message lists
-WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
 
 Path = tuple[str, ...]
 
 
 def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
-    """Return the leaves, those of an unknown table under the missing one whose name is nearest, and add the mistakes.
+    """Return the leaves of tables that a drawn loop has, and add a mistake for each other table.
 
-    So its entries, and what needs them, bring no further mistakes.
+    An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
     """
-    given = dict.fromkeys(path[0] for path in leaves)
-    meant = {name: near for name in given if name not in KNOWN and (near := nearest(name, KNOWN)) and near not in given}
-    for name, near in meant.items():
-        place = next(leaf.place for path, leaf in leaves.items() if path[0] == name).under((name,))
-        mistakes.refuse(place, name, TABLE, UNKNOWN, near)
-    return {normal_path((meant[path[0]], *path[1:])) if path[0] in meant else path: leaf for path, leaf in leaves.items()}
+    given, meant = dict.fromkeys(path[0] for path in leaves), {}
+    numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
+    for (name, *rest), leaf in leaves.items():
+        if name in KNOWN or name in meant:
+            continue
+        place, near, alone = leaf.place.under((name,)), nearest(name, KNOWN), not rest and leaf.value != {} and numbers
+        meant[name] = near if near not in given else ""
+        if name == "controller":
+            meant[name] = ""
+            mistakes.refuse(place, name, "either a controller or blocks", "both")
+        elif alone:  # of --set, which gives numbers by name
+            expected = f"{', '.join(numbers)} of [numbers], or {TABLE}"
+            mistakes.refuse(place, name, expected, "an unknown name", near or nearest(name, numbers))
+        else:
+            blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}
+            mistakes.refuse(place, name, TABLE, UNKNOWN, f"block.{name}" if name in blocks else near)
+    named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
+    return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
 
 
 def read_drawing(
@@ -63,79 +68,50 @@ def read_drawing(
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
     mistakes += reader.mistakes
     following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
-    names = dataclasses.replace(names_of(leaves) if reader.mistakes else drawing.names, following=following)
+    names = replace(names_of(leaves) if reader.mistakes else drawing.names, following=following)
     return (None if reader.mistakes else drawing), values, reader.leaves, names
 
 
-class _TableReader(KeyReader):
+class _TableReader(PortReader):
     """A reading of all tables of a drawn loop."""
 
     def grouped(self, leaves: Mapping[Path, Leaf]) -> dict[str, dict]:
-        """Sort the leaves into tables; a table that a drawn loop does not have is one mistake."""
+        """Sort the leaves into tables."""
         tables: dict[str, dict] = {name: {} for name in TABLES}
-        unknown_tables: dict[str, Leaf] = {}
-        for path, leaf in leaves.items():
-            table, rest = path[0], path[1:]
-            if table in STUDIES:
-                continue
+        for (table, *rest), leaf in leaves.items():
             if table not in TABLES:
-                unknown_tables.setdefault(table, Leaf({} if rest else leaf.value, leaf.place.under(path[:1])))
-            elif not rest:
+                continue
+            if not rest:
                 if leaf.value != {}:
                     self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
             elif table in ("rates", "signals", "wire"):
                 tables[table][".".join(rest)] = leaf
-            elif table == "ports" and rest[0] in NAMED:
-                tables[table].setdefault(rest[0], {})[".".join(rest[1:])] = leaf
+            elif table == "ports":
+                tables[table][tuple(rest)] = leaf
             else:
-                parts = tables[table].setdefault(rest[0], {})
                 part = rest[1] if len(rest) > 1 else ""
-                parts[part] = leaf if len(rest) < 3 else Leaf({}, leaf.place.under(path[:3]))
-        for table, leaf in unknown_tables.items():
-            if table == "controller":
-                self.refuse(leaf, table, "either a controller or blocks", "both")
-            else:
-                near = nearest(table, KNOWN) or nearest(table, tables["numbers"])  # of --set, which gives numbers by name
-                number = leaf.value != {} and tables["numbers"]
-                expected = f"{', '.join(number)} of [numbers], or {TABLE}" if number else TABLE
-                found = "an unknown name" if number else UNKNOWN
-                self.refuse(leaf, table, expected, found, f"block.{table}" if table in tables["block"] else near)
+                here = leaf if len(rest) < 3 else Leaf({}, leaf.place.under((table, *rest[:2])))
+                tables[table].setdefault(rest[0], {})[part] = here
         return tables
 
     def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
         """Read every table; parts that have mistakes are left out."""
         self.numbers = tuple(tables["numbers"])
-        force = tables["ports"].get("hand", {}).get("force")
-        self.force = force.value if force else None
-        given = {side: self.named_ports(side, tables["ports"].pop(side, {})) for side in NAMED}
-        outside = [parts["signal"].value for parts in given["inputs"].values()]
-        self.outside = {each for each in (self.force, *outside) if isinstance(each, str)}
+        ports = self.parts_of_ports(tables["ports"])
+        force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
+        signals = [each.value for each in (*force, *(parts["signal"] for parts in ports["inputs"].values()))]
+        self.outside = {each for each in signals if isinstance(each, str)}
         numbers, values = self.read_numbers(tables["numbers"])
-        self.tick_hz = tick = self.read_rate(tables["rates"]) or ("name", RATE, 0)
-        read_blocks = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
-        self.broken = {name for name, block in read_blocks.items() if block is None}
-        blocks = tuple(block for block in read_blocks.values() if block is not None)
-        if not read_blocks:
-            self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
-        self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
-        bare = [block.name for block in blocks if block.type == "spring" and dict(block.keys)["d"][:2] == ("number", 0.0)]
-        self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
-        for name in (block.name for block in blocks if block.type == "spring"):  # to the ground
-            second = [f"{name}.{port}" for port in ("x2", "v2")]
-            self.optional += [] if {*second} & {*tables["wire"]} else second
-        self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
-        self.signals |= self.outside
-        self.define_moments(blocks)
+        self.tick_hz = self.read_rate(tables["rates"]) or ("name", RATE, 0)
+        blocks = self.read_blocks(tables)
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
-        periods = {block.name: ("/", block.every, tick, 0) for block in blocks}
+        periods = {block.name: ("/", block.every, self.tick_hz, 0) for block in blocks}
         read = {port: self.read_wire(port, leaf, plants, periods) for port, leaf in tables["wire"].items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
-        hand, wall = self.read_ports(tables["ports"])
-        inputs = self.read_inputs(given["inputs"])
-        outputs = self.read_outputs(given["outputs"], given["inputs"])
-        outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, given))
+        hand, wall, inputs, outputs = self.read_ports(ports)
+        outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
         named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
         named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
@@ -144,17 +120,16 @@ class _TableReader(KeyReader):
         wires += tuple((f"{each.name}.u", ((self.registers[f"{each.name}.y"], ONE),)) for each in registers)
         seen = [term for terms in shown for term in terms or ()]
         wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
-        self.unconnected(tables["wire"])
-        if not self.mistakes:  # a mistake may be why a number is not read
-            self.unread(tables["signals"])
+        self.refuse_loose_ends(tables)
         values |= self.own
-        turns = bool(self.read_key(TURNS.path, TURNS, tables["ports"].get("hand", {}).get("turns")))
-        ports = (hand, wall, turns, couplings, inputs, outputs, named)
-        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, *ports)
+        turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
+        drawing = Drawing(
+            self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
+        )
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
         whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
         values |= {path_of(name): int(values[path_of(name)]) for name in whole}
-        return dataclasses.replace(drawing, whole=whole), values
+        return replace(drawing, whole=whole), values
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
         numbers, values, derived = [], {}, {}
@@ -162,7 +137,7 @@ class _TableReader(KeyReader):
             path, first = path_of(name), next(iter(parts.values()))
             place = first.place if "" in parts else first.place.parent()
             if name in COLUMNS:
-                self.refuse(place, path, *_column("numbers", name))
+                self.refuse(place, path, *column_fault("numbers", name))
             elif not is_name(name) or name in RESERVED:
                 self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
             for part, leaf in parts.items():
@@ -185,14 +160,28 @@ class _TableReader(KeyReader):
         self.define(derived)
         return tuple(numbers), values
 
-    def define_moments(self, blocks: Iterable[DrawnBlock]) -> None:
-        """Outputs that are not held stand for expressions in those that are, see `BlockType.moments`."""
+    def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
+        """Read the blocks, and what wires can read and have to feed."""
+        read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
+        self.broken = {name for name, block in read.items() if block is None}
+        blocks = tuple(block for block in read.values() if block is not None)
+        if not read:
+            self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
+        self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
+        springs = {block.name: dict(block.keys)["d"] for block in blocks if block.type == "spring"}
+        bare = [name for name, damping in springs.items() if damping[:2] == ("number", 0.0)]
+        self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
+        for name in springs:  # to the ground
+            second = [f"{name}.{port}" for port in ("x2", "v2")]
+            self.optional += [] if {*second} & {*tables["wire"]} else second
+        self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]} | self.outside
         for block in blocks:
-            for port, text in TYPES[block.type].moments:
+            for port, text in TYPES[block.type].moments:  # which stand for expressions in outputs that are held
                 name = f"{block.name}.{port}"
                 self.meanings[name] = parse(text.format(name=block.name))
                 self.extents[name] = extent(self.meanings[name], {})
                 self.signals.add(name)
+        return blocks
 
     def read_signals(self, table: Mapping[str, Leaf]) -> None:
         """Read the names of signals, each with the expression that it stands for."""
@@ -248,160 +237,19 @@ class _TableReader(KeyReader):
             registers.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
         return tuple(registers)
 
-    def unconnected(self, wires: Mapping[str, Leaf]) -> None:
+    def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
+        """Refuse inputs without a wire, and numbers and names of signals that no expression reads."""
         for port in (*self.inputs, *self.needed):
-            if port not in wires and port not in self.optional:
-                block, expected = (
-                    self.leaf(f"block.{port.rpartition('.')[0]}"),
-                    f'a wire to this input, "{port}" = "..." in [wire]',
+            if port not in tables["wire"] and port not in self.optional:
+                expected = f'a wire to this input, "{port}" = "..." in [wire]'
+                self.refuse(
+                    self.leaf(f"block.{port.rpartition('.')[0]}"), f"block.{port}", expected, "none (0 leaves it at rest)"
                 )
-                self.refuse(block, f"block.{port}", expected, "none (0 leaves it at rest)")
-
-    def read_ports(self, table: Mapping[str, dict[str, Leaf]]) -> tuple:
-        """Read the hand and the wall."""
-        for name, parts in table.items():
-            path, first = f"ports.{name}", next(iter(parts.values()))
-            if name not in PORTS:
-                place = first.place if "" in parts else first.place.parent()
-                self.refuse(place, path, "hand, wall, inputs or outputs", "an unknown port", nearest(name, (*PORTS, *NAMED)))
-                continue
-            expected = "{ " + ", ".join(PORTS[name]) + " }"
-            for part, leaf in parts.items():
-                if part:
-                    self.mistakes.is_known(part, PORTS[name], leaf, f"{path}.{part}")
-                else:
-                    self.refuse(leaf, path, expected, show(leaf.value))
-            missing = [part for part in PORTS[name] if part not in parts and part not in OPTIONAL]
-            if missing and "" not in parts:
-                expected = f"both {' and '.join(PORTS[name][:2])}{WITHOUT * (missing == ['damping'])}"
-                self.refuse(first.place.parent(), path, expected, f"no {' and no '.join(missing)}")
-        return self.read_hand(table.get("hand", {})), self.read_wall(table.get("wall", {}))
-
-    def named_ports(self, side: str, table: Mapping[str, Leaf]) -> dict[str, dict[str, Leaf]]:
-        """Sort leaves of inputs or outputs: for each name `signal`, and perhaps `unit`; those without a signal are left out."""
-        ports: dict[str, dict[str, Leaf]] = {}
-        for key, leaf in table.items():
-            name, _, part = key.rpartition(".") if key.endswith(NAMED_PARTS) else key.partition(".")
-            path = f"ports.{side}.{name}".rstrip(".")
-            if name and not part:
-                ports.setdefault(name, {})["signal"] = leaf
-            elif part and self.mistakes.is_known(part, PORT_PARTS, leaf, f"{path}.{part}"):
-                ports.setdefault(name, {})[part] = leaf
-            elif not name and leaf.value != {}:
-                self.refuse(leaf, path, f"a table, NAME = {NAMED[side]}", show(leaf.value))
-        for name, parts in ports.items():
-            path, first = f"ports.{side}.{name}", next(iter(parts.values()))
-            self.leaves |= {path if part == "signal" else f"{path}.unit": leaf for part, leaf in parts.items()}
-            if name in (*COLUMNS, *RUN_COLUMNS):
-                self.refuse(first, path, *_column("ports", name))
-            elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
-                self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
-            if "signal" not in parts:
-                self.refuse(first.place.parent(), path, f"a signal, {NAMED[side]}", "none")
-        return {name: parts for name, parts in ports.items() if "signal" in parts}
-
-    def read_inputs(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple[str, str, str], ...]:
-        """Read name, signal and unit of each input."""
-        inputs = []
-        for name, parts in table.items():
-            path, leaf = f"ports.inputs.{name}", parts["signal"]
-            fault = self.fault_from_outside(leaf.value)
-            if fault or leaf.value in [signal for _, signal, _ in inputs]:
-                self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(leaf.value)} again")), of_key=False)
-            else:
-                inputs.append((name, leaf.value, self.word(f"{path}.unit", parts.get("unit"))))
-        return tuple(inputs)
-
-    def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
-        """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
-        if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
-            return f"{NAME}, for {what}", show(signal)
-        if signal in self.numbers:
-            return "a name that is no number", show(signal)
-        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
-
-    def read_outputs(
-        self, table: Mapping[str, dict[str, Leaf]], inputs: Mapping[str, object]
-    ) -> tuple[tuple[str, Terms, str], ...]:
-        """Read name, terms and unit of each output."""
-        outputs = []
-        for name, parts in table.items():
-            path = f"ports.outputs.{name}"
-            if name in inputs:
-                self.refuse(parts["signal"], path, "another name than that of an input", show(name))
-            terms = self.read_terms(path, parts["signal"])
-            if terms is not None:
-                outputs.append((name, terms, self.word(f"{path}.unit", parts.get("unit"))))
-        return tuple(outputs)
-
-    def read_asked(
-        self, blocks: Iterable[DrawnBlock], wires: Mapping[str, Leaf], numbers: Iterable[tuple], given: Mapping[str, dict]
-    ) -> Iterator[tuple[str, Terms, str]]:
-        """Yield an output for each signal that [bode] or [simulate] names and [ports] does not declare; see `Drawing.signals`.
-
-        Its unit is that of a port with the same signal. Names of no signal are left to `unknown_ends`.
-        """
-        ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
-        units = {name: unit for name, unit, _ in numbers}
-        declared = (parts for side in NAMED for parts in given[side].values() if "unit" in parts)
-        units |= {str(parts["signal"].value): str(parts["unit"].value) for parts in declared}
-        for name, leaf in self.asked.items():
-            terms, block = None, ports.get(name)
-            if name in given["outputs"]:
-                continue
-            if block and name in wires:
-                self.period = ("/", block.every, self.tick_hz, 0)
-                terms = self.read_terms(f"wire.{name}", wires[name])
-                self.period = None
-            elif block and name in self.signals:
-                terms = ((name, ONE),)
-            elif name in self.meanings and name in self.signals:
-                self.read.add(name)
-                terms = self.terms_of(f"signals.{name}", leaf, self.meanings[name])
-            if terms is not None:
-                yield name, terms, units.get(name) or (_unit_of(name, block, units) if block else "")
-
-    def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
-        force = parts.get("force")
-        if force:
-            self.leaves["ports.hand.force"] = force
-            if fault := self.fault_from_outside(force.value, "the hand's force"):
-                self.refuse(force, "ports.hand.force", *fault, of_key=False)
-        position, reaction = (
-            self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:3]
-        )
-        return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
-
-    def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
-        numbers = []
-        for part, leaf in ((part, parts[part]) for part in PORTS["wall"] if part in parts):
-            path, name = f"ports.wall.{part}", leaf.value
-            self.leaves[path] = leaf
-            if name not in self.numbers or name in self.meanings:
-                hint = nearest(name, self.numbers) if isinstance(name, str) else ""
-                self.refuse(leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False)
-            elif name in numbers:
-                self.refuse(leaf, path, "another number than the stiffness", show(name), of_key=False)
-            numbers.append(str(name))
-        return tuple(numbers) or None
-
-    def unread(self, signals: Iterable[str]) -> None:
-        """Refuse numbers and names of signals that no expression reads."""
-        paths = {name: path_of(name) for name in self.numbers} | {name: f"signals.{name}" for name in signals if is_name(name)}
+        if self.mistakes:  # one may be why a number is not read
+            return
+        paths = {name: path_of(name) for name in self.numbers}
+        paths |= {name: f"signals.{name}" for name in tables["signals"] if is_name(name)}
         for name, path in paths.items():
             if name not in self.read:
                 kind = "number" if name in self.numbers else "signal"
                 self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")
-
-
-def _unit_of(signal: str, block: DrawnBlock, units: Mapping[str, str]) -> str:
-    """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which the unit of its number shows."""
-    mass = dict(block.keys).get("mass", ONE)
-    known = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
-    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if known in ("kg", "kg*m^2") else ""
-    return TURNED[unit] if unit and known == "kg*m^2" else unit
-
-
-def _column(table: str, name: str) -> tuple[str, str]:
-    """Return expected and found text of the name of a column."""
-    return f"a name that no column of a table has; `wavesweep keys {table}` lists those", f"{show(name)}, which one has"

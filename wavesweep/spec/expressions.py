@@ -161,15 +161,6 @@ def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
             yield from names_in(part)
 
 
-def unknown(tree: Tree, known: Mapping[str, str] | set[str], expected: str) -> list[Fault]:
-    """Return a fault for each name that is not known, with the nearest one that is."""
-    return [
-        Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(known)))
-        for name, at in names_in(tree)
-        if name not in known
-    ]
-
-
 def linear(tree: Tree, signals: set[str]) -> Terms:
     """Return the tree as signals times gains; a gain is a tree without signals.
 

@@ -9,8 +9,9 @@ from typing import Any
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.classes import PARTS as OF_CLASS
 from wavesweep.spec.design import WISHES
-from wavesweep.spec.drawing_tables import NUMBER_PARTS, OPTIONAL, PORT_PARTS
-from wavesweep.spec.drawing_tables import PORTS as OF_PORTS
+from wavesweep.spec.drawing_ports import OPTIONAL
+from wavesweep.spec.drawing_ports import PORTS as OF_PORTS
+from wavesweep.spec.drawing_tables import NUMBER_PARTS
 from wavesweep.spec.experiment import FRAME_KEYS as OF_FRAME
 from wavesweep.spec.for_all import LOST
 from wavesweep.spec.keys import (
@@ -81,13 +82,14 @@ def _controlled() -> Schema:
 
 def _drawn() -> Schema:
     number = _tables(dict.fromkeys(NUMBER_PARTS, TEXT) | {"value": {"type": ["number", "string"]}})
-    end = {"anyOf": [TERMS, _tables(dict.fromkeys(PORT_PARTS, TEXT) | {"signal": TERMS}, required=["signal"])]}
+    end = {"anyOf": [TERMS, _tables({"signal": TERMS, "unit": TEXT}, required=["signal"])]}
     ports = {
         name: _tables(
             {part: {"type": "boolean"} if part == "turns" else TEXT for part in parts},
             required=[part for part in parts if part not in OPTIONAL],
         )
         for name, parts in OF_PORTS.items()
+        if name in ("hand", "wall")
     }
     bode = FREQUENCY | {name: _value(STUDY_KEYS[f"bode.{name}"]) for name in ("from", "to")}
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}

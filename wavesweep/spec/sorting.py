@@ -1,7 +1,7 @@
 """Every leaf of the tables is put under its key or its axis; a leaf without one is a mistake."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -10,8 +10,8 @@ from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, DESIGN_KEYS, KEYS, MEASURED
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode", "for_all")
-# Keys in the tables of studies that are no axes. A number of a drawn loop may have the last name of some of them.
-OF_STUDIES = ("sweep.along", "sweep.require", "bode.from", "bode.to", "for_all.lost")
+# Keys in the tables of studies that are no axes, those of [bode] of drawn loops alone.
+OWN = {"sweep": ("along", "require"), "bode": ("from", "to"), "for_all": ("lost",)}
 RANGE_PARTS = ("start", "stop", "values", "varying")  # of a number in [for_all]
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
 FLAT = ("simulate", "measured", "design")  # tables of keys, in specs of all kinds
@@ -74,118 +74,80 @@ def sort_leaves(leaves: dict[Path, Leaf], mistakes: Mistakes, names: Names = BUI
     """Return every leaf under the key or axis that it belongs to; of a drawn loop those of the studies only."""
     result = Sorted()
     for path, leaf in leaves.items():
-        table = path[0]
-        if table in (*STUDIES, "design") and len(path) == 1:
+        depth = 1 if path[0] in STUDIES else 2 if ".".join(path[:2]) in SECTIONS else 0
+        if len(path) == depth:
             if leaf.value != {}:
-                mistakes.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
-        elif table in STUDIES:
-            _sort_study(path, leaf, result, mistakes, names)
-        elif ".".join(path[:2]) in SECTIONS:
-            result.design[".".join(path)] = leaf
-            _sort_section(path, leaf, result, mistakes, names)
-        elif path[:2] == ("simulate", "frequency_hz"):
-            _sort_part(FREQUENCIES, path[2:], leaf, result.axes["simulate"]["frequency_hz"], mistakes)
-        elif names is BUILT_IN or table in FLAT:
+                mistakes.refuse(leaf, ".".join(path), "a table", show(leaf.value), of_key=False)
+        elif depth:
+            _sort_study(".".join(path[:depth]), path[depth:], leaf, result, mistakes, names)
+        elif names is BUILT_IN or path[0] in FLAT:
             _sort_key(path, leaf, result, mistakes)
-            if table == "design":
-                result.design[".".join(path)] = leaf
+        if path[0] == "design":
+            result.design[".".join(path)] = leaf
     return result
 
 
 def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> None:
     """Put a leaf under its key."""
     for length in range(1, len(path) + 1):
-        name, here = _join(path[:length]), leaf
-        if length < len(path):
-            here = Leaf({}, leaf.place.under(path[:length]))
+        name, rest = _join(path[:length]), path[length:]
+        here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
+        if name == FREQUENCIES:
+            return _add_part(result, "simulate", path[1], rest, leaf, mistakes)
         if name in FLAT_KEYS:
-            result.keys[name if name != MESSAGES else ".".join(path)] = here if name != MESSAGES else leaf
-            return
+            result.keys[".".join(path) if name == MESSAGES else name] = leaf if name == MESSAGES else here
+            return None
         if name not in TABLES and name not in FLAT:
-            _refuse_unknown(path[:length], here, mistakes)
-            return
-    if leaf.value != {}:
-        mistakes.refuse(leaf, _join(path), "a table", show(leaf.value), of_key=False)
-
-
-def _refuse_unknown(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
-    parent = _join(path[:-1])
-    known = TOP_TABLES
-    if parent:
-        start = parent + "."
-        names = (name[len(start) :] for name in (*SECTIONS[:3], *FLAT_KEYS) if name.startswith(start))
-        known = tuple(dict.fromkeys(name.split(".")[0] for name in names))
-    expected = ("one of " if parent else "one of the tables ") + ", ".join(known)
-    suggestion = nearest(path[-1], known)
-    suggestion = f"{parent}.{suggestion}" if parent and suggestion else suggestion or nearest(path[-1], FLAT_KEYS)
-    found = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
-    mistakes.refuse(leaf, _join(path), expected, found, suggestion)
-
-
-def _sort_study(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
-    """Put a leaf of [sweep], [bode] or [for_all] under its key, or with the parts of its axis."""
-    study, *parts = path
-    key = ".".join(path[:2])
-    drawn = not key.startswith("bode.") or names is not BUILT_IN
-    if key in OF_STUDIES and drawn and (key == "sweep.along" or not names.find(parts[0])):
-        if len(parts) == 1 or key == "sweep.require":
-            result.keys[".".join(path)] = leaf
-        else:
-            result.keys[key] = Leaf({}, leaf.place.under(path[:2]))
-        return
-    _sort_axis(study, parts, leaf, result, mistakes, names)
-
-
-def _sort_section(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
-    """Put a leaf of [design.vary], [design.wish] or [design.for_all] with the parts of its axis, wish, ratio or hand."""
-    section, name, part = ".".join(path[:2]), ".".join(path[2:]), ".".join(path[3:])
-    if not name:
-        if leaf.value != {}:
-            mistakes.refuse(leaf, section, "a table", show(leaf.value))
-    elif section == WISHED:
-        result.axes[WISHED][path[2]][part] = leaf
-    elif section == FOR_DESIGNS and path[2] == "hand":
-        result.axes[HANDS]["hand"][part] = leaf
-    elif section == FOR_DESIGNS and "/" in name and all(map(names.find, name.split("/"))):
-        result.axes[RATIOS][name][""] = leaf
-    else:
-        _sort_axis(section, path[2:], leaf, result, mistakes, names)
-
-
-def _sort_axis(study: str, parts: Sequence[str], leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
-    """Put a leaf with the parts of its axis. parts: of its path in the table of the study."""
-    of_blocks = (path for path in names.keys if path.startswith("block."))
-    own = {"numbers", "rates"} | {path.rsplit(".", n)[0] for path in of_blocks for n in (1, 2, 3)}
-    tables = TABLES if names is BUILT_IN else own
-    for length in range(1, len(parts) + 1):
-        name = ".".join(parts[:length])
-        if names.find(name) or (study == "bode" and name == "frequency_hz"):
-            _sort_part(f"{study}.{name}", parts[length:], leaf, result.axes[study][name], mistakes)
-            return
-        if name not in tables:
             break
     else:
-        if leaf.value == {}:
+        return None if leaf.value == {} else mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
+    table, known = _join(path[: length - 1]), TOP_TABLES
+    if table:
+        inside = (name.removeprefix(f"{table}.") for name in (*SECTIONS[:3], *FLAT_KEYS) if name.startswith(f"{table}."))
+        known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
+    near = nearest(path[length - 1], known)
+    near = f"{table}.{near}" if table and near else near or nearest(path[length - 1], FLAT_KEYS)
+    found = "an unknown table" if isinstance(here.value, dict) else "an unknown key"
+    return mistakes.refuse(here, name, f"one of {'' if table else 'the tables '}{', '.join(known)}", found, near)
+
+
+def _sort_study(table: str, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
+    """Put a leaf of a study under its key, or with the parts of its axis, wish, ratio or hand. rest: its path in the table."""
+    own = () if table == "bode" and names is BUILT_IN else OWN.get(table, ())
+    first, whole = rest[0], ".".join(rest)
+    if table == WISHED or (table == FOR_DESIGNS and first == "hand"):
+        result.axes[WISHED if table == WISHED else HANDS][first][".".join(rest[1:])] = leaf
+        return
+    if table == FOR_DESIGNS and "/" in whole and all(map(names.find, whole.split("/"))):
+        result.axes[RATIOS][whole][""] = leaf
+        return
+    if first in own and (first == "along" or not names.find(first)):  # a number of a drawn loop may have the name of a key
+        alone = first == "require" or len(rest) == 1
+        key, place = f"{table}.{whole if alone else first}", leaf.place
+        result.keys[key] = leaf if alone else Leaf({}, place.under(place.path[: 1 - len(rest)]))
+        return
+    for length in range(1, len(rest) + 1):
+        name = ".".join(rest[:length])
+        if names.find(name) or (table == "bode" and name == "frequency_hz"):
+            _add_part(result, table, name, rest[length:], leaf, mistakes)
             return
-    _refuse_axis(study, ".".join(parts[:3]) if parts[0] == "block" else name, leaf, mistakes, names)
-
-
-def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], mistakes: Mistakes) -> None:
-    part = ".".join(rest)
-    if rest:
-        mistakes.is_known(part, RANGE_PARTS if axis.startswith("for_all.") else AXIS_KEYS, leaf, f"{axis}.{part}")
-    parts[part] = leaf
-
-
-def _refuse_axis(study: str, name: str, leaf: Leaf, mistakes: Mistakes, names: Names) -> None:
-    if any(mistake.key == f"{study}.{name}" for mistake in mistakes):
+    name = ".".join(rest[:-1]) if len(rest) > 1 and rest[-1] in (*RANGE_PARTS, *AXIS_KEYS) else whole
+    if any(mistake.key == f"{table}.{name}" for mistake in mistakes):
         return  # start and stop are of one axis
-    own = {"bode": ("frequency_hz",), "sweep": ("along", "require"), "for_all": ("lost",)}.get(study, ())
+    known = ("frequency_hz",) if table == "bode" else OWN.get(table, ())
     paths = f" or the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    expected = ", ".join((*own, f"one of {', '.join(names.symbols) or 'no number'}{paths}"))
-    suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
+    expected = ", ".join((*known, f"one of {', '.join(names.symbols) or 'no number'}{paths}"))
     found = "a number that follows from others" if name in names.following else "an unknown axis"
-    mistakes.refuse(leaf, f"{study}.{name}", expected, found, suggestion)
+    near = nearest(name, (*known, *names.symbols)) or nearest(name, names.numeric)
+    mistakes.refuse(leaf, f"{table}.{name}", expected, found, near)
+
+
+def _add_part(result: Sorted, table: str, name: str, rest: Path, leaf: Leaf, mistakes: Mistakes) -> None:
+    """Put a leaf with the parts of its axis."""
+    part = ".".join(rest)
+    if part:
+        mistakes.is_known(part, RANGE_PARTS if table == "for_all" else AXIS_KEYS, leaf, f"{table}.{name}.{part}")
+    result.axes[table][name][part] = leaf
 
 
 def _join(path: Path) -> str:
