@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from wavesweep.errors import UsageError
 from wavesweep.identification.intervals import Estimate, estimated
-from wavesweep.identification.model import ORDER, OWN, STEP, Model, euler, measured, readings, sensitivities
+from wavesweep.identification.model import ORDER, OWN, STEP, Model, euler, measured, of_modes, readings, sensitivities
 
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 RESTING = 10  # equal readings at the start of a log show a device held by friction
@@ -24,6 +24,11 @@ NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force
 NO_MASS = "no mass, however large or small, fits the log; do force and position have the same sign?"
+NO_RESONANCE = (
+    "it does not show the resonance of two masses on a spring: record a chirp or noise through the resonance, with more force, "
+    "or leave --two-masses out"
+)
+RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
 SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
 ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
 OUTLIER = 6.0  # standard deviations from the median beyond which a reading is an outlier, if it is also two steps off
@@ -106,11 +111,11 @@ def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
         with np.errstate(all="ignore"):
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
-            raise UsageError(NO_MASS)
+            raise UsageError(NO_RESONANCE if model.load else NO_MASS)
         found = estimated(J, left, resolution)
         theta = theta + found.step
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
-            raise UsageError(NO_MASS)
+            raise UsageError(NO_RESONANCE if model.load else NO_MASS)
         steps = np.minimum(found.half, widest) if model.friction else steps
         if (np.abs(found.step) < SETTLED * found.half).all():
             break
@@ -163,7 +168,7 @@ def _later(model, theta, rows):
     """Model, numbers and rows of the least squares from the first row on that the force before the log does not move."""
     most = len(rows.force) // 2
     while True:
-        known = model.numbers(theta) | {"log_mass": theta[0]}
+        known = model.numbers(theta)
         later = 1 + (model.measured == "acceleration")  # rows that a force of before the log moves in any case
         skip = int(np.clip(np.ceil(known["delay"] + 0.5) + later, 0, most))
         place = rows.reading[skip:]
@@ -223,6 +228,12 @@ def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
         "stiffness": max(abs(found["stiffness"]), mass * 40.0),
         "friction": max(abs(found["friction"]), 0.3 * rms),
         "delay": 1.0,
+        "log_load": 1.0,
+        "load_damping": max(abs(found.get("load_damping", 0.0)), mass / min(seconds, 0.3)),
+        "log_coupling": 1.0,
+        "coupling_damping": max(abs(found.get("coupling_damping", 0.0)), mass / min(seconds, 0.3)),
+        "twist": reach * fast * min(seconds, 0.3),
+        "slip": reach * fast,
         "start": reach,
         "velocity": reach * fast,
         "offset": rms,
@@ -258,6 +269,8 @@ def _begun(model, rows):
         blocks = rows.force[: len(rows.force) // PART * PART].reshape(-1, PART)
         first = PART * int(np.argmax(blocks.std(axis=1)))
         rows = replace(rows, force=rows.force[first : first + PART], reading=rows.reading[first : first + PART])
+    if model.load:
+        return _begun_with_load(model, rows)
     known = dict(zip(model.names, _first(model, rows), strict=True))
     late = float(known.get("delay", model.delay or 0.0))
     shares = [share * float(np.std(rows.force)) for share in (0.05, 0.3)] if model.friction else [0.0]
@@ -267,6 +280,54 @@ def _begun(model, rows):
         others = [_near(model, known, each, shares[-1], rows) for each in LATE]
         best = min(best, *others, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
     return best[1]
+
+
+def _begun_with_load(model, rows):
+    """The best of the least squares from resonances that explain most of what one mass leaves, see `of_modes`."""
+    alone = replace(model, load=False)
+    known = dict(zip(alone.names, _first(alone, rows), strict=True))
+    rate, found = known["damping"] / np.exp(known["log_mass"]), []
+    changes = np.diff(rows.reading[rows.skip :])  # in which slow motion, that is not known well, weighs less
+    for late in LATE[:-2] if model.delay is None else (model.delay,):
+        columns = []
+        for each in (rate / 4, rate, 4 * rate):
+            unit = {"mass": 1.0, "damping": each, "stiffness": 0.0, "friction": 0.0, "delay": late}
+            own, moved = _columns(alone, unit, alone.own, rows.force, rows.period, rows.skip)
+            columns += [moved, *own.T]
+        still = np.diff(np.array(columns)).T
+        basis = np.linalg.svd(still / np.maximum(np.linalg.norm(still, axis=0), 1e-300), full_matrices=False)
+        basis = basis[0][:, basis[1] > 1e-9 * basis[1][0]]
+        left = changes - basis @ (basis.T @ changes)
+        for tone in np.geomspace(3 / (len(rows.force) * rows.period), 0.4 / rows.period, RESONANCES):
+            for ratio in RINGING:
+                mode = np.diff(resonance(rows.force, tone, ratio, rows.period, late, model.measured)[rows.skip :])
+                beside = mode - basis @ (basis.T @ mode)
+                share = float(left @ beside) / max(float(beside @ beside), 1e-300)
+                if share > 0:
+                    left_over = float(left @ left) - share * float(left @ beside)
+                    found.append((left_over, late, tone, ratio, np.exp(-known["log_mass"]), share * np.exp(known["log_mass"])))
+    found.sort()
+    starts, best = [], None
+    for each in found:
+        if all(abs(np.log(each[2] / other[2])) > 0.1 for other in starts) and len(starts) < 3:
+            starts.append(each)
+    for _, late, tone, ratio, total, load in starts:
+        begun = of_modes(1 / total, rate, tone, ratio, load)
+        begun |= model.numbers(np.array([(begun | {"delay": late}).get(name, 0.0) for name in model.names]))
+        begun |= _own(model, begun, rows)
+        theta = refined(model, np.array([begun[name] for name in model.names]), rows)
+        error = float(np.sum(rows.residual(model, theta) ** 2))
+        if best is None or error < best[0]:
+            best = error, theta
+    if best is None:
+        raise UsageError(NO_RESONANCE)
+    return best[1]
+
+
+def resonance(force, tone, ratio, period, late, what):
+    """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2 + 2 z w s + w^2)`."""
+    unit = {"mass": 1.0, "damping": 4 * np.pi * tone * ratio, "stiffness": (2 * np.pi * tone) ** 2, "friction": 0.0, "delay": late}
+    return measured(unit | dict.fromkeys(OWN, 0.0), what, force, period)
 
 
 def _near(model, known, delay, friction, rows):

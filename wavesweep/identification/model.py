@@ -2,6 +2,10 @@
 
     m a + d v + k x = f(t - D T) + f_0 - F_c sgn(v)
 
+or two masses on a spring, of which the force moves the first:
+
+    m_1 a_1 + d_1 v_1 + p = f(t - D T) + f_0,    m_2 a_2 + d_2 v_2 = p,    p = k (x_1 - x_2) + d (v_1 - v_2)
+
 Fitted are the logarithm of the mass, the other free numbers of the device, and numbers of the log alone: its initial position
 and velocity, a constant force (gravity, the offset of an amplifier, the rest of a spring), and the offset of a sensor of
 velocity or acceleration, its bias.
@@ -15,11 +19,14 @@ from dataclasses import dataclass
 from math import copysign, exp, sqrt
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from wavesweep.loops.device import impulse_and_step, motion
 
-OWN = ("start", "velocity", "offset", "bias")  # numbers of the log alone
+TWIST = ("twist", "slip")  # of two masses at the first row: x_1 - x_2 and v_1 - v_2
+OWN = ("start", "velocity", "offset", "bias", *TWIST)  # numbers of the log alone
+COUPLED = ("log_load", "load_damping", "log_coupling", "coupling_damping")  # of the second mass, its spring and damper
 UNSEEN = {"position": ("bias",), "velocity": ("start", "bias"), "acceleration": ("start", "velocity")}  # without a spring
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
 LARGEST = 100.0  # logarithm of the largest mass that is tried
@@ -30,8 +37,9 @@ STEP = 1e-4  # of finite differences, relative to the scale of a number
 class Model:
     """The numbers that are fitted.
 
-    spring, friction: whether the model has them. delay: in ticks, None if it is fitted. without: those of `OWN` that are 0, in
-    addition to those that do not show in what is measured, a position, a velocity or an acceleration.
+    spring, friction, load: whether the model has them; load: a second mass on a spring. delay: in ticks, None if it is fitted.
+    without: those of `OWN` that are 0, in addition to those that do not show in what is measured, a position, a velocity or an
+    acceleration.
     """
 
     spring: bool = False
@@ -39,18 +47,19 @@ class Model:
     delay: float | None = None
     without: tuple[str, ...] = ()
     measured: str = "position"
+    load: bool = False
 
     @property
     def own(self) -> tuple[str, ...]:
         """Those of `OWN` that the log may show."""
         moving = self.measured != "position" and (self.spring or self.friction)
-        unseen = ("start",) if moving else UNSEEN[self.measured]
+        unseen = (*(("start",) if moving else UNSEEN[self.measured]), *(() if self.load else TWIST))
         return tuple(name for name in OWN if name not in unseen)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The numbers that are fitted, in the order of a vector of them."""
-        free = ["stiffness"] * self.spring + ["friction"] * self.friction + ["delay"] * (self.delay is None)
+        free = [*COUPLED] * self.load + ["stiffness"] * self.spring + ["friction"] * self.friction + ["delay"] * (self.delay is None)
         return ("log_mass", "damping", *free, *(name for name in self.own if name not in self.without))
 
     def numbers(self, theta: np.ndarray) -> dict[str, float]:
@@ -58,8 +67,9 @@ class Model:
         given = dict(zip(self.names, map(float, theta), strict=True))
         fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0} | dict.fromkeys(OWN, 0.0)
         found = fixed | given
-        mass = exp(min(max(given["log_mass"], -LARGEST), LARGEST))
-        return found | {"mass": mass, "friction": abs(found["friction"])}
+        logs = {"mass": "log_mass"} | ({"load_mass": "log_load", "coupling_stiffness": "log_coupling"} if self.load else {})
+        sizes = {name: exp(min(max(given[log], -LARGEST), LARGEST)) for name, log in logs.items()}
+        return found | sizes | {"friction": abs(found["friction"])}
 
 
 def readings(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
@@ -75,6 +85,8 @@ def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) 
     """The same for numbers by their names; what: a position (m), a velocity (m/s) or an acceleration (m/s^2)."""
     if not abs(found["delay"]) < len(force):
         return np.full(len(force) - skip, np.nan)
+    if "load_mass" in found:
+        return two_masses(found, force, period, skip)[int(what == "position")] + found["bias"]
     ahead = what == "acceleration"  # the mean over a tick is that over the next one, with a force that is a tick later
     push, parts, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
     push = np.pad(push, ((0, 0), (0, int(ahead))))
@@ -98,6 +110,38 @@ def _pushes(found, force, period, skip):
     return push, ((part * period, before), ((1 - part) * period, now)), full
 
 
+def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+    """Velocity and position of the first mass, and position minus that of the second one, at each tick, `(3, ticks - skip)`.
+
+    The motion without the position of both masses has three modes, each of which is a filter of the first order.
+    """
+    whole = int(np.floor(found["delay"]))
+    part = found["delay"] - whole
+    pushes = np.stack([late(force, ticks)[skip:] + found["offset"] for ticks in (whole + 1, whole)])
+    A, B = tick_of_two(found, period, part)
+    modes, V = np.linalg.eig(A[:3, :3]) if np.isfinite(A).all() else (None, np.full((3, 3), np.nan))
+    if not 0 < np.abs(np.linalg.det(V)) < np.inf:
+        return np.full((3, len(force) - skip), np.nan)
+    first = np.array([found["velocity"], found["velocity"] - found["slip"], found["twist"]], dtype=complex)
+    driven = np.linalg.solve(V, np.column_stack([first, B[:3] @ pushes[:, :-1]]))
+    moved = np.stack([lfilter([1.0], [1.0, -mode], row) for mode, row in zip(modes, driven, strict=True)])
+    states = (V @ moved).real
+    place = found["start"] + np.append(0.0, np.cumsum(A[3, :3] @ states[:, :-1] + B[3] @ pushes[:, :-1]))
+    return np.stack([states[0], place, states[2]])
+
+
+def tick_of_two(found, period, part):
+    """A tick of two masses: the matrix of (v_1, v_2, x_1 - x_2, x_1), and the effects of a force before and after its part."""
+    one, two, k, d = (found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping"))
+    rates = np.zeros((5, 5))
+    rates[0] = [-(found["damping"] + d) / one, d / one, -k / one, 0, 1 / one]
+    rates[1, :3] = d / two, -(found["load_damping"] + d) / two, k / two
+    rates[2, :2], rates[3, 0] = (1.0, -1.0), 1.0
+    with np.errstate(all="ignore"):
+        before, after = expm(rates * (part * period)), expm(rates * ((1 - part) * period))
+    return (after @ before)[:4, :4], np.stack([after[:4, :4] @ before[:4, 4], after[:4, 4]], axis=1)
+
+
 def late(force: np.ndarray, ticks: int) -> np.ndarray:
     """The force, delayed by some ticks; before the log it has its first value."""
     at = np.clip(np.arange(len(force)) - ticks, 0, len(force) - 1)
@@ -116,6 +160,18 @@ def step(found, period):
     mass, damping, stiffness = found["mass"], found["damping"] / found["mass"], found["stiffness"] / found["mass"]
     s, g, *_ = impulse_and_step(damping, stiffness, period)
     return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
+
+
+def of_modes(total, rate, tone, ratio, share):
+    """The numbers of two masses (`total`, in kg) from modes, whose dampers are in proportion to these, of rate 1/s.
+
+    tone: of the resonance (Hz), with its damping ratio. share: of the load, relative to the first mass. Their admittance at the
+    first mass is `1/(M s^2 + rate M s) + share/M/(s^2 + 2 z w s + w^2)`.
+    """
+    turn, one, two = 2 * np.pi * tone, total / (1 + share), total * share / (1 + share)
+    both = one * two / total
+    found = {"log_mass": np.log(one), "damping": rate * one, "log_load": np.log(two), "load_damping": rate * two}
+    return found | {"log_coupling": np.log(turn**2 * both), "coupling_damping": max(2 * ratio * turn - rate, 0.0) * both}
 
 
 def _linear(found, push, period, row):

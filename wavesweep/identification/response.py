@@ -2,21 +2,22 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
 from wavesweep.errors import UsageError
-from wavesweep.identification.fit import LATE
-from wavesweep.identification.model import OWN, Model, euler, reach, step
+from wavesweep.identification.fit import LATE, NO_RESONANCE, RATES, RESONANCES, RINGING
+from wavesweep.identification.model import OWN, Model, euler, of_modes, reach, step, tick_of_two
 from wavesweep.identification.points import FrequencyResponse
 
 RELATED = 3.5  # standard deviations of the correlation of neighbouring residuals beyond which they are not noise
 ALIKE = 0.99  # largest correlation of neighbouring residuals by which intervals are widened
 RARE = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
 TONES = 80  # frequencies of a resonance that are tried
-RINGING = 0.03  # damping ratio of a resonance that is tried
+RINGING_TRIED = 0.03  # damping ratio of a resonance that is tried
 CLEAR = 0.3  # share of the residual that an effect has to remove to be named
 
 
@@ -72,19 +73,26 @@ class Hold:
 
 def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hold) -> np.ndarray:
     """Admittance (m/N) of the model, `(frequencies,)`: of one that is sampled, positions at the ticks over the held force."""
-    period = hold.period
+    period, coupled = hold.period, "load_mass" in numbers
     if not hold.held:
         s = 2j * np.pi * frequency_hz
-        return np.exp(-s * period * numbers["delay"]) / (numbers["mass"] * s**2 + numbers["damping"] * s + numbers["stiffness"])
-    (vv, vx), (xv, xx) = step(numbers, period)
+        impedance = numbers["mass"] * s**2 + numbers["damping"] * s + numbers["stiffness"]
+        if coupled:
+            spring = numbers["coupling_damping"] * s + numbers["coupling_stiffness"]
+            load = numbers["load_mass"] * s**2 + numbers["load_damping"] * s
+            impedance += spring * load / (spring + load)
+        return np.exp(-s * period * numbers["delay"]) / impedance
     angle, whole = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
+    part = numbers["delay"] - whole
     # With a delay of part of a tick, the force of the tick before acts in this part, see `model`.
-    full, rest = reach(numbers, period), reach(numbers, (1 - numbers["delay"] + whole) * period)
-    by_v, by_x = rest[:, None] + (full - rest)[:, None] * np.exp(-1j * angle)
-    ahead = np.exp(1j * angle)
-    # (z - A) (v, x) = B f, by Cramer's rule
-    determinant = (ahead - vv) * (ahead - xx) - vx * xv
-    return ((ahead - vv) * by_x + xv * by_v) / determinant * np.exp(-1j * angle * whole)
+    if coupled:
+        A, (before, now) = (tick := tick_of_two(numbers, period, part))[0], tick[1].T
+    else:
+        full, now = reach(numbers, period), reach(numbers, (1 - part) * period)
+        A, before = step(numbers, period), full - now
+    ahead = np.exp(1j * angle)[:, None]
+    by_force = (now + before / ahead)[..., None]
+    return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(-1j * angle * whole)
 
 
 def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
@@ -133,6 +141,30 @@ def _fit(measured, hold, model, start):
 
 
 def _first(measured, hold, model):
+    """Rough numbers; of one mass those of a linear fit, of two those of the best of some rates, resonances and delays."""
+    if not model.load:
+        return _first_alone(measured, hold, model)
+    s, best = 2j * np.pi * measured.frequency_hz, (np.inf,)
+    tones = np.geomspace(measured.frequency_hz[0], measured.frequency_hz[-1], RESONANCES)
+    tried = np.array([*product(tones, RINGING)])
+    turns = 2 * np.pi * tried[:, :1]
+    modes = 1 / (s**2 + 2 * tried[:, 1:] * turns * s + turns**2)
+    for late, rate in product(LATE if model.delay is None else (model.delay,), RATES):
+        ahead = measured.admittance * np.exp(s * hold.period * (late + 0.5 * hold.held))
+        columns = np.stack(np.broadcast_arrays(1 / (s * (s + rate)) / ahead, modes / ahead), axis=1)  # of which the sum is 1
+        aims = columns.real.sum(axis=-1)
+        shares = np.linalg.solve((columns @ columns.conj().swapaxes(1, 2)).real, aims[..., None])[..., 0]
+        errors = np.where((shares > 0).all(axis=1), len(s) - np.sum(shares * aims, axis=1), np.inf)
+        at = int(np.argmin(errors))
+        if errors[at] < best[0]:
+            total, share = shares[at]
+            best = errors[at], of_modes(1 / total, rate, *tried[at], share / total) | {"delay": float(late)}
+    if len(best) == 1:
+        raise UsageError(NO_RESONANCE)
+    return np.array([best[1][name] for name in _names(model)])
+
+
+def _first_alone(measured, hold, model):
     """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
     omega, best = 2 * np.pi * measured.frequency_hz, None
     for late in LATE if model.delay is None else (model.delay,):
@@ -153,7 +185,7 @@ def _first(measured, hold, model):
 def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
     """Yield effects that the model lacks, and the share of the residual that each removes."""
     before, known = float(left @ left), _numbers(model, theta)
-    more = [] if model.spring else [("spring", replace(model, spring=True))]
+    more = [] if model.spring or model.load else [("spring", replace(model, spring=True))]
     more += [] if model.delay is None else [("delay", replace(model, delay=None))]
     for name, larger in more:
         start = np.array([known[each] for each in _names(larger)])
@@ -161,7 +193,7 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
         yield name, float("nan"), 1 - float(after @ after) / before
     hertz, weights = measured.frequency_hz, _weights(measured)
     for tone in np.geomspace(hertz[0], hertz[-1], TONES):
-        mode = weights / (tone**2 - hertz**2 + 2j * RINGING * tone * hertz) / measured.admittance
+        mode = weights / (tone**2 - hertz**2 + 2j * RINGING_TRIED * tone * hertz) / measured.admittance
         A = np.c_[J, np.append(mode.real, mode.imag), np.append(-mode.imag, mode.real)]
         size = np.linalg.norm(A, axis=0)
         rest = left - A / size @ np.linalg.lstsq(A / size, left, rcond=None)[0]
