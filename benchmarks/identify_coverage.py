@@ -23,7 +23,8 @@ from wavesweep.identification.verdict import identified
 RATE = 1000.0  # Hz
 FORCES = ("pulse", "chirp", "noise", "steps")
 BEFORE = 10  # ticks of force before the first row
-NUMBERS = ("mass", "damping", "delay", "friction")
+NUMBERS = ("mass", "damping", "delay", "friction", "load_mass", "load_damping", "coupling_stiffness", "coupling_damping")
+LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}
 
 # Rows, errors beside rounding (deviation in steps of the encoder, correlation of neighbours), what is special.
 KINDS = {
@@ -50,6 +51,9 @@ KINDS = {
     "acceleration, spring": (1000, 1.0, 0.0, "acceleration spring"),
     "acceleration, instant": (1000, 1.0, 0.0, "acceleration at an instant"),
     "10^4 acceleration": (10_000, 3.0, 0.0, "acceleration"),
+    "coupled": (2000, 1.0, 0.0, "coupled"),
+    "coupled, coloured 0.95": (2000, 1.0, 0.95, "coupled"),
+    "coupled, velocity": (2000, 1.0, 0.0, "coupled velocity"),
     "300 quantised": (300, 0.0, 0.0, ""),
     "300 white": (300, 1.0, 0.0, ""),
     "300 coloured 0.95": (300, 1.0, 0.95, ""),
@@ -76,8 +80,8 @@ def force_of(kind, source, ticks=2000):
     times, size = np.arange(-BEFORE, ticks) / RATE, source.uniform(0.5, 2.0)
     if kind == "pulse":
         return np.where((times >= 0.1) & (times < 0.1 + source.uniform(0.03, 0.1)), size, 0.0)
-    if kind == "chirp":
-        octaves = np.log(60.0) * RATE / ticks  # from 0.5 to 30 Hz
+    if kind in ("chirp", "sweep"):
+        octaves = np.log(60.0 if kind == "chirp" else 300.0) * RATE / ticks  # from 0.5 to 30 Hz, or to 150 Hz
         return size * np.sin(2 * np.pi * (0.5 * np.expm1(octaves * times) / octaves + source.uniform()))
     if kind == "steps":
         return size * np.repeat(source.uniform(-1, 1, len(times) // 60 + 1), 60)[: len(times)]
@@ -144,11 +148,25 @@ def two_masses(mass, damping, force, hertz=30.0, late=0.0, share=0.25, ratio=0.0
     one, two = (1 - share) * mass, share * mass
     stiffness = (2 * np.pi * hertz) ** 2 * one * two / mass
     losses = 2 * ratio * stiffness / (2 * np.pi * hertz)
+    return coupled(one, damping, two, 0.0, stiffness, losses, force, late)
+
+
+def coupled(one, damping, two, drag, stiffness, losses, force, late=0.0, velocity=0.0, measured="position"):
+    """The same of two masses on a spring with losses, both of which begin with a velocity, at the side of the force."""
     A = np.zeros((4, 4))
     A[0, 1] = A[2, 3] = 1.0
     A[1] = [-stiffness / one, -(damping + losses) / one, stiffness / one, losses / one]
-    A[3] = [stiffness / two, losses / two, -stiffness / two, -losses / two]
-    return linear(A, [0, 1 / one, 0, 0], force, late, np.zeros(4))
+    A[3] = [stiffness / two, losses / two, -stiffness / two, -(drag + losses) / two]
+    return linear(A, [0, 1 / one, 0, 0], force, late, np.array([0, velocity, 0, velocity]), int(measured != "position"))
+
+
+def drive(source):
+    """Numbers of two masses: a resonance of 10 to 80 Hz, damped by 1 to 10 %, of a load of 0.3 to 5 times the motor."""
+    one, share = source.uniform(0.03, 0.3), np.exp(source.uniform(*np.log([0.3, 5])))
+    rate, turn, ratio = source.uniform(1, 10), *np.exp(source.uniform(*np.log([[20 * np.pi, 0.01], [160 * np.pi, 0.1]])))
+    both = one * share / (1 + share)
+    damping, drag = rate * one * np.array([1, share]) * source.uniform(0.2, 2, 2)
+    return (one, damping, one * share, drag, turn**2 * both, 2 * ratio * turn * both)
 
 
 def read(places, resolution, source):
@@ -163,9 +181,15 @@ def log_of(kind, source, force_kind):
     mass, damping, late = source.uniform(0.03, 0.3), source.uniform(0.2, 2.0), source.choice([0, 2, source.uniform(0, 6)])
     force, velocity = force_of(force_kind, source, rows), source.choice([0.0, source.uniform(-0.2, 0.2)])
     friction = 0.1 * np.abs(force).max() if special.endswith(("sliding", "rubbing")) else 0.0
-    sensor = next((name for name in ("velocity", "acceleration") if special.startswith(name)), "position")
+    sensor = next((name for name in ("velocity", "acceleration") if name in special), "position")
     felt = np.clip(force, *(np.array([-0.7, 0.7]) * np.abs(force).max())) if special == "saturation" else force
-    if special.startswith("two"):
+    load = {}
+    if special.startswith("coupled"):
+        numbers, force = drive(source), force_of("sweep", source, rows) if force_kind == "chirp" else force
+        places = coupled(*numbers, force, late, 0.25 * velocity, sensor)
+        mass, damping, *rest = numbers
+        load = dict(zip(NUMBERS[4:], rest, strict=True))
+    elif special.startswith("two"):
         places = two_masses(mass, damping, felt, float(special.split()[-1]), late)
     elif special == "euler":
         places, late = euler(mass, damping, felt, velocity), 0.5  # the delay that its rule amounts to
@@ -192,8 +216,10 @@ def log_of(kind, source, force_kind):
     position = places if special == "unrounded" else read(places, q, source)
     if special == "wild":
         position[source.integers(rows)] += 1e-3
-    model = Model(special.endswith("spring"), special.endswith("sliding"), 0.0 if special == "held" else None, (), sensor)
-    truth = {"mass": mass, "damping": damping, "delay": late, "friction": friction}
+    model = Model(
+        special.endswith("spring"), special.endswith("sliding"), 0.0 if special == "held" else None, (), sensor, bool(load)
+    )
+    truth = {"mass": mass, "damping": damping, "delay": late, "friction": friction} | load
     return truth, force, position, 0.0 if special == "unrounded" else q, model
 
 
@@ -210,11 +236,12 @@ def study(kind, logs, seed=0):
             continue
         reach = fit.half + fit.extra
         known = dict(zip(fit.model.names, np.c_[fit.theta - reach, fit.theta + reach], strict=True))
-        truth["log_mass"] = np.log(truth["mass"])
-        inside = [
-            low <= truth[name] <= high
-            for low, high, name in ((*known[name], name) for name in ("log_mass", *NUMBERS[1:]) if name in known)
-        ]
+        truth |= {log: np.log(truth[name]) for name, log in LOGARITHMS.items() if name in truth}
+        named = [LOGARITHMS.get(name, name) for name in NUMBERS]
+        wide = [name for name in ("log_load", "log_coupling") if name in known and np.ptp(known[name]) > np.log(2)]
+        inside = (
+            None if wide else [low <= truth[name] <= high for name in named if name in known for low, high in [known[name]]]
+        )
         yield inside, float(np.diff(known["log_mass"])[0]) / 2, verdict.missing, time.perf_counter() - started
 
 
@@ -225,7 +252,9 @@ def main():
         inside, half, missing, seconds = zip(*study(kind, logs, seed), strict=True)
         held = np.mean([each for each in inside if each], axis=0)
         words = ", ".join(f"{word or 'explained'} {missing.count(word)}" for word in sorted(set(missing)))
-        shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(NUMBERS, held, strict=False))
+        names = [name for name in NUMBERS if (name != "friction" or "friction" in kind or "sliding" in KINDS[kind][3])]
+        shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(names, held, strict=False))
+        shares += f" of {sum(each is not None for each in inside)}"
         print(f"{kind:18} {shares}; half-width {np.nanmedian(half):.1e}; {words}; {np.mean(seconds):.2f} s", flush=True)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from identify_coverage import KINDS, RATE, force_of, log_of, marched, moved, read, study, two_masses
+from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, moved, read, study, two_masses
 
 import wavesweep
 from wavesweep.errors import UsageError
@@ -12,6 +12,7 @@ from wavesweep.identification.model import Model, measured, readings
 from wavesweep.identification.response import Hold, admittance
 from wavesweep.identification.verdict import identified
 from wavesweep.tables import identify as of_identify
+from wavesweep.tables.device_spec import spec_text
 
 
 def written(path, force, position, names="time,force,position", period=1 / RATE):
@@ -54,6 +55,66 @@ def test_velocities_are_those_of_a_march_and_accelerations_their_means(friction)
     assert found == pytest.approx(expected + 0.03, abs=2e-6 * np.ptp(expected))
     later = measured(numbers | {"velocity": expected[2]}, "acceleration", force, 1 / RATE, 3)
     assert later == pytest.approx(np.diff(expected)[2:] * RATE + 0.03, abs=1e-3 if friction else 1e-8)
+
+
+DRIVE = (1.2e-4, 3e-4, 2.5e-4, 2e-4, 60.0, 0.004)  # motor with its damping, load with its own, stiffness and damping of a shaft
+OF_DRIVE = ("mass", "damping", "load_mass", "load_damping", "coupling_stiffness", "coupling_damping")
+
+
+def log_of_drive(noise, top=300.0):
+    """Torque and speed of a motor with a load on a shaft, by a march with matrix exponentials; noise in rad/s."""
+    source, octaves = np.random.default_rng(5), np.log(top) / 0.8
+    torque = 0.05 + 0.3 * np.sin(2 * np.pi * np.expm1(octaves * np.arange(800) / RATE) / octaves)
+    speed = coupled(*DRIVE, torque, 1.3, 0.2, "velocity")
+    return torque, speed + noise * source.standard_normal(len(speed))
+
+
+@pytest.mark.parametrize("sensor", ["position", "velocity"])
+def test_two_masses_move_as_in_a_march_with_matrix_exponentials(sensor):
+    torque = log_of_drive(0)[0][:300]
+    numbers = dict(zip(OF_DRIVE, DRIVE, strict=True)) | {"delay": 1.3, "velocity": 0.2}
+    numbers |= dict.fromkeys(("start", "offset", "bias", "twist", "slip"), 0.0)
+    expected = coupled(*DRIVE, torque, 1.3, 0.2, sensor)
+    assert measured(numbers, sensor, torque, 1 / RATE) == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
+
+
+@pytest.mark.slow
+def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tmp_path):
+    """A log that does not reach the resonance of 137 Hz is refused."""
+    path = written(tmp_path / "drive.csv", *log_of_drive(0.02), "time,torque,speed")
+    table = of_identify.identify(str(path), two_masses=True)
+    for name, truth in zip((*OF_DRIVE, "delay"), (*DRIVE, 1.3), strict=True):
+        each = table.facts["parameters"][name]
+        assert each["low"] < truth < each["high"], name
+    assert table.facts["explained"]
+    spec = tmp_path / "device.toml"
+    spec.write_text(spec_text(table.facts))
+    ranges = {axis.path: (axis.start, axis.stop) for axis in wavesweep.load(spec).for_all.axes if not axis.values}
+    assert ranges["numbers.k"] == tuple(table.facts["parameters"]["coupling_stiffness"][end] for end in ("low", "high"))
+    assert wavesweep.compile(spec).spectral_radius() < 1
+    written(path, *log_of_drive(0.5, top=20.0), "time,torque,speed")
+    with pytest.raises(UsageError, match=r"resonance of (the )?two masses"):
+        wavesweep.identify(path, two_masses=True)
+
+
+@pytest.mark.slow
+def test_two_masses_are_found_from_a_frequency_response(tmp_path):
+    """Of a force that is held over ticks, and is two of them late, from scipy's discretisation; in kg in place of g."""
+    from scipy.signal import cont2discrete
+
+    one, damping, two, drag, k, d = DRIVE
+    A = np.array([[0, 1, 0, 0], [-k, -damping - d, k, d], [0, 0, 0, 1], [k, d, -k, -drag - d]], float)
+    A[1], A[3], hertz = A[1] / one, A[3] / two, np.geomspace(2, 400, 80)
+    A, B, *_ = cont2discrete((A, np.array([[0], [1 / one], [0], [0]]), np.eye(4), np.zeros((4, 1))), 1 / RATE)
+    z = np.exp(2j * np.pi * hertz / RATE)
+    H = np.array([np.linalg.solve(each * np.eye(4) - A, B)[1, 0] for each in z]) / z**2
+    H = 1e-3 * H * (1 + 0.01 * np.random.default_rng(1).standard_normal((80, 2)) @ [1, 1j])
+    table = np.c_[hertz, H.real, H.imag]
+    header = "frequency_hz,mobility_re,mobility_im"
+    np.savetxt(tmp_path / "frf.csv", table, delimiter=",", header=header, comments="")
+    found = wavesweep.identify(tmp_path / "frf.csv", two_masses=True, rate_hz=RATE).attrs["summary"]["parameters"]
+    for name, truth in zip((*OF_DRIVE, "delay"), (*1e3 * np.array(DRIVE), 2.0), strict=True):
+        assert found[name]["low"] < truth < found[name]["high"], name
 
 
 @pytest.mark.parametrize("friction", [False, True])
@@ -224,7 +285,7 @@ def test_numbers_below_zero_are_said(tmp_path):
     table = of_identify.identify(str(written(tmp_path / "early.csv", force[:-8], position[8:])), resolution=1e-4)
     parameters = table.facts["parameters"]
     damping = parameters["damping"] | {"low": -0.1}
-    text = of_identify.spec_text(table.facts | {"parameters": parameters | {"damping": damping}})
+    text = spec_text(table.facts | {"parameters": parameters | {"damping": damping}})
     assert "ticks ahead of its force" in text
     assert "allows a damping below 0" in text
 

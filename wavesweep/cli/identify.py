@@ -24,6 +24,11 @@ OWN = "# The device of "  # what a spec of this command begins with
 )
 @click.option("--spring", is_flag=True, help="Fit a spring as well.")
 @click.option("--friction", is_flag=True, help="Fit Coulomb friction as well.")
+@click.option(
+    "--two-masses",
+    is_flag=True,
+    help="Fit two masses on a spring, as of a drive with a flexible coupling: the log is of the first, which the force moves.",
+)
 @click.option("--delay", type=float, metavar="TICKS", help="Hold the delay of the force at this number, and do not fit it.")
 @click.option(
     "--rate",
@@ -79,6 +84,8 @@ def command(
     held over ticks. mobility_abs, ... (m/s/N) and accelerance_abs, ... (m/s^2/N) are responses of the velocity and of the
     acceleration.
 
+    With --two-masses the device is a motor with a load on a spring; mass, damping, position and velocity are the motor's.
+
     The spec has the device, and the intervals in [for_all], so that every other command answers for all of them. The table
     identify, with its figure, goes to results/<log's name>: measured and fitted positions, residual and its spectrum.
 
@@ -92,12 +99,13 @@ def command(
     from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.identification.log import pairs
     from wavesweep.tables import kind_named
-    from wavesweep.tables.identify import identify, spec_text
+    from wavesweep.tables.device_spec import spec_text
+    from wavesweep.tables.identify import identify
 
     started = time.perf_counter()
     asked = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
     asked |= {"motor_constant": _bounds(motor_constant)} if motor_constant else {}
-    asked |= {name: given[name] for name in ("resolution", "spring", "friction", "delay", "rate_hz")}
+    asked |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
     directory = Path("results", Path(log).stem)
     target = Path(out) if out else directory / "device.toml"
     results.refuse_unusable(directory)

@@ -25,10 +25,12 @@ LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force
 NO_MASS = "no mass, however large or small, fits the log; do force and position have the same sign?"
 NO_RESONANCE = (
-    "it does not show the resonance of two masses on a spring: record a chirp or noise through the resonance, with more force, "
+    "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
     "or leave --two-masses out"
 )
 RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
+APART, STARTS = 0.1, 5  # logarithm of two sizes that are not the same, of frequencies a third; resonances that are tried
+UNLIKELY = 30.0  # twice the logarithm of the odds by which two masses have to fit better than any other numbers
 SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
 ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
 OUTLIER = 6.0  # standard deviations from the median beyond which a reading is an outlier, if it is also two steps off
@@ -307,26 +309,38 @@ def _begun_with_load(model, rows):
                     left_over = float(left @ left) - share * float(left @ beside)
                     found.append((left_over, late, tone, ratio, np.exp(-known["log_mass"]), share * np.exp(known["log_mass"])))
     found.sort()
-    starts, best = [], None
+    starts, fits = [], []
     for each in found:
-        if all(abs(np.log(each[2] / other[2])) > 0.1 for other in starts) and len(starts) < 3:
+        if all(abs(np.log(each[2] / other[2])) > 3 * APART for other in starts) and len(starts) < STARTS:
             starts.append(each)
     for _, late, tone, ratio, total, load in starts:
         begun = of_modes(1 / total, rate, tone, ratio, load)
         begun |= model.numbers(np.array([(begun | {"delay": late}).get(name, 0.0) for name in model.names]))
         begun |= _own(model, begun, rows)
         theta = refined(model, np.array([begun[name] for name in model.names]), rows)
-        error = float(np.sum(rows.residual(model, theta) ** 2))
-        if best is None or error < best[0]:
-            best = error, theta
-    if best is None:
+        fits.append((float(np.sum(rows.residual(model, theta) ** 2)), theta))
+    fits = sorted((each for each in fits if np.isfinite(each[0])), key=itemgetter(0))
+    alone, at = (
+        replace(alone, delay=model.delay),
+        [model.names.index(name) for name in ("log_mass", "log_load", "log_coupling")],
+    )
+    others = [error for error, theta in fits if np.abs(theta - fits[0][1])[at].max() > APART]
+    one = refined(alone, np.array([known[name] for name in alone.names]), rows)
+    others.append(float(np.sum(rows.residual(alone, one) ** 2)))
+    if not fits or min(others) < fits[0][0] * (1 + UNLIKELY / len(changes)):
         raise UsageError(NO_RESONANCE)
-    return best[1]
+    return fits[0][1]
 
 
 def resonance(force, tone, ratio, period, late, what):
     """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2 + 2 z w s + w^2)`."""
-    unit = {"mass": 1.0, "damping": 4 * np.pi * tone * ratio, "stiffness": (2 * np.pi * tone) ** 2, "friction": 0.0, "delay": late}
+    unit = {
+        "mass": 1.0,
+        "damping": 4 * np.pi * tone * ratio,
+        "stiffness": (2 * np.pi * tone) ** 2,
+        "friction": 0.0,
+        "delay": late,
+    }
     return measured(unit | dict.fromkeys(OWN, 0.0), what, force, period)
 
 

@@ -59,7 +59,12 @@ class Model:
     @property
     def names(self) -> tuple[str, ...]:
         """The numbers that are fitted, in the order of a vector of them."""
-        free = [*COUPLED] * self.load + ["stiffness"] * self.spring + ["friction"] * self.friction + ["delay"] * (self.delay is None)
+        free = (
+            [*COUPLED] * self.load
+            + ["stiffness"] * self.spring
+            + ["friction"] * self.friction
+            + ["delay"] * (self.delay is None)
+        )
         return ("log_mass", "damping", *free, *(name for name in self.own if name not in self.without))
 
     def numbers(self, theta: np.ndarray) -> dict[str, float]:

@@ -82,8 +82,9 @@ def judged(fit: Fit) -> Verdict:
     exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
     alike, remains = _like_friction(fit), not exact and (seen or float(odds.min()) < RARE)
     band = _band(shown)
-    explained = not (remains or alike or band is None)
-    named = ("one-way" if alike else "" if band else "unseen", float("nan"), 0.0)
+    unseen = band is None and not fit.model.load
+    explained = not (remains or alike or unseen)
+    named = ("one-way" if alike else "unseen" if unseen else "", float("nan"), 0.0)
     if remains:
         named = max(("resonance", tone, taken), *_tried(fit), key=lambda each: each[2])
         if named[2] < CLEAR:
@@ -103,7 +104,7 @@ def _band(shown):
 
 def _like_friction(fit: Fit) -> bool:
     """Whether a constant force opposes a device that moves in one direction only, as Coulomb friction would."""
-    if fit.model.friction or fit.model.spring or fit.model.measured == "acceleration":
+    if fit.model.friction or fit.model.spring or fit.model.load or fit.model.measured == "acceleration":
         return False
     moved = moves(fit.model, fit.readings[fit.rows.skip :])
     way = float(np.mean(np.sign(moved[moved != 0])))
@@ -117,8 +118,8 @@ def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
     end = rows.skip + TRIED
     rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end], used=rows.used[:TRIED])
     effects = {
-        "friction": None if model.friction else replace(model, friction=True),
-        "spring": None if model.spring else replace(model, spring=True),
+        "friction": None if model.friction or model.load else replace(model, friction=True),
+        "spring": None if model.spring or model.load else replace(model, spring=True),
         "delay": None if model.delay is None else replace(model, delay=None),
     }
     before = _left(model, fit.theta, rows)

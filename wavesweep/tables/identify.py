@@ -15,7 +15,7 @@ from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
 from wavesweep.reproducibility import versions
 from wavesweep.spec.keys import TURNED
-from wavesweep.spec.writing import as_toml
+from wavesweep.tables.device_spec import PATHS, negative, spoken, whole
 from wavesweep.tables.fields import COLUMNS, Field
 from wavesweep.tables.kind import Kind, Line, Numbers, Whole
 from wavesweep.tables.table import Table
@@ -26,20 +26,26 @@ METHOD = (
     "of the likelihood if white noise does as well, and otherwise from the spectrum of what is left"
 )
 UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
-OF_FORCE = ("mass", "damping", "stiffness", "friction", "offset")  # which are proportional to the motor's constant
+COUPLED = {"load_mass": "kg", "load_damping": "N*s/m", "coupling_stiffness": "N/m", "coupling_damping": "N*s/m"}
+UNITS |= COUPLED
+LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}  # that are fitted
+OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
+KNOWN = 2.0  # times the least load or stiffness, below which the largest has to be: noise alone looks like a less certain one
 MILLI = 1e-3  # s, the unit of the delay of an analogue force
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
-TURNING = {"mass": "kg*m^2"}
-PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
-EARLY = 1.5  # ticks; a log whose rows have the position after their force is one tick ahead
-TOLD = 0.1  # ticks that a delay may differ from the one in the spec
+TURNING = {"mass": "kg*m^2", "load_mass": "kg*m^2"}
 MISSING = {
     "friction": "Coulomb friction; --friction fits it",
     "spring": "a spring; --spring fits it",
     "delay": "a delay; without --delay it is fitted",
-    "resonance": "a resonance near {frequency_hz:.3g} Hz, which no option fits: draw the device as two masses and a spring",
+    "resonance": "a resonance near {frequency_hz:.3g} Hz; --two-masses fits a load on a spring",
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
+}
+MISSING_OF_TWO = {
+    "resonance": "another resonance, near {frequency_hz:.3g} Hz",
+    "unknown": "an effect that is no delay or resonance, as Coulomb friction, which is a constant force (offset) if the motor "
+    "moves one way only; most is left near {frequency_hz:.3g} Hz",
 }
 
 RESPONSE_METHOD = (
@@ -59,6 +65,7 @@ class Asked(TypedDict, total=False):
     resolution: float | None
     spring: bool
     friction: bool
+    two_masses: bool
     delay: float | None
     rate_hz: float | None
     motor_constant: tuple[float, float] | None
@@ -69,27 +76,31 @@ def identify(path: str, **asked: Unpack[Asked]) -> Table:
 
     Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
+    from wavesweep.identification.model import Model
     from wavesweep.identification.points import is_response
 
-    rate_hz = asked.get("rate_hz")
+    rate_hz, two = asked.get("rate_hz"), asked.get("two_masses", False)
+    if two and (asked.get("spring") or asked.get("friction")):
+        hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
+        raise UsageError(f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}")
     if is_response(path):
         if asked.get("columns") or asked.get("scales") or asked.get("resolution") is not None or asked.get("friction"):
             raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
-        return _of_response(path, rate_hz, asked.get("spring", False), asked.get("delay"))
+        model = Model(asked.get("spring", False), delay=asked.get("delay"), load=two)
+        return _of_response(path, rate_hz, model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
     return _of_log(path, asked)
 
 
-def _of_response(path: str, rate_hz: float | None, spring: bool, delay: float | None) -> Table:
+def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
     from wavesweep.columns import complex_columns
-    from wavesweep.identification.model import Model
     from wavesweep.identification.points import read_response
     from wavesweep.identification.response import Hold, fitted_response
 
     period = MILLI if rate_hz is None else 1 / rate_hz
     started = time.perf_counter()
-    measured, model = read_response(path), Model(spring=spring, delay=delay)
+    measured = read_response(path)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
     for each in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
@@ -101,7 +112,7 @@ def _of_response(path: str, rate_hz: float | None, spring: bool, delay: float | 
         "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
         "share_of_missing": fit.share,
     }
-    asked = {"spring": spring, "delay": delay, "period_s": period}
+    asked = {"spring": model.spring, "delay": model.delay, "period_s": period} | ({"two_masses": True} if model.load else {})
     if rate_hz is None:
         asked |= {"analogue": True}
     facts = _facts(path, measured.sha256, asked, period, parameters, (fit.explained, fit.missing, residual), started)
@@ -153,7 +164,9 @@ def _of_log(path: str, given: Asked) -> Table:
     if step and np.ptp(log.reading) < 3 * step:
         moved = np.ptp(log.reading) / step
         raise UsageError(f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}")
-    model = Model(spring, friction, delay, measured=log.measured)
+    model = Model(spring, friction, delay, measured=log.measured, load=given.get("two_masses", False))
+    if model.load and log.measured == "acceleration":
+        raise UsageError(f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration")
     origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
     fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
     halves = fit.half + fit.extra, fit.half
@@ -163,7 +176,7 @@ def _of_log(path: str, given: Asked) -> Table:
     named = "time, {} and {} in s, {} and {}".format(*names, *units)
     _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
     asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
-    asked |= {"motor_constant": constants} if constants else {}
+    asked |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
     asked |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
@@ -208,9 +221,10 @@ def _of_motor(parameters: dict[str, dict[str, Any]], constants: tuple[float, flo
 def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool) -> dict[str, dict[str, Any]]:
     """The numbers with their intervals of 95 % and units."""
     ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
-    ends["mass"] = [exp(min(max(end, -700.0), 700.0)) for end in ends["log_mass"]]
+    for name in [name for name in LOGARITHMS if LOGARITHMS[name] in ends]:
+        ends[name] = [exp(min(max(end, -700.0), 700.0)) for end in ends[LOGARITHMS[name]]]
     found = fit.numbers
-    names = ["mass", "damping", *(name for name in ("stiffness", "friction") if name in ends), "delay"]
+    names = ["mass", "damping", *(name for name in (*COUPLED, "stiffness", "friction") if name in ends), "delay"]
     mixed = fit.model.measured == "acceleration" and "velocity" not in ends  # with the effect of the initial velocity
     names += [name for name in ("offset", "bias") if name in ends and not (mixed and name == "offset")]
     units = UNITS | {"bias": READ[fit.model.measured]}
@@ -232,7 +246,13 @@ def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scale
             f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
             f"{mass['unit']} (with {others}); record a pulse, a chirp or noise that moves the device quickly"
         )
-    for name in PATHS:
+    for name in (name for name in ("load_mass", "coupling_stiffness") if name in parameters):
+        if not (each := parameters[name])["high"] < KNOWN * each["low"]:
+            raise UsageError(
+                f"{path}: the force does not excite the resonance of the two masses: the {name} could be anything from "
+                f"{each['low']:.2g} to {each['high']:.2g} {each['unit']}; record a chirp or noise through the resonance"
+            )
+    for name in (*PATHS, *COUPLED):
         if name in parameters and parameters[name]["high"] < 0:
             said = f"expected a {name} of at least 0, found {spoken(parameters[name])}"
             raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
@@ -309,12 +329,13 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
-    yield from ((line, True) for line in _negative(found["parameters"]))
+    yield from ((line, True) for line in negative(found["parameters"]))
     if found["explained"]:
         yield f"the model explains the {what}", False
+        other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
         if band := found["residual"].get("resonance_hz"):
-            yield "a resonance of a quarter of the mass would show from {:.3g} to {:.3g} Hz".format(*band), False
-        if _whole(found["parameters"]["delay"]) is None:
+            yield f"{other} of a quarter of the mass would show from {band[0]:.3g} to {band[1]:.3g} Hz", False
+        if whole(found["parameters"]["delay"]) is None and "load_mass" not in found["parameters"]:
             yield (
                 "the spec's device has no such delay, so what is proved of it is not proved of this one: a drawn loop has it",
                 True,
@@ -324,18 +345,9 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
         yield "push harder, or record a chirp or noise", True
         return
-    missing = MISSING[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
+    known = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {})
+    missing = known[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
     yield f"the model does not explain the {what}, and the intervals are widened by what is left: it lacks {missing}", True
-
-
-def _negative(parameters: Mapping[str, Any]) -> Iterator[str]:
-    """Sentences on numbers below 0."""
-    if (delay := parameters["delay"]["value"]) < -EARLY:
-        unit = parameters["delay"]["unit"].replace("tick", "ticks")
-        yield f"the position is {-delay:.3g} {unit} ahead of its force: are the two columns of the same time?"
-    for name in PATHS:
-        if name in parameters and parameters[name]["low"] < 0:
-            yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -354,62 +366,6 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
     yield from _spoken(found)
     yield f"residual {100 * found['residual']['rms']:.3g} % rms", False
     yield from _judgement(found, "response")
-
-
-def spoken(each: Mapping[str, Any]) -> str:
-    """A number with its interval, to the digits that it has."""
-    value, low, high, unit = (each[part] for part in ("value", "low", "high", "unit"))
-    if low == high:
-        return f"{value:g} {unit}, given"
-    digits = min(max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12)
-    return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
-
-
-def _whole(delay: Mapping[str, Any]) -> int | None:
-    """The delay as a whole number of ticks, which a spec's device may have; None if it is not known to be one."""
-    ticks = max(round(delay["value"]), 0)
-    return ticks if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD else None
-
-
-def spec_text(facts: Mapping[str, Any]) -> str:
-    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
-    parameters = facts["parameters"]
-    known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
-    tables: dict[str, dict[str, Any]] = {
-        "controller": {"kind": "dc"},
-        "rates": {"fast_hz": float(f"{1 / facts['period_s']:.9g}")},
-    }
-    for path, each in known.items():
-        room, name = path.split(".")
-        tables.setdefault(room, {})[name] = max(each["value"], 0.0)
-    if ticks := _whole(parameters["delay"]):
-        tables["device"]["delay"] = ticks
-    effects = {"resolution": facts["resolution"]} if facts["resolution"] and facts["measured"] == "position" else {}
-    if "friction" in parameters:
-        effects["friction"] = max(parameters["friction"]["value"], 0.0)
-    tables["simulate"] = effects
-    tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
-    return "\n".join([*_comments(facts), as_toml(tables)])
-
-
-def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
-    delay, millis = facts["parameters"]["delay"], 1e3 * facts["period_s"]
-    lines = [
-        f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
-        "# Intervals of 95 %, in [for_all]:",
-        *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
-        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",
-        "# It is no whole number of them, so no built-in loop has it." if _whole(delay) is None else "# It is device.delay.",
-    ]
-    if "stiffness" in facts["parameters"]:
-        lines.append("# The spring stands as that of the hand, which acts as well on the device.")
-    if facts["turns"]:
-        lines.append("# The device turns: kg is kg*m^2, N is N*m, and m is rad.")
-    if facts["missing"] == "unseen":
-        lines.append("# The log cannot tell whether the model is enough.")
-    elif not facts["explained"]:
-        lines.append("# The model does NOT explain the log; the intervals are widened by what is left.")
-    return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in _negative(facts["parameters"]))]
 
 
 KINDS = (
