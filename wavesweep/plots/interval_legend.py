@@ -6,23 +6,16 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.measured import wall_handles
-from wavesweep.plots.members import HANDS, Member, extent_of
-from wavesweep.plots.regions import (
-    FELT_LINE,
-    NOT_KNOWN,
-    REFUTED,
-    area_handle,
-    for_all_handles,
-    handles_of,
-    range_end,
-    range_handle,
-)
+from wavesweep.plots.members import HANDS, Member
+from wavesweep.plots.regions import BEYOND, CARET, FELT_LINE, RIGHT, SHADE, UP, handles_of, range_end
 from wavesweep.plots.shown import Shown
-from wavesweep.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
+from wavesweep.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting, paler
 from wavesweep.plots.words import unit, valued
 from wavesweep.spec.for_all import GUARANTEES
+from wavesweep.tables.regions import incomplete
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
+NOT_KNOWN, REFUTED = "not known", "refuted from here"
 _SMALL = 7  # points, of a legend above a figure of one column
 BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
 OWN = BEST | {"marker": "x", "markeredgewidth": 1.4}
@@ -35,23 +28,37 @@ LIMITS = {
 
 def entries_of(shown: Shown, panels: Sequence[float]) -> tuple[list[Any], list[Any]]:
     """The entries of the legend: the members of a family, the hands or the specs, and the marks."""
-    members, layout = shown.members(shown.columns), shown.layout
-    bottom, entries = np.nanmin(shown.columns["low"], initial=np.inf), []
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    members, layout, entries = shown.members(shown.columns), shown.layout, []
     if shown.whose or (layout.x is not None and layout.family is not None):
         names = [member.name for member in members]
         if not shown.whose:  # the first has name and unit, the others the value
             values = layout.members
             names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
         names = [
-            name + extent_of(member.rows, bottom) + " (at the dots)" * (member.joined and layout.x is not None)
+            name + _extent(shown, member) + " (at the dots)" * (member.joined and layout.x is not None)
             for name, member in zip(names, members, strict=True)
         ]
         entries = handles_of(names, [member.look for member in members])
     if members and members[-1].guarantee in GUARANTEES:
-        filled = layout.x is not None and members[-1].rows["intervals"].any()
-        entries[-1] = area_handle(members[-1].look, entries[-1].get_label()) if filled else entries[-1]
-        entries += for_all_handles(members[-1].rows, layout.x is None)
+        rows, colour = members[-1].rows, members[-1].look.colour
+        if layout.x is not None and rows["intervals"].any():
+            entries[-1] = Patch(facecolor=paler(colour, SHADE), edgecolor=colour, label=entries[-1].get_label())
+        entries += [] if rows["settled"].all() else [Patch(**UNKNOWN, label=NOT_KNOWN)]
+        if np.isfinite([rows["fails_below"], rows["fails_from"]]).any():
+            entries.append(Line2D([], [], marker=RIGHT if layout.x is None else UP, **CARET, label=REFUTED))
     return entries, _marks(shown, members, panels)
+
+
+def _extent(shown: Shown, member: Member) -> str:
+    """What the legend says of a region that has no boundary, since no line shows it."""
+    rows, bottom = member.rows, np.nanmin(shown.columns["low"], initial=np.inf)
+    if not rows["intervals"].any():
+        return ": none"
+    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
+    return ": whole range" if whole.all() else ""
 
 
 def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> list[Any]:
@@ -73,7 +80,7 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
         dotted = Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed)
         handles.append(dotted if plane and len(members) == 1 and not shown.whose else Line2D([], [], color=DOUBTFUL, **dashed))
     if range_end(shown.columns, "low") is not None or range_end(shown.columns, "high") is not None:
-        handles.append(range_handle())
+        handles.append(Patch(**BEYOND, label="beyond the swept range"))
     limits = [LIMITS[name] for name in shown.limits_of_walls()]
     handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
     if shown.walls:

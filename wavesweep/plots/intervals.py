@@ -58,10 +58,7 @@ def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
 
 
 def compare(
-    columns: Columns,
-    facts: Mapping[str, Any],
-    responses: Columns | None = None,
-    of_responses: Mapping[str, Any] | None = None,
+    columns: Columns, facts: Mapping[str, Any], responses: Columns | None = None, of_responses: Mapping[str, Any] | None = None
 ) -> Any:
     """Draw a `compare` table as `zwidth` draws one, a colour for each spec.
 

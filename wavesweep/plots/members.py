@@ -188,11 +188,3 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
                 axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)
     axes.set_yticks(range(len(members)), [fill(member.name, 14) if member.guarantee else member.name for member in members])
     axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))
-
-
-def extent_of(rows: Columns, bottom: float) -> str:
-    """What the legend says of a region that has no boundary, since no line shows it."""
-    if not rows["intervals"].any():
-        return ": none"
-    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
-    return ": whole range" if whole.all() else ""

@@ -7,13 +7,12 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
-from wavesweep.tables.regions import Chain, Region, View, incomplete
+from wavesweep.tables.regions import Region, View, incomplete
 
-_SHADE = 0.22
-_BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
-_CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 4}
-_LEFT, _RIGHT, _UP, _DOWN = 8, 9, 10, 11  # carets whose base is at the point
-NOT_KNOWN, REFUTED = "not known", "refuted from here"
+SHADE = 0.22  # share of its colour that an area has
+BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
+CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 4}
+LEFT, RIGHT, UP, DOWN = 8, 9, 10, 11  # carets whose base is at the point
 FELT_LINE = (0, (1, 1.2))
 
 Span = tuple[float, float]
@@ -32,13 +31,6 @@ def handles_of(names: Sequence[str], looks: Sequence[Look] = ()) -> list[Any]:
     return [Line2D([], [], color=look.colour, linestyle=look.line, label=name) for look, name in pairs]
 
 
-def area_handle(look: Look, name: str) -> Any:
-    """The entry of a legend for an area that is filled."""
-    from matplotlib.patches import Patch
-
-    return Patch(facecolor=paler(look.colour, _SHADE), edgecolor=look.colour, label=name)
-
-
 def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: float = 0.0, members: int = 1) -> None:
     """Draw the known part of a stable region: its area, or strokes from its boundary to the unstable side if not `filled`.
 
@@ -47,13 +39,14 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
+    from matplotlib.transforms import ScaledTranslation
 
     for left, right in region.unknown:
         axes.axvspan(left, right, **UNKNOWN)
     if region.unknown:  # no hatching under what is known
         axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
     if filled:  # with a hairline, so that no seam shows between two outlines; what is stable and not certified is dotted
-        pale = paler(look.colour, _SHADE)
+        pale = paler(look.colour, SHADE)
         axes.add_collection(PolyCollection(region.areas, facecolor=pale, edgecolor=pale, linewidth=0.4, zorder=0.6))
         axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
     apart = max(1.0, members / 2)
@@ -61,20 +54,13 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
     line = {"linewidths": 1.2, "path_effects": strokes}
     axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
     axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
-    _draw_bars_at(axes, region.bars, look, shift)
-
-
-def _draw_bars_at(axes: Any, bars: Chain, look: Look, shift: float) -> None:
-    """Draw the intervals at single values of x, with a short stroke at each end of the stable set."""
-    from matplotlib.transforms import ScaledTranslation
-
     place = {"transform": axes.transData + ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)}
     for certified, colour, line in ((True, look.colour, look.line), (False, DOUBTFUL, "--")):
-        chosen = [(x, each) for x, each in bars if each.certified == certified]
+        chosen = [(x, each) for x, each in region.bars if each.certified == certified]
         if chosen:
             spans = np.array([(x, each.low, each.high) for x, each in chosen]).T
             axes.vlines(*spans, colors=[colour], linewidths=0.8, linestyles=line, **place)
-        ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]
+        ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]  # get a stroke
         if ends:
             axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=4, **place)
 
@@ -105,10 +91,10 @@ def draw_for_all(axes: Any, x: str, columns: Columns, span: Span) -> None:
     order = np.argsort(columns[x], kind="stable")
     for below, above in _open_parts(columns, span):
         axes.fill_between(columns[x][order], below[order], np.fmax(below, above)[order], **UNKNOWN)
-    for name, caret in (("fails_below", _DOWN), ("fails_from", _UP)):
+    for name, caret in (("fails_below", DOWN), ("fails_from", UP)):
         rows = np.isfinite(columns[name])
         if rows.any():
-            axes.plot(columns[x][rows], columns[name][rows], marker=caret, clip_on=False, **_CARET)
+            axes.plot(columns[x][rows], columns[name][rows], marker=caret, clip_on=False, **CARET)
 
 
 def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, span: Span) -> None:
@@ -117,20 +103,9 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
         for low, high in zip(below.tolist(), above.tolist(), strict=True):
             if low < high:
                 axes.barh(place, high - low, left=low, height=2 * half, **UNKNOWN)
-    for name, caret in (("fails_below", _LEFT), ("fails_from", _RIGHT)):
+    for name, caret in (("fails_below", LEFT), ("fails_from", RIGHT)):
         known = columns[name][np.isfinite(columns[name])]
-        axes.plot(known, np.full(known.size, place), marker=caret, **_CARET)
-
-
-def for_all_handles(columns: Columns, bars: bool) -> list[Any]:
-    """Entries of the legend for what the for_all rows leave open and what they refute."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles = [] if columns["settled"].all() else [Patch(**UNKNOWN, label=NOT_KNOWN)]
-    if np.isfinite([columns["fails_below"], columns["fails_from"]]).any():
-        handles.append(Line2D([], [], marker=_RIGHT if bars else _UP, **_CARET, label=REFUTED))
-    return handles
+        axes.plot(known, np.full(known.size, place), marker=caret, **CARET)
 
 
 def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -151,7 +126,7 @@ def mark_range(axes: Any, columns: Columns, bars: bool = False) -> None:
     for end, edge in zip(("low", "high"), limits, strict=True):
         value = range_end(columns, end)
         if value is not None and value != edge:
-            span(*sorted((value, edge)), **_BEYOND)
+            span(*sorted((value, edge)), **BEYOND)
 
 
 def range_end(columns: Columns, end: str) -> float | None:
@@ -166,10 +141,3 @@ def range_end(columns: Columns, end: str) -> float | None:
     key = find_key(str(columns["along"][0]))
     own = None if key is None else key.low if end == "low" else key.high  # a number of a drawn loop has no end
     return None if own is not None and float(extreme) == own else float(extreme)
-
-
-def range_handle() -> Any:
-    """The entry of a legend for the space beyond the swept range."""
-    from matplotlib.patches import Patch
-
-    return Patch(**_BEYOND, label="beyond the swept range")

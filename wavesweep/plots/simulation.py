@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,20 @@ _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
 _LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
+Panel = tuple[str, Sequence[tuple[str, str, str, bool]]]
+"""The name of an axis, and column, label and colour of its signals, and whether they are held over a tick."""
+_AT_THE_HAND = (  # panel and its unit; column, label and number of the colour of each signal, and whether it is held
+    ("hand force", "N", "f_h", "hand", 2, True),
+    ("position", "mm", "x_s", "avatar", 1, True),
+    ("position", "mm", "x", "device", 0, False),
+    ("control force", "N", "f_m", "asked for", 4, True),
+    ("control force", "N", "f_device", "exerted", 0, True),
+    ("control force", "N", "F_s", "slow wall", 1, True),
+    ("energy", "J", "energy_channel", "kept by channel", 3, False),
+    ("energy", "J", "energy_device", "taken by motors", 0, False),
+    ("energy", "J", "energy_hand", "given by hand", 2, False),
+)
+_DRAWN = {"device": "hand", "asked for": "against the hand", "taken by motors": "taken by this force"}  # in a drawn loop
 
 
 def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -41,13 +55,16 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     pulse, or at the end.
     """
     spans = _spans(columns, facts)
-    rows = [row for row in _ROWS if any(name in columns for name in row[-1])]
-    rows = [*_ports(columns, facts), *((title, at_hand(title, "", unit, facts), draw) for title, unit, draw, _ in rows)]
+    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts)]
     with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
-        for row, (_, title, draw) in zip(grid, rows, strict=True):
+        for row, (title, signals) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
-                draw(axes, {name: column[span] for name, column in columns.items()}, facts)
+                for signal in signals:
+                    _draw_signal(axes, {name: column[span] for name, column in columns.items()}, *signal)
+                if title.startswith("position") and "wall" in facts["spec"]["simulate"]:
+                    wall = 1e3 * facts["spec"]["simulate"]["wall"]
+                    axes.axhline(wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
                 axes.grid(**GRID)
                 axes.margins(x=0)
             row[0].set_ylabel(title)
@@ -70,7 +87,17 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
-def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[tuple[str, str, _Draw]]:
+def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
+    """Yield the panels of what a simulation with a hand has."""
+    left_out = () if "max_force" in facts["spec"]["simulate"] else ("f_device",)
+    words = _DRAWN if "block" in facts["spec"] else {}
+    present = (signal for signal in _AT_THE_HAND if signal[2] in columns and signal[2] not in left_out)
+    for (title, unit), signals in groupby(present, key=lambda signal: signal[:2]):
+        named = [(name, words.get(said, said), distinct_colour(n), held) for *_, name, said, n, held in signals]
+        yield at_hand(title, "", unit, facts), named
+
+
+def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     """Panels of inputs that are not at rest, of each output, with inputs of its unit, and of all other signals."""
     units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
     ports = facts["spec"].get("ports", {})
@@ -81,15 +108,12 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[tuple[str, str, _
     shown = {each for names in panels.values() for each in names}
     panels = {name: [name] for name in inputs if name not in shown} | panels | ({"signals": others} if others else {})
     return [
-        (title, with_unit(title, printed([units.get(title) or "1"])), partial(_signals, names=tuple(names)))
+        (
+            with_unit(title, printed([units.get(title) or "1"])),
+            [(name, name, IDEAL if name in inputs else distinct_colour(n), True) for n, name in enumerate(names)],
+        )
         for title, names in panels.items()
     ]
-
-
-def _signals(axes: Any, columns: Columns, facts: Mapping[str, Any], names: tuple[str, ...]) -> None:
-    inputs = facts["spec"].get("ports", {}).get("inputs", {})
-    for number, name in enumerate(names):
-        _line(axes, columns, name, name, IDEAL if name in inputs else distinct_colour(number), held=True)
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:
@@ -125,49 +149,11 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
     return int(np.searchsorted(columns["time_s"], options["at_s"])) if options["input"] in ("step", "pulse") else rows
 
 
-def _forces_of_the_hand(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
-    del facts
-    _line(axes, columns, "f_h", "hand", distinct_colour(2), held=True)
-
-
-def _positions(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
-    wall = facts["spec"]["simulate"].get("wall")
-    millimetres = {name: 1e3 * columns[name] for name in ("x", "x_s") if name in columns} | {"time_s": columns["time_s"]}
-    _line(axes, millimetres, "x_s", "avatar", distinct_colour(1), held=True)
-    _line(axes, millimetres, "x", "hand" if "block" in facts["spec"] else "device", distinct_colour(0))
-    if wall is not None:
-        axes.axhline(1e3 * wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
-
-
-def _forces_of_the_control(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
-    _line(axes, columns, "f_m", "against the hand" if "block" in facts["spec"] else "asked for", distinct_colour(4), held=True)
-    if "max_force" in facts["spec"]["simulate"]:
-        _line(axes, columns, "f_device", "exerted", distinct_colour(0), held=True)
-    _line(axes, columns, "F_s", "slow wall", distinct_colour(1), held=True)
-
-
-def _energies(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
-    taken = "taken by this force" if "block" in facts["spec"] else "taken by motors"
-    _line(axes, columns, "energy_channel", "kept by channel", distinct_colour(3))
-    _line(axes, columns, "energy_device", taken, distinct_colour(0))
-    _line(axes, columns, "energy_hand", "given by hand", distinct_colour(2))
-
-
-_Draw = Callable[[Any, Columns, Mapping[str, Any]], None]
-_ROWS: tuple[tuple[str, str, _Draw, tuple[str, ...]], ...] = (  # the last are columns of which there is one
-    ("hand force", "N", _forces_of_the_hand, ("f_h",)),
-    ("position", "mm", _positions, ("x", "x_s")),
-    ("control force", "N", _forces_of_the_control, ("f_m",)),
-    ("energy", "J", _energies, ("energy_hand",)),
-)
-
-
-def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, held: bool = False) -> None:
+def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool) -> None:
     """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps."""
-    values = columns.get(name, np.zeros(0))
+    times, values, style = columns["time_s"], columns[name] * (1e3 if name in ("x", "x_s") else 1), {}
     if np.isnan(values).all():
         return
-    times, style = columns["time_s"], {}
     if held and 1 < len(values) <= _MOST_POINTS:  # the last value is held for a tick as well
         times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
         style = {"drawstyle": "steps-post"}

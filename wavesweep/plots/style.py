@@ -18,7 +18,6 @@ TWO_COLUMNS = 7.0
 NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the other; its texts have the same size
 DOTS_PER_INCH = 200
 NOTE = 16  # letters of a note in an inch
-LONGEST_NAME = 48  # letters of a spec in a legend
 NARROW = 1.5  # points, at least, between two numbers below a panel
 IDEAL = "black"
 DOUBTFUL = "#d62728"
@@ -94,17 +93,6 @@ def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
     return ax.figure
 
 
-def _in_place_of(ax: Any) -> Any:
-    """A `SubFigure`, or one in place of axes, with the few methods of a `Figure` that a part of one lacks."""
-    part = ax
-    if not hasattr(ax, "add_subfigure"):
-        part = ax.figure.add_subfigure(ax.get_subplotspec())
-        ax.set_axis_off()
-    part.get_figwidth, part.get_figheight = (lambda: part.bbox.width / part.dpi), (lambda: part.bbox.height / part.dpi)
-    part.set_figheight = part.set_layout_engine = lambda *_: None  # its size and layout are those of the whole
-    return part
-
-
 @contextmanager
 def figure(width: float, height: float) -> Iterator[Any]:
     """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
@@ -115,23 +103,24 @@ def figure(width: float, height: float) -> Iterator[Any]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    if (ax := _INTO.get()) is not None:
-        with style():
-            yield _in_place_of(ax)
-        return
+    from wavesweep.plots.files import png
+
     with style():
+        if (part := _INTO.get()) is not None:
+            if not hasattr(part, "add_subfigure"):
+                part.set_axis_off()
+                part = part.figure.add_subfigure(part.get_subplotspec())
+            # A part lacks some methods of a figure: its size and layout are those of the whole.
+            part.get_figwidth, part.get_figheight = (lambda: part.bbox.width / part.dpi), (lambda: part.bbox.height / part.dpi)
+            part.set_figheight = part.set_layout_engine = lambda *_: None
+            yield part
+            return
         height *= max(1.0, wide(width) / width) ** 0.5
         canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
         FigureCanvasAgg(canvas)
         yield canvas
         _settle(canvas)
-    canvas._repr_png_ = partial(_png, canvas)  # the name that notebooks ask a value for
-
-
-def _png(canvas: Any) -> bytes:
-    from wavesweep.plots.files import png
-
-    return png(canvas, {})
+    canvas._repr_png_ = partial(png, canvas, {})  # the name that notebooks ask a value for
 
 
 @contextmanager

@@ -21,11 +21,7 @@ OTHERS = ("bench",)  # tables with a figure that do not come from a spec
 
 
 def fields(
-    kind: str,
-    axes: Iterable[str] = (),
-    along: str = "K_VE",
-    extra: Iterable[str] = (),
-    facts: Mapping[str, Any] | None = None,
+    kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = (), facts: Mapping[str, Any] | None = None
 ) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes and those of its kind.
 

@@ -370,10 +370,5 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 KINDS = (
     Kind("identify", lambda _: Whole(_numbers), _lines, figure="identified.identify"),
-    Kind(
-        "identify-response",
-        lambda _: Whole(_response_numbers),
-        _response_lines,
-        figure="identified.identify_response",
-    ),
+    Kind("identify-response", lambda _: Whole(_response_numbers), _response_lines, figure="identified.identify_response"),
 )

@@ -28,12 +28,7 @@ if TYPE_CHECKING:
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 
 
-def intervals(
-    spec: Spec,
-    along: str | None = None,
-    hands: Hands | None = None,
-    **work: Unpack[Options],
-) -> Table:
+def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[Options]) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the

@@ -32,11 +32,7 @@ METHODS = {
 }
 
 
-def passivity(
-    spec: Spec,
-    tolerance: float = TOLERANCE,
-    **work: Unpack[Options],
-) -> Table:
+def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options]) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the

@@ -293,12 +293,7 @@ def _again(number: int) -> Callable[[Mapping[str, Any], Callable[[], str]], Agai
 
 KINDS = (
     Kind(
-        "simulate",
-        lambda _: Whole(_run_numbers),
-        _run_lines,
-        figure="simulation.simulate",
-        again=_again(0),
-        before=len(TICKS),
+        "simulate", lambda _: Whole(_run_numbers), _run_lines, figure="simulation.simulate", again=_again(0), before=len(TICKS)
     ),
     Kind(
         "simulate-response",
