@@ -29,16 +29,23 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
 
     estimated: with the time and the disk that each command takes, for which samples of the work are done.
     """
-    if spec.drawing:
-        return _drawn_plan(spec, estimated)
-    lines = [f"{spec.source or spec.name}: valid, controller {spec.kind}"]
-    lines += _loop_lines(spec)
+    drawing = spec.drawing
+    lines = [*(_drawn_lines(spec) if drawing else _loop_lines(spec))]
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
-        lines += _interval_lines(spec, command, along, estimated)
-    return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated), *_skipped_lines(spec)]
+        if command != "zwidth" or not drawing or drawing.wall:
+            lines += _interval_lines(spec, command, along, estimated)
+    if not drawing:
+        return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated), *_skipped_lines(spec)]
+    if drawing.hand is None and not spec.routes:
+        lacking = "bode, passivity" if drawing.inputs else "bode, passivity, simulate"
+        names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
+        return [*lines, f"  {lacking}: not possible, [ports] names {names}"]
+    without_hand = ["  passivity: not possible, [ports] names no hand"]
+    return [*lines, *_bode_lines(spec, estimated), *(_passivity_lines(spec, estimated) if drawing.hand else without_hand)]
 
 
 def _loop_lines(spec):
+    yield f"{spec.source or spec.name}: valid, controller {spec.kind}"
     loop = own_loop(spec)
     drawn, drift = loop.drawn(), drift_of(loop)
     ticks, ms = _count(drawn.ticks, "tick"), f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
@@ -145,35 +152,14 @@ def _long_lines(jobs):
     return [f"    work: {work}; disk: about {size} until the results are in place", *_advice(jobs)]
 
 
-def _drawn_plan(spec, estimated):
-    """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
+def _drawn_lines(spec):
+    """Yield when the blocks of a drawn loop run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     loop = Loops(spec.drawing, spec.values)
     drawing, drawn, drift = loop.drawing, loop.drawn(), drift_of(loop)
-    period = 1e3 * float(drawn.period)
-    lines = [
-        f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
-        f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
-        *_runs_lines(drawing, drawn),
-        *_plant_lines(drawing),
-        *_dead_time_lines(drawing, spec.values),
-        *_unread_lines(drawing),
-        *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
-        *_number_lines(spec),
-    ]
-    for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
-        if command != "zwidth" or drawing.wall:
-            lines += _interval_lines(spec, command, along, estimated)
-    if drawing.hand is None and not spec.routes:
-        lacking = "bode, passivity" if drawing.inputs else "bode, passivity, simulate"
-        names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
-        return [*lines, f"  {lacking}: not possible, [ports] names {names}"]
-    if drawing.hand is None:
-        return [*lines, *_bode_lines(spec, estimated), "  passivity: not possible, [ports] names no hand"]
-    return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated)]
-
-
-def _runs_lines(drawing, drawn):
+    period, labels = 1e3 * float(drawn.period), drawn.labels()
+    yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
+    yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"
     inside = {block.name: plant.name for plant in drawing.plants for block in plant.members}
     placed, when = {each.block.name: each for each in drawn.placed}, {}
     for block in drawing.blocks:
@@ -182,6 +168,15 @@ def _runs_lines(drawing, drawn):
     for (every, phase), blocks in sorted(when.items()):
         ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
         yield f"  runs {ticks}: {', '.join(blocks)}"
+    yield from _plant_lines(drawing)
+    yield from _dead_time_lines(drawing, spec.values)
+    terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
+    terms += [some for _, some, _ in drawing.outputs]
+    read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
+    if unread := [block.name for block in drawing.blocks if block.name not in read]:  # which may be a slip
+        yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
+    yield from _state_lines(drift, [labels[state] for state in drift.states])
+    yield from _number_lines(spec)
 
 
 def _plant_lines(drawing):
@@ -237,15 +232,6 @@ def within_ticks(spec: Spec) -> Iterator[str]:
         implicit = [term for term in terms if term[0] in ahead]
         name, so = (implicit or terms)[0][0], f"so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; "
         yield f"  {so if implicit else ''}prev({name}) in a wire reads {name} as it was before the tick"
-
-
-def _unread_lines(drawing):
-    """Blocks whose outputs nothing reads, which may be a slip."""
-    terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
-    terms += [some for _, some, _ in drawing.outputs]
-    read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
-    if unread := [block.name for block in drawing.blocks if block.name not in read]:
-        yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
 
 
 def _state_lines(drift, names):

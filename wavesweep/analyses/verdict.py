@@ -1,8 +1,7 @@
 """The verdict on a spec's own design: stability, the room that each number has, and the feel."""
 
 from collections.abc import Callable
-from contextlib import suppress
-from functools import lru_cache, partial
+from functools import lru_cache
 from time import monotonic
 
 import numpy as np
@@ -16,7 +15,7 @@ from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.analyses.measured import distances, read_points
 from wavesweep.analyses.poles import leading
-from wavesweep.errors import SpecError, WavesweepError
+from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
@@ -59,8 +58,10 @@ def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = N
     `hardware_of`. measured: of a spec with [measured], how far the design is from the points, see `measured.distances`.
     """
     points, found = read_points(spec), {"for_all": for_all.verdict(spec)} if spec.for_all else {}
-    found |= {"limits": limits(spec, report), "delay": _delays(spec)}
-    found["hardware"] = _hardware(spec, own)
+    found |= {"limits": limits(spec, report), "delay": _delays(spec), "hardware": hardware_of(spec, stable=own["stable"])}
+    stiffness = (own["felt"] or {}).get("stiffness")
+    if "max_force" in found["hardware"] and own["stable"]:  # the depth to which the wall can be pressed
+        found["hardware"]["depth"] = found["hardware"]["max_force"] / stiffness if stiffness and stiffness > 0 else None
     return found | ({"measured": distances(spec, points, own["stable"])} if spec.measured else {})
 
 
@@ -78,39 +79,28 @@ def own_design(spec: Spec, loop=None) -> dict:
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
-    E, hidden, period = _frame_of(spec)
-    radius = float(radius_of(E, hidden))
+    own = own_loop(spec)
+    refuse_singular(spec, own.drawing)
+    (E, hidden), drawn, drift = telling_frames(own), own.drawn(), drift_of(own)
+    radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
-    channel = None if spec.drawing else _channel_norm(spec.values)
-    loop, modes = loop or _prepared(spec), _modes(spec, E) if found["stable"] else []
+    # A design that is varied by something else keeps its channel.
+    of_channel = tuple((path, value) for path, value in spec.values.items() if path.startswith(CHANNEL))
+    channel, modes = None if spec.drawing else _channel_norm(of_channel), []
+    if loop is None and not (spec.drawing and spec.drawing.hand is None):
+        loop = loop_at_hand(spec)
+    if found["stable"]:
+        labels, kept = drawn.labels(), len(drift.kept)
+        names = [labels[drift.states[index]] for index in drift.kept]
+        delta, shares = modes_of(E[:kept, :kept])
+        modes = [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)]
+        modes = modes or [(-1 + 0j, [])]  # without a state
     slowest = modes[0] if modes else None
     damped = min(modes, key=lambda mode: np.nan_to_num(damping_ratio(mode[0]), nan=1.0), default=None)
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
     named = {"slowest": slowest, "least_damped": damped if another else None}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
     return found | {"felt": felt_at_rest(spec, loop), **described, "channel_norm": channel}
-
-
-def _modes(spec, E):
-    """Eigenvalues less 1 of the frame, the slowest first, and the states that take part most; without a state one at z = 0."""
-    loop = own_loop(spec)
-    drift, labels = drift_of(loop), loop.drawn().labels()
-    names = [labels[drift.states[index]] for index in drift.kept]
-    delta, shares = modes_of(E[: len(names), : len(names)])
-    return [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)] or [(-1 + 0j, [])]
-
-
-def _prepared(spec):
-    """The loop prepared for responses at the hand; None if a drawn loop names no hand."""
-    return None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-
-
-def _frame_of(spec):
-    """The frame of the loop less identity, without drift, whether its radius is hidden, and its period in s."""
-    loop = own_loop(spec)
-    refuse_singular(spec, loop.drawing)
-    drawn = loop.drawn()
-    return *telling_frames(loop), float(drawn.period * drawn.ticks)
 
 
 def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
@@ -150,8 +140,12 @@ def _limit(spec, name, path, span=None):
     except WavesweepError as error:
         if value == 0 and span[0] < 0:  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]))
-        for takes, times in ((partial(_takes, spec, path), HALVINGS), (partial(_has_loops, spec, name, path), FEW)):
-            less = tuple(_reached(takes, value, end, times) for end in span)
+
+        def makes_loops(end: float) -> object:
+            return _job(spec, name, path, tuple(sorted((float(value), end))))
+
+        for attempt, times in ((lambda end: spec.with_values({path: end}), HALVINGS), (makes_loops, FEW)):
+            less = tuple(_reached(attempt, value, end, times) for end in span)
             if less != span and less[0] < less[1]:
                 return _limit(spec, name, path, less)
         return found | {"stable": None, "doubt": str(error), "certified": False}
@@ -189,30 +183,19 @@ def _rows(job, value, span):
     return in_memory(job), span
 
 
-def _reached(takes, value, end, times):
-    """The value nearest to an end of a range that is taken, by halving from its own on."""
-    inside, beyond = float(value), float(end)
-    if takes(beyond):
-        return beyond
-    for _ in range(times):
-        middle = (inside + beyond) / 2
-        inside, beyond = (middle, beyond) if takes(middle) else (inside, middle)
+def _reached(attempt, value, end, times):
+    """The value nearest to an end of a range whose attempt raises no error, by halving from the number's own on."""
+    inside, tried, beyond = float(value), float(end), float(end)
+    for _ in range(1 + times):
+        try:
+            attempt(tried)
+            inside = tried
+        except WavesweepError:
+            beyond = tried
+        if inside == beyond:
+            break
+        tried = (inside + beyond) / 2
     return inside
-
-
-def _has_loops(spec, name, path, value):
-    """Whether there are loops from the spec's own value to this one of a number."""
-    with suppress(WavesweepError):
-        _job(spec, name, path, tuple(sorted((float(spec.values[path]), value))))
-        return True
-    return False
-
-
-def _takes(spec, path, value):
-    with suppress(SpecError):
-        spec.with_values({path: value})
-        return True
-    return False
 
 
 def _delays(spec):
@@ -220,22 +203,12 @@ def _delays(spec):
     path = "environment.delay"
     if path not in keys_of(spec):
         return None
-    now, ratio = spec.values[path], spec.values["rates.ratio"]
-    most = None
-    frame = longest_delay(ratio)
+    now, most, frame = spec.values[path], None, longest_delay(spec.values["rates.ratio"])
     for delay in range(now, min(frame, now + DELAYS) + 1):
         if not radii_of(loops_of(spec, {**spec.values, path: delay}).read)[0] < 1:
             break
         most = delay
     return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
-
-
-def _hardware(spec, found):
-    """`hardware_of` the spec, with the depth to which its wall can be pressed."""
-    hardware, stiffness = hardware_of(spec, stable=found["stable"]), (found["felt"] or {}).get("stiffness")
-    if "max_force" in hardware and found["stable"]:
-        hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
-    return hardware
 
 
 def _mode(spec, mode, states, period):
@@ -249,12 +222,8 @@ def _mode(spec, mode, states, period):
     return {name: _number(value) for name, value in found.items()} | {"states": states}
 
 
-def _channel_norm(values):
-    return _norm_of(tuple((path, value) for path, value in values.items() if path.startswith(CHANNEL)))
-
-
-@lru_cache(maxsize=64)  # a design that is varied by something else keeps its channel
-def _norm_of(kept):
+@lru_cache(maxsize=64)
+def _channel_norm(kept):
     from wavesweep.loops.controllers import loop_drawing
     from wavesweep.passive.channel import channel_of, norm_of
 
