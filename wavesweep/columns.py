@@ -40,3 +40,14 @@ def joined(blocks: Iterable[Columns]) -> Columns:
     """Blocks of rows as one table."""
     parts = list(blocks)
     return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:
+    """Return the names of the axes of a table, which are its columns before `end`."""
+    names = list(columns)
+    return names[: names.index(end)]
+
+
+def whose_column(columns: Columns) -> str:
+    """Return the column that says for whom, or of which spec, a row of intervals is, if the table has one."""
+    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")

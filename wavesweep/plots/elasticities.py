@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of
 from wavesweep.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
 from wavesweep.plots.words import assumption, printed, symbol
 
@@ -56,7 +56,7 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
 def _ends(columns: Columns) -> list[Columns]:
     """The rows of each combination, interval, end and crossing."""
-    names = [*list(columns)[: list(columns).index("along")], "interval", "side", "crossing"]
+    names = [*axes_of(columns), "interval", "side", "crossing"]
     ends: dict[tuple, list[int]] = {}
     for row, key in enumerate(zip(*(columns[name].tolist() for name in names), strict=True)):
         ends.setdefault(key, []).append(row)
@@ -116,10 +116,9 @@ def _title(rows: Columns) -> list[str]:
     second = "" if np.isnan(also) else f" and {also:.4g} Hz"
     mode = f"{hz:.4g} Hz{second}{damped}" if hz else f"no oscillation from frame to frame{damped}"
     mode = "the mode is not known" if np.isnan(first["omega"]) else mode
-    axes = list(rows)[: list(rows).index("along")]
-    swept = [", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes)] if axes else []
+    swept = ", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes_of(rows))
     states = wrap(first["states"].replace(" %", "\u00a0%"), _LETTERS)
-    return [*swept, f"{_end(rows)}{corner}", *wrap(mode, _LETTERS), *states]
+    return [*([swept] if swept else []), f"{_end(rows)}{corner}", *wrap(mode, _LETTERS), *states]
 
 
 def _end(rows: Columns) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of, whose_column
 from wavesweep.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
 from wavesweep.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
 from wavesweep.plots.measured import draw_walls, undrawn
@@ -20,7 +20,6 @@ from wavesweep.plots.members import (
     member_curves,
     over_one_damping,
     specs_of,
-    whose_of,
 )
 from wavesweep.plots.regions import draw_felt, draw_for_all, draw_for_all_bar, draw_region, mark_range, view_of
 from wavesweep.plots.sampling import Blocks, blocks_of, note_values, rows_where
@@ -50,7 +49,7 @@ def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     blocks, axes, best, several = blocks_of(table), {}, {}, False
     for block in blocks():
         note_values(axes, block, "along")
-        best, several = best_of([best, best_row(block)]), bool(whose_of(block))
+        best, several = best_of([best, best_row(block)]), bool(whose_column(block))
     axes = {name: values[~np.isnan(values)].tolist() for name, values in axes.items() if name != "spec"}
     walls = [name for tables in specs_of(facts).values() if (name := damping_of(tables))]
     layout = lay_out(axes, best, several, [] if several else smooth_axes(axes, facts), walls)
@@ -79,7 +78,7 @@ def compare(
 
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = dict.fromkeys([*list(columns)[: list(columns).index("along")], *filter(None, [whose_of(columns)]), "interval"])
+    names = dict.fromkeys([*axes_of(columns), *filter(None, [whose_column(columns)]), "interval"])
     labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in names]
     rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
     return {name: column[rows] for name, column in columns.items()}

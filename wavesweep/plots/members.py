@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, whose_column
 from wavesweep.plots.layout import rows_with, where
 from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, paler
 from wavesweep.plots.words import shortened, valued
@@ -52,11 +52,6 @@ class Member:
         return self.guarantee not in ("", *_COMPUTED)
 
 
-def whose_of(columns: Columns) -> str:
-    """The column that says for whom a row is, if the table has one."""
-    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
-
-
 def members_of(
     columns: Columns, facts: Mapping[str, Any], bars: Sequence[Mapping[str, float]], specs: Sequence[str]
 ) -> list[Member]:
@@ -64,7 +59,7 @@ def members_of(
 
     bars: the values of the axes of each member of a family. specs: all specs of a comparison, in the order of their looks.
     """
-    whose = whose_of(columns)
+    whose = whose_column(columns)
     if whose == "spec":
         tables = specs_of(facts)
         rows = {name: where(columns, columns["spec"] == name) for name in specs}

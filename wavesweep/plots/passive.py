@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of
 from wavesweep.plots.layout import rows_with
 from wavesweep.plots.sampling import Blocks, shown_loops
 from wavesweep.plots.scales import by_factors, is_logarithmic
@@ -70,7 +70,7 @@ def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out
 def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
     count = len(columns["channel_norm"])
     places, axes = np.arange(count), ""
-    swept = [name for name in list(columns)[: list(columns).index("channel_norm")] if len(np.unique(columns[name])) > 1]
+    swept = [name for name in axes_of(columns, "channel_norm") if len(np.unique(columns[name])) > 1]
     names = [", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)]
     if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
         axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of
 from wavesweep.plots.layout import where
 from wavesweep.plots.measured import coloured, draw_responses
 from wavesweep.plots.sampling import Blocks, shown_curves
@@ -157,9 +157,8 @@ def draw_curves(
 
 def _swept(columns: Columns) -> list[str]:
     """The axes that have several values, the longest first."""
-    names = list(columns)[: list(columns).index("spec")]
-    count = {name: len(np.unique(columns[name][~np.isnan(columns[name])])) for name in names}
-    return sorted((name for name in names if count[name] > 1), key=lambda name: -count[name])
+    count = {name: len(np.unique(columns[name][~np.isnan(columns[name])])) for name in axes_of(columns, "spec")}
+    return sorted((name for name in count if count[name] > 1), key=lambda name: -count[name])
 
 
 def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured: Callable[[], np.ndarray]) -> None:

@@ -5,7 +5,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of, joined
 from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly, having, what_is_shown, where
 
 MOST_DRAWN = 200  # curves of all specs together: more of them are an area
@@ -22,13 +22,12 @@ def blocks_of(table: Columns | Blocks) -> Blocks:
 
 def rows_where(blocks: Blocks, shown: Callable[[Columns], np.ndarray]) -> Columns:
     """The rows for which `shown` gives true."""
-    parts = [where(block, shown(block)) for block in blocks()]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return joined(where(block, shown(block)) for block in blocks())
 
 
 def note_values(values: Values, columns: Columns, end: str, *more: str) -> None:
     """Add the values of the axes, which are the columns before `end`, to those of the blocks before, each once."""
-    for name in (*list(columns)[: list(columns).index(end)], *more):
+    for name in (*axes_of(columns, end), *more):
         values[name] = np.unique(np.concatenate([values.get(name, columns[name][:0]), np.unique(columns[name])]))
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, whose_column
 from wavesweep.plots.layout import Layout
 from wavesweep.plots.measured import coloured, highest, walls_by_kind, walls_in_plane
-from wavesweep.plots.members import Member, damping_of, members_of, specs_of, whose_of
+from wavesweep.plots.members import Member, damping_of, members_of, specs_of
 from wavesweep.plots.regions import felt_differs, range_end
 from wavesweep.plots.style import distinct_colour
 from wavesweep.tables.columns import swept_range
@@ -20,14 +20,14 @@ _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the e
 class Shown:
     """The rows of a table that its figure shows, with the roles of its axes and the best design.
 
-    along: the number of the intervals. whose: the column that says for whom a row is, see `whose_of`. swept: the range in which
-    they were searched. by_factors, view: the scale of the axis along them, and its ends. span: the part of `swept` in these.
-    walls: what was measured, with its colour. felt: whether the stiffness that the hand feels is drawn.
+    along: the number of the intervals. whose: the column that says for whom a row is. swept: the range in which they were
+    searched. by_factors, view: the scale of the axis along them, and its ends. span: the part of `swept` in these. walls: what
+    was measured, with its colour. felt: whether the stiffness that the hand feels is drawn.
     """
 
     def __init__(self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> None:
         self.columns, self.facts, self.layout = columns, facts, layout
-        self.along, self.whose = str(columns["along"][0]), whose_of(columns)
+        self.along, self.whose = str(columns["along"][0]), whose_column(columns)
         self.best = {} if self.whose == "spec" else best  # each spec has its own
         self.spec = spec_of(facts)
         swept = np.array([swept_range({"spec": tables}, self.along) for tables in specs_of(facts).values()])

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of, whose_column
 from wavesweep.errors import SpecError, WavesweepError
 from wavesweep.spec import sweep_axes
 from wavesweep.spec.require import words_of
 from wavesweep.tables.columns import fields_of
-from wavesweep.tables.interval_tally import whose_column
 
 if TYPE_CHECKING:
     from wavesweep.spec import Axis, Spec
@@ -91,7 +90,7 @@ def words_of_spec(spec: Spec) -> str:
 
 def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | None:
     """The head and the rows of a short table of intervals as texts; None of a long one."""
-    columns, axes, whose = table.columns, _axes(table.columns), whose_column(table.columns)
+    columns, axes, whose = table.columns, axes_of(table.columns), whose_column(table.columns)
     if len(columns["along"]) > MOST_ROWS:
         return None
     units = {each.name: each.unit for each in fields_of(table.kind, columns, table.facts)}
@@ -119,7 +118,7 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
     """
     found = []
     for row in _telling(table.columns):
-        axes = {name: row[name] for name in _axes(table.columns) if not np.isnan(row[name])}
+        axes = {name: row[name] for name in axes_of(table.columns) if not np.isnan(row[name])}
         whose = row.get(whose_column(row), "")
         at = ", ".join([f"{name} = {value:g}" for name, value in axes.items()] + [WHOSE[whose] for _ in whose[:1]])
         for end, side, fails in (("low", -1.0, "fails_below"), ("high", 1.0, "fails_from")):
@@ -171,11 +170,6 @@ def _rows(columns: Columns) -> Iterator[dict]:
     """Yield the rows of columns, with plain values."""
     for row in zip(*(column.tolist() for column in columns.values()), strict=True):
         yield dict(zip(columns, row, strict=True))
-
-
-def _axes(columns: Columns) -> list[str]:
-    """The names of the axes of a table of intervals, which stand before `along`."""
-    return list(columns)[: list(columns).index("along")]
 
 
 def _text(value: float | str) -> str:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of, whose_column
 from wavesweep.doubts import DOUBTS, INCOMPLETE
 from wavesweep.spec import find_key
 from wavesweep.spec.for_all import GUARANTEES
@@ -23,24 +23,20 @@ class Hand(NamedTuple):
 
     title: str = ""
     good: str = "stable"
-    nowhere: str = "no {such} anywhere in the swept range"
+    nowhere: str = "no {such} anywhere"
 
 
 HANDS = {
     "": Hand(),
     "free": Hand("free device"),
     "operator": Hand("with the spec's operator"),
-    "passive": Hand("stable with every passive hand", nowhere="nowhere stable with every passive hand in the swept range"),
-    "box": Hand("stable with every hand of the box", nowhere="nowhere stable with every hand of the box in the swept range"),
-    "port": Hand("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
-    "channel": Hand("wave channel passive to within the tolerance", "passive", "nowhere passive in the swept range"),
+    "passive": Hand("stable with every passive hand", nowhere="nowhere stable with every passive hand"),
+    "box": Hand("stable with every hand of the box", nowhere="nowhere stable with every hand of the box"),
+    "port": Hand("hand's port passive, forces held over a tick", "passive", "nowhere passive"),
+    "channel": Hand("wave channel passive to within the tolerance", "passive", "nowhere passive"),
     "spec": Hand("the spec's own numbers"),
-    "for_all": Hand(
-        "proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all] in the swept range"
-    ),
-    "mean_square": Hand(
-        "proved in mean square, with messages lost at random", "proved", "nothing proved in mean square in the swept range"
-    ),
+    "for_all": Hand("proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all]"),
+    "mean_square": Hand("proved in mean square, with messages lost at random", "proved", "nothing proved in mean square"),
 }
 STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
@@ -76,8 +72,7 @@ class Extreme:
 
     def place(self) -> dict[str, float]:
         """The axes' values in that row, without those that the loop does not read."""
-        names = list(self.row)[: list(self.row).index("along")]
-        return {name: self.row[name] for name in names if not np.isnan(self.row[name])}
+        return {name: self.row[name] for name in axes_of(self.row) if not np.isnan(self.row[name])}
 
 
 class IntervalTally:
@@ -123,7 +118,7 @@ class IntervalTally:
 
     def _list(self, columns: Columns) -> None:
         """Keep the intervals of up to one slice more than are shown."""
-        names = [name for name in list(columns)[: list(columns).index("along")] if len(self._axes.get(name, ())) > 1]
+        names = [name for name in axes_of(columns) if len(self._axes.get(name, ())) > 1]
         for row, first in enumerate((columns["interval"] == 0).tolist()):
             if first and len(self._slices) > MOST_SHOWN:
                 return
@@ -176,7 +171,14 @@ class IntervalTally:
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
-        more = {"from": row["low"], "ended_by": ended} | _refuted(row)
+        more = {"from": row["low"], "ended_by": ended}
+        hand = {part: row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")}
+        # Where numbers refute both ends, each end is named.
+        by = "" if np.isnan(row.get("fails_from", np.nan)) else str(row.get("counterexample", "")).rpartition("from: ")[2]
+        if by:
+            more |= {"refuted_from": row["fails_from"], "refuted_by": by}
+        elif not np.isnan(hand["mass"]):
+            more |= {"ended_by_hand": hand}
         return {**(self._extreme(first, **more) or {}), "equal_rows": self._largest.ties}
 
     def _least_numbers(self) -> dict[str, Any] | None:
@@ -191,40 +193,22 @@ class IntervalTally:
         return found | {"value": -self._least.value, "upwards": upwards}
 
     def _felt_numbers(self) -> dict[str, Any] | None:
-        if not self._felt.row:
+        felt, band = self._felt, None
+        if not felt.row:
             return None
-        more = {"unit": felt_unit(self._facts), "with": self._felt.row["value"], "over_band": self._over_band()}
-        more |= {"from": self._felt.row["low"], "falls": self._falls}
-        return self._extreme(self._felt, **more)
+        wall, low = felt.row["value"], felt.row["low"]
+        if self._hand in ("", "spec") and felt.value > 0 and "spec" in self._facts:  # not of other hands than the spec's
+            from wavesweep.analyses.feel import band_at
+            from wavesweep.spec import load
 
-    def _over_band(self) -> dict[str, Any] | None:
-        """What the hand feels of that wall over frequency; None of walls for other hands than the spec's."""
-        if self._hand not in ("", "spec") or not self._felt.value > 0 or "spec" not in self._facts:
-            return None
-        from wavesweep.analyses.feel import band_at
-        from wavesweep.spec import load
-
-        numbers = self._felt.place() | {self._along: self._felt.row["value"]}
-        return band_at(load(self._facts["spec"]), numbers, self._felt.value)
+            band = band_at(load(self._facts["spec"]), felt.place() | {self._along: wall}, felt.value)
+        more = {"unit": felt_unit(self._facts), "with": wall, "over_band": band, "from": low, "falls": self._falls}
+        return self._extreme(felt, **more)
 
     def _unit(self, name: str) -> str:
         """The unit of an axis; empty if it has none."""
         key = numbers_of(self._facts).get(name) or find_key(name)
         return key.unit if key is not None and key.unit != "1" else ""
-
-
-def _refuted(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers, or the hand, that end the largest interval, if they are known."""
-    if row.get("fails_from", np.nan) == row.get("fails_from", np.nan):
-        by = str(row.get("counterexample", "")).rpartition("from: ")[2]  # where both ends have one, each is named
-        return {"refuted_from": row["fails_from"], "refuted_by": by} if by else {}
-    hand = {part: row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")}
-    return {} if np.isnan(hand["mass"]) else {"ended_by_hand": hand}
-
-
-def whose_column(columns: Columns) -> str:
-    """The column that says for whom, or of which spec, a row is, if the table has one."""
-    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
 
 
 class Words:
@@ -274,7 +258,7 @@ class Words:
             bounded = f"; {BOUNDED}" if found["drawn"] and not found["required"] else ""
             return f"no {self._such} found, but part of the swept range could not be decided{bounded}"
         if largest is None:
-            return HANDS[self._hand].nowhere.format(such=self._such)
+            return HANDS[self._hand].nowhere.format(such=self._such) + " in the swept range"
         ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")
         if "refuted_from" in largest:
             ended += f", refuted from {largest['refuted_from']:.6g} on by {largest['refuted_by']}"
@@ -311,11 +295,9 @@ class Words:
         felt = self._found["stiffest_felt"]
         if felt is None:
             return ""
-        band = ""
-        if felt["over_band"]:
-            from wavesweep.analyses.feel import in_words
+        from wavesweep.analyses.feel import in_words
 
-            band = in_words(felt["over_band"])
+        band = in_words(felt["over_band"]) if felt["over_band"] else ""
         wall = f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"
         ends = ", at an end of an interval" if felt["falls"] or self._found["unit"] not in STIFFNESS else ""
         stiffness = f"{felt['value']:.6g} {felt['unit']}{band}"
@@ -379,8 +361,7 @@ class Tallies:
             if len(words) > 1:
                 rows = {name: column[columns[whose] == word] for name, column in rows.items()}
             if whose == "spec":
-                names = list(rows)
-                axes = {name: np.unique(rows[name]).tolist() for name in names[: names.index("along")]}
+                axes = {name: np.unique(rows[name]).tolist() for name in axes_of(rows)}
                 specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
                 self._tallies[word] = IntervalTally(axes=axes, facts={"spec": specs[word]})
             tally = self._tallies.setdefault(word, IntervalTally(word, self._axes, self._facts))

@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, whose_column
 from wavesweep.doubts import INCOMPLETE
 from wavesweep.spec.for_all import GUARANTEES
-from wavesweep.tables.interval_tally import whose_column
 
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear

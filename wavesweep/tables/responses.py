@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from wavesweep.analyses.assumptions import notices_of
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.stability.certificate import SPARED
 from wavesweep.tables import kind_named
@@ -110,7 +110,7 @@ class BodeTally:
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows; a curve is rows with the same values, one after the other."""
-        leading = [columns[name] for name in list(columns)[: list(columns).index("frequency_hz")]]
+        leading = [columns[name] for name in axes_of(columns, "frequency_hz")]
         new = np.zeros(len(columns["frequency_hz"]), bool)
         for column in leading:
             new[1:] |= _differ(column[1:], column[:-1])
