@@ -9,7 +9,7 @@ from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.circle import solve
 from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.passive.held_loop import HeldLoop
-from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
+from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps, read
 from wavesweep.response.linear_systems import solved
 from wavesweep.stability.spectrum import is_stable
@@ -64,18 +64,9 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     responsive, apart = _responsive(lifted, x), settled(lifted, x)
     parts = [(getattr(apart, name), getattr(lifted, name)) for name in LiftedMap.__slots__]
     lifted = LiftedMap(*(np.where(responsive[:, None, None], *pair) for pair in parts))
-    M, loops = ticks.kind.size, ticks.loops
+    M = ticks.kind.size
     period = np.broadcast_to(np.real(drawn.period), batch).reshape(-1)
-    least = np.where(responsive, 0.0, LOWEST)
-    peak = peak_by_levels(
-        lambda owner, theta, _: np.nan_to_num(
-            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
-        ),
-        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
-        loops,
-        lambda _, level: SLACK * (1 + np.abs(level)),
-        SOFT,
-    )
+    peak = peak_of(ticks, lifted, period, np.where(responsive, 0.0, LOWEST))
     finite = np.isfinite(peak.value)
     needed = np.where((responsive | (M == 1)) & finite, peak.value, np.inf)
     return DampingNeeded(
@@ -83,6 +74,22 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
         (peak.theta / (period * M)).reshape(batch),
         (responsive & finite).reshape(batch),
         (peak.certified & finite).reshape(batch),
+    )
+
+
+def peak_of(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
+    """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
+
+    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
+    """
+    return peak_by_levels(
+        lambda owner, theta, _: np.nan_to_num(
+            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
+        ),
+        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
+        ticks.loops,
+        lambda _, level: SLACK * (1 + np.abs(level)),
+        SOFT,
     )
 
 

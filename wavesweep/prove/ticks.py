@@ -73,16 +73,16 @@ class Loop:
 
         number: an arb or an acb. Entries are NaN if an algebraic loop may have no solution in that ball.
         """
-        ticks = self._ticks(number)
+        ticks = self.tick_maps(number)
         pivot = reduce(lambda total, kind: total * ticks[kind][1], self.kinds, type(number)(1))
         return product(self.kinds, {kind: tick for kind, (tick, _) in ticks.items()}), pivot
 
     def pattern(self, number: Any) -> np.ndarray:
         """The entries of the frame that may not be 0 for a value in the ball `number`; zeros of sums are not seen."""
-        ones = {kind: arb_mat(_places(tick).astype(int).tolist()) for kind, (tick, _) in self._ticks(number).items()}
+        ones = {kind: arb_mat(_places(tick).astype(int).tolist()) for kind, (tick, _) in self.tick_maps(number).items()}
         return _places(product(self.kinds, ones))
 
-    def _ticks(self, number):
+    def tick_maps(self, number: Any) -> dict[tuple[int, ...], tuple[Any, Any]]:
         """The map of each kind of tick, and the determinant of its algebraic loops."""
         blocks = [self._block(i, block, number) for i, block in enumerate(self.blocks)]
         W = [[0] * len(self.outputs) for _ in self.inputs]

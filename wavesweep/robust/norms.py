@@ -262,15 +262,8 @@ class _Newton:
 
         nodes, n = P.shape[0], P.shape[-1]
         gradient, (inverse, _, moved, arriving) = _gradient(P, A, graph)
-        hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
-        at = np.arange(nodes)
-        ends = (graph.source, inverse), (graph.target, arriving)
-        hessian[at, :, at] = sum(acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
-        pairs, first, last = graph.pairs
-        mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
-        np.subtract.at(hessian, (first, slice(None), last), mixed)
-        np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
-        return _Newton(gradient, cho_factor(hessian.reshape(gradient.size, -1), lower=True, overwrite_a=True), (nodes, n))
+        hessian = hessian_of(inverse, moved, arriving, graph, nodes)
+        return _Newton(gradient, cho_factor(hessian, lower=True, overwrite_a=True), (nodes, n))
 
     @property
     def work(self) -> float:
@@ -282,6 +275,20 @@ class _Newton:
         from scipy.linalg import cho_solve
 
         return unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
+
+
+def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:
+    """Return the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A F^-1 and A F^-1 A' on each edge."""
+    n = inverse.shape[-1]
+    hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
+    at = np.arange(nodes)
+    ends = (graph.source, inverse), (graph.target, arriving)
+    hessian[at, :, at] = sum(acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
+    pairs, first, last = graph.pairs
+    mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+    np.subtract.at(hessian, (first, slice(None), last), mixed)
+    np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
+    return hessian.reshape(nodes * n * (n + 1) // 2, -1)
 
 
 @lru_cache(maxsize=64)

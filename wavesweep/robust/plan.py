@@ -47,15 +47,24 @@ class Schedule:
 
     def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
         """Return the loop with a frame that has one tick of each kind: connecting it gives the map of each kind."""
-        placed, slow = [], self.slow
-        for each in loop.placed:
-            name = each.block.name
-            runs = [
-                (name in self.shown if blocks is None else name in blocks) if name in slow else blocks is not None
+        placed = [
+            replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist()))
+            for each, runs in zip(loop.placed, self.running([each.block.name for each in loop.placed]).T, strict=True)
+        ]
+        return replace(loop, placed=tuple(placed))
+
+    def running(self, names: Sequence[str]) -> np.ndarray:
+        """Return which blocks run in each kind of tick, `(kinds, blocks)`."""
+        slow = self.slow
+        return np.array(
+            [
+                [
+                    (name in self.shown if blocks is None else name in blocks) if name in slow else blocks is not None
+                    for name in names
+                ]
                 for blocks in self.kinds.values()
             ]
-            placed.append(replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist())))
-        return replace(loop, placed=tuple(placed))
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +105,7 @@ class Plan:
         maps, _, index = self._kinds(ticks_at)
         drift = self._drift(varied)
         ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
-        return LoopFrames.of(ticks, drift.kept, *self._written(index), drift if drift.folded else None)
+        return LoopFrames.of(ticks, drift.kept, *self.written(index), drift if drift.folded else None)
 
     def over(
         self, paths: Sequence[str], numbers_at: Callable[[np.ndarray], np.ndarray], box: np.ndarray, units=None
@@ -123,13 +132,13 @@ class Plan:
             return counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
 
         drift = lasting(drift, counted_at, box)
-        rows, samples, symbols, _ = self._written(index)
+        rows, samples, symbols, _ = self.written(index)
         return FramesOver.of(lambda points: without_folded(counted_at(points), drift), box, rows, samples, symbols, units)
 
     def _kinds(self, ticks_at):
         """The different maps of ticks, the step and the place that each is from, and the index of each kind at each step."""
         maps, picked, index = [], [], {}
-        for step in self._steps:
+        for step in self.steps:
             ticks = ticks_at(step)
             for place, kind in enumerate(self.schedule.kinds):
                 own = ticks.maps[ticks.kind[place]]
@@ -141,16 +150,17 @@ class Plan:
         return maps, picked, index
 
     @property
-    def _steps(self):
+    def steps(self) -> list[int]:
+        """The periods of the slow blocks, in ticks."""
         return sorted({symbol.ticks for symbol in self.symbols}) if self.schedule.elapsed else [self.schedule.nominal]
 
     def _drift(self, varied) -> TickDrift:
         both_loops = twins(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied)
         return drift_of_drawn(*map(self.schedule.scheduled, both_loops))
 
-    def _written(self, index):
+    def written(self, index):
         """The rows and samples of the symbols as indices of kinds, the symbols, and which may follow which."""
-        order, steps, symbols = list(self.schedule.kinds), self._steps, list(self.symbols)
+        order, steps, symbols = list(self.schedule.kinds), self.steps, list(self.symbols)
         if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
         rows = [tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol)) for symbol in symbols]
