@@ -124,8 +124,8 @@ REFUSED = [
     (lambda _: _direct().response([1.0, -2.0]), "frequency_hz: expected finite numbers >= 0, found -2.0"),
     (lambda _: _direct().simulate(["1", "2"]), "force"),
     (lambda _: _direct().simulate(np.ones(3), wall="0.1"), "wall"),
-    (lambda _: _direct().simulate([0.0] * 10, resolution=None), "option resolution: expected a finite number, found None"),
-    (lambda _: _direct().simulate([0.0] * 10, seed=1.5), "option seed: expected a whole number, found 1.5"),
+    (lambda _: _direct().simulate([0.0] * 10, resolution=None), "option resolution: expected a number >= 0, found None"),
+    (lambda _: _direct().simulate([0.0] * 10, seed=1.5), "option seed: expected a whole number >= 0, found 1.5"),
 ]
 
 

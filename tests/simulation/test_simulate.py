@@ -193,9 +193,9 @@ def test_a_stopped_run_is_the_beginning_of_a_longer_one(values):
 @pytest.mark.parametrize(
     ("option", "text"),
     [
-        ({"jitter": 1.0}, "option jitter: expected at most 0.9 of a tick, found 1.0"),
-        ({"dropped": 1.5}, "option dropped: expected a probability of at most 1, found 1.5"),
-        ({"late": 1.5}, "option late: expected a whole number of ticks, found 1.5"),
+        ({"jitter": 1.0}, "option jitter: expected a number <= 0.9, found 1.0"),
+        ({"dropped": 1.5}, "option dropped: expected a number <= 1, found 1.5"),
+        ({"late": 1.5}, "option late: expected a whole number >= 0, found 1.5"),
         ({"friction": -0.1}, "option friction: expected a number >= 0, found -0.1"),
         ({"wall": math.nan}, "option wall: expected a finite number, found nan"),
     ],

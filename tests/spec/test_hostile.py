@@ -62,7 +62,7 @@ def test_a_name_that_other_programs_would_run_or_misread_is_refused(stem, tmp_pa
     [
         ("force_N,force_N\n1,2\n", "expected one column force_N"),
         ("force_N\n1,2\n", "expected 1 values as in the header, found 2"),
-        ('force_N\n"1\n', "expected a CSV file"),
+        ('force_N\n"1\n2\n', "found none that can be read"),
         ("force_N\n" + "1\n" * 11, "at most 10 rows"),
         ("force_N\n" + "1" * 200 + "x\n", "found 1{60}$"),
     ],

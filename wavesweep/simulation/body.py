@@ -4,12 +4,12 @@ If friction stops the device within a tick, the tick is divided exactly at that 
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 _TERMS = 18  # of the Taylor series at norm 1/4: the next term is below 1e-27
-_REST = 1e-20  # of the motion: smaller terms of the series are below rounding
 
 
 def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> np.ndarray:
@@ -58,7 +58,7 @@ class Body(NamedTuple):
     friction: float
 
 
-def slide(body: Body, x: float, v: float, f: float, length: float, plant: tuple[float, ...]) -> tuple[float, float]:
+def slide(body: Body, x: float, v: float, f: float, length: float, plant: Sequence[float] | None) -> tuple[float, float]:
     """Move the body for `length` seconds under the held force ``f`` (N) and friction; returns position and velocity.
 
     In motion friction is the constant force ``-friction·sgn(v)`` and the tick is linear. If the velocity reaches 0
@@ -66,9 +66,8 @@ def slide(body: Body, x: float, v: float, f: float, length: float, plant: tuple[
 
     Parameters: `x` (m) and `v` (m/s) at the start, `plant` the increments of a whole tick of this length.
 
-    Accuracy: the instant of rest is a closed form, the motion up to it a Taylor series to rounding.
+    Accuracy: the instant of rest is a closed form, the motion up to it exact to rounding.
     """
-    whole = True
     while length > 0.0:
         pull = f - body.stiffness * x
         if v == 0.0 and abs(pull) <= body.friction:
@@ -76,9 +75,9 @@ def slide(body: Body, x: float, v: float, f: float, length: float, plant: tuple[
         net = f - math.copysign(body.friction, v or pull)
         stop = rest_time(body, x, v, net)
         if not stop < length:  # also where an unstable loop has made it NaN
-            return _whole(plant, x, v, net) if whole else coast(body, x, v, net, length)
-        x, v = coast(body, x, v, net, stop)[0], 0.0
-        length, whole = length - stop, False
+            return _moved(plant or zero_order_hold(*body[:3], length).tolist(), x, v, net)
+        x, v = _moved(zero_order_hold(*body[:3], stop).tolist(), x, v, net)[0], 0.0
+        length, plant = length - stop, None
     return x, v
 
 
@@ -88,11 +87,9 @@ def rest_time(body: Body, x: float, v: float, f: float) -> float:
     With ``c = d/2m`` the velocity is ``exp(-c·t)·(v·C - w·S)``, ``w = (k·x - f)/m + c·v``, with C and S cosine and
     sine over ω, their hyperbolic counterparts, or 1 and t. It is zero if ``S/C = v/w``.
     """
-    if v == 0.0:
-        return math.inf if body.stiffness == 0.0 else _half_swing(body)
     c = body.damping / (2 * body.mass)
     w = (body.stiffness * x - f) / body.mass + c * v
-    v, w = (v, w) if v > 0.0 else (-v, -w)
+    v, w = (v, w) if v > 0.0 else (-v, -w) if v < 0.0 else (0.0, -abs(w))  # which sets off, and swings for half a turn
     square = body.stiffness / body.mass - c * c
     if square > 0.0:
         omega = math.sqrt(square)
@@ -103,35 +100,6 @@ def rest_time(body: Body, x: float, v: float, f: float) -> float:
     return math.atanh(gamma * v / w) / gamma if gamma > 0.0 else v / w
 
 
-def _half_swing(body: Body) -> float:
-    """Time (s) from rest to rest of a body that is set in motion by a constant force."""
-    square = body.stiffness / body.mass - (body.damping / (2 * body.mass)) ** 2
-    return math.pi / math.sqrt(square) if square > 0.0 else math.inf
-
-
-def _whole(plant: tuple[float, ...], x: float, v: float, f: float) -> tuple[float, float]:
+def _moved(plant: Sequence[float], x: float, v: float, f: float) -> tuple[float, float]:
     a, b, c, d, e, g = plant
     return x + (a * x + b * v + c * f), v + (d * x + e * v + g * f)
-
-
-def coast(body: Body, x: float, v: float, f: float, length: float) -> tuple[float, float]:
-    """Solve ``m·a + d·v + k·x = f`` for any length of time by Taylor's series, in steps with fast convergence."""
-    fastest = max(body.damping / body.mass, math.sqrt(body.stiffness / body.mass))
-    steps = max(1, math.ceil(length * fastest)) if length > 0.0 else 0
-    for _ in range(steps):
-        x, v = _series(body, x, v, f, length / steps)
-    return x, v
-
-
-def _series(body: Body, x: float, v: float, f: float, t: float) -> tuple[float, float]:
-    """Sum ``c[n+2] = (f·[n = 0] - d·(n+1)·c[n+1]·/t - k·c[n])·t²/(m·(n+1)(n+2))``, the terms of x(t)."""
-    drag, spring = body.damping * t / body.mass, body.stiffness * t * t / body.mass
-    term, following = x, v * t
-    push, n = f * t * t / body.mass, 0
-    position, distance = term + following, following
-    size = abs(following) + abs(push) + spring * abs(x)
-    while abs(term) + abs(following) > _REST * size or n < 2:
-        term, following = following, (push - drag * (n + 1) * following - spring * term) / ((n + 1) * (n + 2))
-        push, n = 0.0, n + 1
-        position, distance = position + following, distance + (n + 1) * following
-    return position, distance / t

@@ -54,30 +54,23 @@ def effects_of(spec: Spec) -> Effects:
 def hand_force(spec: Spec, seed: int | None = None) -> Input:
     """Return the force of the hand over the simulated time of the spec; seed: of noise, by default the spec's."""
     values, fast_hz = spec.simulate, spec.tick_hz
-    record = _made(spec, fast_hz, values["seed"] if seed is None else int(seed))
-    seconds = values["duration_s"]
-    return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
-
-
-def record_path(spec: Spec) -> Path:
-    """Return the path of the recorded force, relative to the spec's folder, or to the current one for a dict."""
-    return Path(spec.source or "").parent / spec.simulate["record"]
-
-
-def _made(spec: Spec, fast_hz: float, seed: int) -> Input:
-    """Return the input of this name."""
-    values = spec.simulate
     size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
-    frequencies, settle = values["frequency_hz"], values["settle_s"]
+    frequencies, settle, key = values["frequency_hz"], values["settle_s"], "tick_hz" if spec.drawing else "fast_hz"
     makers = {
         "sine": lambda: inputs.sine(fast_hz, *frequencies, size, seconds, settle),
         "stepped-sine": lambda: inputs.stepped_sine(
             fast_hz, frequencies, size, settle, values["periods"], most=math.inf if seconds is None else seconds
         ),
         "chirp": lambda: inputs.chirp(fast_hz, *frequencies, size, seconds),
-        "step": lambda: inputs.step(fast_hz, size, seconds, at),
+        "step": lambda: inputs.pulse(fast_hz, size, seconds, at, seconds),
         "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
-        "noise": lambda: inputs.noise(fast_hz, size, seconds, seed),
-        "record": lambda: inputs.read_force(record_path(spec), fast_hz, "rates.tick_hz" if spec.drawing else "rates.fast_hz"),
+        "noise": lambda: inputs.noise(fast_hz, size, seconds, values["seed"] if seed is None else int(seed)),
+        "record": lambda: inputs.read_force(record_path(spec), fast_hz, f"rates.{key}"),
     }
-    return makers[values["input"]]()
+    record = makers[values["input"]]()
+    return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
+
+
+def record_path(spec: Spec) -> Path:
+    """Return the path of the recorded force, relative to the spec's folder, or to the current one for a dict."""
+    return Path(spec.source or "").parent / spec.simulate["record"]

@@ -9,11 +9,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
+from wavesweep.spec.checking import Rejected, check
+from wavesweep.spec.keys import SIMULATE_KEYS
 
-MOST_JITTER = 0.9  # of a tick, as in a spec
-MOST_LATE = 1_000_000  # ticks, as in a spec
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 
 
@@ -47,25 +46,14 @@ class Effects:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Reject a value out of range; the message names the effect, the value found and the values expected."""
+        """Reject a value that its key in [simulate] would not have."""
         for field in fields(self):
-            value, number = getattr(self, field.name), real_numbers(getattr(self, field.name))
-            absent = value is None and field.default is None
-            if not absent and (number is None or number.ndim or not np.isfinite(number)):
-                raise UsageError(f"option {field.name}: expected a finite number, found {value!r:.60}")
-            if not absent and field.name != "wall" and value < 0:
-                raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
-        if self.jitter > MOST_JITTER:
-            raise UsageError(f"option jitter: expected at most {MOST_JITTER} of a tick, found {self.jitter}")
-        if self.late > MOST_LATE:
-            raise UsageError(f"option late: expected at most {MOST_LATE} ticks, found {self.late}")
-        if self.max_force == 0:
-            raise UsageError("option max_force: expected a number > 0, or None for no limit, found 0")
-        if self.dropped > 1:
-            raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
-        for name, what in (("late", "a whole number of ticks"), ("seed", "a whole number")):
-            if getattr(self, name) != int(getattr(self, name)):
-                raise UsageError(f"option {name}: expected {what}, found {getattr(self, name)}")
+            value = getattr(self, field.name)
+            if not (value is None and field.default is None):
+                try:
+                    check(SIMULATE_KEYS[f"simulate.{field.name}"], value.item() if isinstance(value, np.generic) else value)
+                except Rejected as error:
+                    raise UsageError(f"option {field.name}: {error}") from None
 
 
 def changed(effects: Effects, changes: Mapping[str, float | None]) -> Effects:

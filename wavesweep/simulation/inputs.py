@@ -1,7 +1,5 @@
 """Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read from a CSV file."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +9,11 @@ import numpy as np
 
 from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
+from wavesweep.identification.csv_files import read_csv
 from wavesweep.spec.checking import apart
 from wavesweep.spec.experiment import MOST_TICKS
-from wavesweep.spec.reading import read_bytes
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
-MOST_SHOWN = 60  # characters of a file that an error repeats
 _MOST = 2.0**53  # ticks; more cannot be counted by doubles
 _TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 
@@ -98,11 +95,6 @@ def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitud
     return Input(amplitude * np.sin(2 * np.pi * turns))
 
 
-def step(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1) -> Input:
-    """Return a force that starts at `at` seconds and stays constant."""
-    return pulse(fast_hz, amplitude, seconds, at, width=seconds)
-
-
 def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1, width: float = 0.05) -> Input:
     """Return a force that lasts from `at` seconds for `width` seconds."""
     force = np.zeros(_ticks(fast_hz, seconds))
@@ -157,65 +149,35 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
 
     Errors: `UsageError` naming the file, the line, the value found and the values expected.
     """
-    try:
-        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
-        rows = csv.reader(io.StringIO(text, newline=""), strict=True)
-        header = [name.strip() for name in next(rows, [])]
-        lines = [(rows.line_num, row) for row in rows]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{path}: expected a CSV file in UTF-8, found: {error}") from error
-    while lines and not any(map(str.strip, lines[-1][1])):
-        lines.pop()
-    if header.count("force_N") != 1 or header.count("time_s") > 1:
-        found = ", ".join(header)[:MOST_SHOWN] or "nothing"
-        found = found if not header or _of_numbers(header, lines) else "text that is no table of numbers"
+    file = read_csv(path, MOST_BYTES)
+    lines = file.body.rstrip("\n, \t").split("\n")
+    if file.names.count("force_N") != 1 or file.names.count("time_s") > 1:
+        # A spec may name any file, whose text is not for everybody: only that of a table of numbers is shown.
+        cells = lines[0].split(",") if file.names else []
+        table = len(cells) == len(file.names) and all(map(_is_number, cells))
+        found = file.listed if table or not file.names else "text that is no table of numbers"
         raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {found}")
-    if not lines:
-        raise UsageError(f"{path}: expected at least one row of numbers below the header, found none")
     if len(lines) > MOST_TICKS:
         raise UsageError(f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more")
-    for line, row in lines:
-        if len(row) > len(header):
-            raise UsageError(f"{path}:{line}: expected {len(header)} values as in the header, found {len(row)}")
-    force = _column(path, lines, header, "force_N")
-    if "time_s" in header:
-        _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz, rate)
-    return Input(force)
+    names = ["force_N", *(["time_s"] if "time_s" in file.names else [])]
+    if blank := [number for number, line in enumerate(lines, start=2) if not line.strip() and len(lines) > 1]:
+        raise UsageError(f"{path}:{blank[0]}: force_N: expected a number, found nothing")
+    force, *times = file.numbers(names).T
+    if times:
+        expected = times[0][0] + np.arange(len(force)) / fast_hz
+        off = np.abs(times[0] - expected) > _TOLERANCE / fast_hz
+        if off.any():
+            row = int(off.argmax())
+            wanted, found = apart(float(expected[row]), float(times[0][row]))
+            raise UsageError(
+                f"{path}:{row + 2}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
+                f"fast rate, found {found}; resample the record or set {rate}"
+            )
+    return Input(force.copy())
 
 
-def _of_numbers(header: list, lines: list) -> bool:
-    """Whether these are columns of numbers below their names: a spec may name any file, whose text is not for everybody."""
-    return bool(lines) and len(header) == len(lines[0][1]) and all(math.isfinite(_number(cell)) for cell in lines[0][1])
-
-
-def _column(path: str | Path, lines: list, header: list, name: str) -> np.ndarray:
-    """Read a column as finite numbers."""
-    place, numbers = header.index(name), []
-    for line, row in lines:
-        cell = row[place].strip() if place < len(row) else ""
-        number = _number(cell)
-        if not math.isfinite(number):
-            raise UsageError(f"{path}:{line}: {name}: expected a number, found {cell[:MOST_SHOWN] or 'nothing'}")
-        numbers.append(number)
-    return np.array(numbers)
-
-
-def _number(cell: str) -> float:
-    """Read a number; NaN for a cell without one."""
+def _is_number(cell: str) -> bool:
     try:
-        return float(cell)
+        return math.isfinite(float(cell))
     except ValueError:
-        return math.nan
-
-
-def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: float, rate: str) -> None:
-    """Reject times that are not the ticks of the fast loop, at the first such row."""
-    expected = times[0] + np.arange(len(times)) / fast_hz
-    off = np.abs(times - expected) > _TOLERANCE / fast_hz
-    if off.any():
-        row = int(off.argmax())
-        wanted, found = apart(float(expected[row]), float(times[row]))
-        raise UsageError(
-            f"{path}:{lines[row][0]}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
-            f"fast rate, found {found}; resample the record or set {rate}"
-        )
+        return False

@@ -381,49 +381,34 @@ def _wall_of(drawing, terms, known):
     inside |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
     if any(path not in inside and any(name in names for name, _ in names_in(tree)) for path, tree in drawing.trees()):
         return None, {}
+    none = known | dict.fromkeys(names, 0.0)
     for port, each in terms.items():
-        slopes = [_slopes(gain, names, known) for _, gain in each]
-        if None in slopes:
-            return None, {}
-        found = [
-            [(slope[i], name) for slope, (name, _) in zip(slopes, each, strict=True) if slope[i]] for i in range(len(names))
-        ]
-        if not any(found):
+        found: dict[tuple[int, str], float] = {}  # of each number and signal, the factor of their product
+        for signal, gain in each:
+            read = [name for name, _ in names_in(gain) if name in names]
+            if not read:
+                continue
+            rest, *ones, both = (
+                value_of(gain, none | some) for some in ({}, *({name: 1.0} for name in names), dict.fromkeys(names, 1.0))
+            )
+            slopes = [one - rest for one in ones]
+            if any(degree(gain, name) > 1 for name in read) or abs(both - sum(slopes) - rest) > SAME * abs(both):
+                return None, {}
+            found |= {(i, signal): found.get((i, signal), 0.0) + slope for i, slope in enumerate(slopes) if slope}
+        if not found:
             continue
-        lead = next(share for some in found for share, _ in some)
-        first = first or [[(share if lead > 0 else -share, name) for share, name in some] for some in found]
-        share = lead / next(share for some in first for share, _ in some)
-        if not _alike(found, [[(share * each, name) for each, name in some] for some in first]):
+        found = dict(sorted(found.items(), key=lambda item: item[0][0]))
+        lead = next(iter(found.values()))
+        first = first or {place: value if lead > 0 else -value for place, value in found.items()}
+        share = lead / next(iter(first.values()))
+        if [*found] != [*first] or any(abs(found[at] - share * first[at]) > SAME * abs(found[at]) for at in found):
             return None, {}
         shares[port] = (share,)
     if first is None:
         return None, {}
-    depth, speed = (*map(tuple, first), ())[:2]
+    depth, speed = (tuple((value, name) for (i, name), value in first.items() if i == at) for at in (0, 1))
     K, B = (*(float(known[name]) for name in names), 0.0)[:2]
     return Wall(names, K, B, depth, speed), shares
-
-
-def _slopes(gain, names, known):
-    """The factor of each number in a gain; None if it is not linear in them."""
-    read = {name for name, _ in names_in(gain)}.intersection(names)
-    if not read:
-        return (0.0,) * len(names)
-    if any(degree(gain, name) > 1 for name in read):
-        return None
-    none = known | dict.fromkeys(names, 0.0)
-    rest, *ones = (value_of(gain, none | one) for one in ({}, *({name: 1.0} for name in names)))
-    both = value_of(gain, none | dict.fromkeys(names, 1.0))
-    together = sum(one - rest for one in ones) + rest
-    return tuple(one - rest for one in ones) if abs(both - together) <= SAME * abs(both) else None
-
-
-def _alike(some, others):
-    """Whether two sums for each number are the same but for rounding."""
-    return all(
-        [name for _, name in one] == [name for _, name in other]
-        and all(abs(a - b) <= SAME * abs(a) for (a, _), (b, _) in zip(one, other, strict=True))
-        for one, other in zip(some, others, strict=True)
-    )
 
 
 def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> Loop:

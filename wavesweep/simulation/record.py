@@ -69,23 +69,22 @@ def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -
 
     Accuracy: rounding of the sums; an overflowed simulation gives infinities or NaN.
     """
+
+    def power(going, coming):
+        return (signals[going] ** 2 - signals[coming] ** 2) / 2
+
     with np.errstate(over="ignore", invalid="ignore"):
         hand, device = (np.cumsum(signals[name] * moved) if name in signals else None for name in ("f_h", "f_device"))
         if not {"u_m", "u_s"} <= signals.keys():
             return Energy(hand, device, None, None, None, None)
-        user = np.cumsum(_wave(signals, "u_m", "v_m", loop.tick))
+        user = np.cumsum(loop.tick * power("u_m", "v_m"))
         rhythm = next(part.rhythm for part in loop.parts if part.name == loop.only("avatar"))
         updates = np.isin(np.arange(len(moved)) % rhythm.every, rhythm.phases)
         periods = np.zeros(len(moved))
         periods[updates] = np.resize(rhythm.lasting(loop.tick), np.count_nonzero(updates))
-        slow = np.cumsum(np.where(updates, _wave(signals, "u_s", "v_s", periods), 0.0))
-        local = np.cumsum(_wave(signals, "u_h", "v_l", loop.tick)) if "u_h" in signals else np.zeros_like(user)
+        slow = np.cumsum(np.where(updates, periods * power("u_s", "v_s"), 0.0))
+        local = np.cumsum(loop.tick * power("u_h", "v_l")) if "u_h" in signals else np.zeros_like(user)
         return Energy(hand, device, user, slow, local, user - slow - local)
-
-
-def _wave(signals: dict[str, np.ndarray], going: str, coming: str, period: float | np.ndarray) -> np.ndarray:
-    """Energy (J) that a pair of waves carries away in each period."""
-    return period * (signals[going] ** 2 - signals[coming] ** 2) / 2
 
 
 def table(simulation: Simulation) -> dict[str, np.ndarray]:
@@ -111,16 +110,9 @@ def table(simulation: Simulation) -> dict[str, np.ndarray]:
     columns |= {name: missing if column is None else column for name, column in energies.items()}
     if simulation.lacking is not None:
         columns = {k: column for k, column in columns.items() if column is not missing and k not in simulation.lacking}
-    whole = _finite_rows([column for column in columns.values() if column is not missing], len(ticks))
+    finite = np.all([np.isfinite(column) for column in columns.values() if column is not missing], axis=0)
+    whole = len(ticks) if finite.all() else int(finite.argmin())
     return {name: column[:whole] for name, column in columns.items()}
-
-
-def _finite_rows(columns: list[np.ndarray], rows: int) -> int:
-    """Return the number of rows before the first one with an infinite number or NaN."""
-    finite = np.ones(rows, dtype=bool)
-    for column in columns:
-        finite &= np.isfinite(column)
-    return rows if finite.all() else int(finite.argmin())
 
 
 def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int) -> dict[str, np.ndarray]:
