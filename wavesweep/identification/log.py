@@ -63,7 +63,10 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
         for name in given:
             if name not in known:
                 raise UsageError(f"{option} {name}: expected one of {', '.join(known)}, found {name}")
-    places = {name: _column(file, name, columns) for name in known}
+    # The column of the file that has each name, or this name and a unit; None without.
+    endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in known}
+    wanted = {name: [f"{columns.get(name, name)}{ending}" for ending in each] for name, each in endings.items()}
+    places = {name: next((each for each in names if each in file.names), None) for name, names in wanted.items()}
     straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
     turns = bool(turned & columns.keys())
     if not turns and not straight & columns.keys() and not (places["force"] or places["position"]):
@@ -88,53 +91,43 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
         )
     rows = file.numbers([places[name] for name in used.values()], LEAST_ROWS)
     found = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
-    _refuse_unusable(path, found, motion)
-    period, jitter = _period(path, found["time"], "time")
+    _refuse_constant(path, found, motion)
+    period, jitter = _period(path, found["time"])
     measured = next(name for name, other in MOTIONS.items() if motion in (name, other))
     force, first = found[push] * (1.0 if constant is None else constant), float(found["time"][0])
     return Log(force, found[motion], measured, period, first, bool(turns), jitter, file.sha256, tuple(scales))
 
 
-def _column(file, name, columns):
-    """The column of the file that has this name, or this name and a unit; None without."""
-    wanted = columns.get(name, name)
-    return next(
-        (each for each in (wanted, *(f"{wanted}_{unit}" for unit in UNITS if name not in columns)) if each in file.names), None
-    )
-
-
-def _refuse_unusable(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
+def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
     for name, column in found.items():
         if name != "time" and np.ptp(column) == 0:
             why = "nothing moves it" if name == motion else "it has to change to move the device"
             raise UsageError(f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}")
 
 
-def _period(path: str | Path, times: np.ndarray, name: str) -> tuple[float, float]:
+def _period(path: str | Path, times: np.ndarray) -> tuple[float, float]:
     """The period (s) and the largest deviation of a time from equal steps, in periods."""
     steps = np.diff(times)
     if (steps <= 0).any():
         row = int((steps <= 0).argmax())
         raise UsageError(
-            f"{path}:{row + 3}: {name}: expected times that increase, found {times[row + 1]:.9g} after {times[row]:.9g}"
+            f"{path}:{row + 3}: time: expected times that increase, found {times[row + 1]:.9g} after {times[row]:.9g}"
         )
     period = float(np.median(steps))
     if (steps > GAP * period).any():
         row = int((steps > GAP * period).argmax())
         found = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
-        raise UsageError(f"{path}:{row + 3}: {name}: expected equal steps, found {found}; take a part without gaps")
+        raise UsageError(f"{path}:{row + 3}: time: expected equal steps, found {found}; take a part without gaps")
     period = float(times[-1] - times[0]) / (len(times) - 1)
     if not SHORTEST <= period <= LONGEST:
         expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
-        raise UsageError(f"{path}: {name}: {expected}; --scale {name}=FACTOR turns another unit into s, e.g. 1e-9 from ns")
+        raise UsageError(f"{path}: time: {expected}; --scale time=FACTOR turns another unit into s, e.g. 1e-9 from ns")
     late = times - times[0] - period * np.arange(len(times))
     off = np.abs(late - np.median(late)) / period
     if off.max() > UNEVEN:
         row = int(off.argmax())
         found = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
-        raise UsageError(
-            f"{path}:{row + 2}: {name}: expected equal steps, found {found}; resample the log, or take an even part"
-        )
+        raise UsageError(f"{path}:{row + 2}: time: expected equal steps, found {found}; resample the log, or take an even part")
     return period, float(off.max())
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.errors import UsageError
-from wavesweep.identification.csv_files import SHOWN, Csv, read_csv
+from wavesweep.identification.csv_files import SHOWN, read_csv
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.reading import read_bytes
 
@@ -93,39 +93,32 @@ def read_walls(path: str | Path) -> Walls:
         if (column < 0).any():
             raise UsageError(f"{path}: {name}: expected numbers of at least 0, found {column.min():g}")
     if STABLE in file.names:
-        return Walls(damping, stiffness, _flags(file), file.sha256)
+        cells = file.texts(STABLE)
+        flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
+        if None in flags:
+            line, text = cells[flags.index(None)]
+            raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
+        return Walls(damping, stiffness, np.array(flags), file.sha256)
     if (stiffness == 0).any():
         hint = "where no wall is stable, give one that was tried, in a file with a column stable"
         raise UsageError(f"{path}: K_VE: expected limits above 0, found 0; {hint}")
     return Walls(damping, stiffness, None, file.sha256)
 
 
-def _flags(file: Csv) -> np.ndarray:
-    cells = file.texts(STABLE)
-    found = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
-    if None in found:
-        line, text = cells[found.index(None)]
-        raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
-    return np.array(found)
-
-
 def walls_of(spec: Spec) -> Walls | None:
     """The walls that [measured] names; None if it names none. Errors: UsageError."""
-    return _bounded(read_walls(path), path) if (path := _path(spec, "z_width")) else None
+    return _points(spec, "z_width", lambda path: (found := read_walls(path), len(found.K_VE)))
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:
     """The response that [measured] names; None if it names none. Errors: UsageError."""
-    path = _path(spec, "response")
-    return _bounded(read_response(path, 1, MOST_BYTES_OF_POINTS), path) if path else None
+    return _points(spec, "response", lambda path: (found := read_response(path, 1, MOST_BYTES_OF_POINTS), len(found.coherence)))
 
 
-def _path(spec, name):
-    return Path(spec.source or "").parent / spec.measured[name] if name in spec.measured else None
-
-
-def _bounded(found, path):
-    count = len(found.K_VE if isinstance(found, Walls) else found.frequency_hz)
+def _points(spec, name, read):
+    if name not in spec.measured:
+        return None
+    found, count = read(path := Path(spec.source or "").parent / spec.measured[name])
     if count > MOST_POINTS:
         raise UsageError(f"{path}: expected at most {MOST_POINTS} points, found {count}")
     return found

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import dropwhile, takewhile
+from operator import itemgetter
 
 import numpy as np
 from scipy.signal import lfilter
@@ -62,10 +63,12 @@ def judged(fit: Fit) -> Verdict:
     # Divided by the square roots of its weights, the score is white if the model is right.
     root = np.sqrt(estimate.weight)
     basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
-    left = _projected(basis, estimate.score / np.maximum(root, 1e-300))
-    edges = _edges(len(left))
-    # Powers of white noise are Gamma distributed.
-    odds = gammaincc(np.diff(edges), _powers(left, edges) / np.sum(left**2))
+    left = estimate.score / np.maximum(root, 1e-300)
+    left = left - basis @ (basis.T @ left)
+    # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise are Gamma distributed.
+    edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, BANDS + 1)).astype(int))
+    powers = np.add.reduceat(np.abs(np.fft.rfft(left))[: edges[-1]] ** 2, edges[:-1])
+    odds = gammaincc(np.diff(edges), powers / np.sum(left**2))
     seen, tone, taken, shown = False, float("nan"), 0.0, []
     for frequency, changes in _effects(fit):
         directions = (root * rows.used)[:, None] * changes
@@ -81,7 +84,8 @@ def judged(fit: Fit) -> Verdict:
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
     exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
     alike, remains = _like_friction(fit), not exact and (seen or float(odds.min()) < RARE)
-    band = _band(shown)
+    stretch = [*takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))]  # in which a resonance would be seen
+    band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
     explained = not (remains or alike or unseen)
     named = ("one-way" if alike else "unseen" if unseen else "", float("nan"), 0.0)
@@ -94,12 +98,6 @@ def judged(fit: Fit) -> Verdict:
     rounding = [step * (np.round(each) - each) for each in places]
     square, usual = np.mean([(np.mean(each**2), _neighbours(each)) for each in rounding], axis=0).tolist()
     return Verdict(explained, *named, rms, square**0.5, _neighbours(residual), usual, band)
-
-
-def _band(shown):
-    """The first and the last frequency of the first range in which a resonance would be seen; None if there is none."""
-    stretch = list(takewhile(lambda each: each[1], dropwhile(lambda each: not each[1], shown)))
-    return (stretch[0][0], stretch[-1][0]) if stretch else None
 
 
 def _like_friction(fit: Fit) -> bool:
@@ -136,10 +134,6 @@ def _left(model, theta, rows):
     return float(np.sum(rows.residual(model, refined(model, theta, rows)) ** 2))
 
 
-def _projected(basis, errors):
-    return errors - basis @ (basis.T @ errors)
-
-
 def _orthogonal(basis, directions):
     """An orthonormal basis of the directions, orthogonal to the basis of the fit."""
     rest = _sized(directions)
@@ -153,15 +147,6 @@ def _orthogonal(basis, directions):
 def _sized(directions):
     """The directions with a length of 1."""
     return directions / np.maximum(np.linalg.norm(directions, axis=0), 1e-300)
-
-
-def _edges(rows):
-    """The first lines of the bands of a spectrum, and the end of the last one."""
-    return np.unique(np.round(np.geomspace(1, rows // 2 + 1, BANDS + 1)).astype(int))
-
-
-def _powers(errors, edges):
-    return np.add.reduceat(np.abs(np.fft.rfft(errors))[: edges[-1]] ** 2, edges[:-1])
 
 
 def _neighbours(errors):
