@@ -8,9 +8,9 @@ from wavesweep.cli import main
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec import KEYS, STUDY_KEYS, SYMBOLS
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.design import WISHES
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import AXIS_KEYS
+from wavesweep.spec.wishes import WISHES
 
 EVERY = {**KEYS, **STUDY_KEYS}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.specs import INTEGRATIONS, random_values
 
-from wavesweep.loops.blocks import avatar, local_model
+from wavesweep.loops.blocks import defined
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.monodromy.periodic import ticks_of
 from wavesweep.sweep.grid import Loops
@@ -31,7 +31,7 @@ def test_the_encoder_conserves_power(seed, kind):
 def test_the_avatar_conserves_power_and_integrates_as_the_model_says(integration):
     """`F_s x_dot = u_s^2/2 - v_s^2/2`; the recursion of the table, marched beside the block."""
     b, T_s = 7.0, 0.02
-    block = avatar("avatar", T_s, b, integration)
+    block = defined("avatar", "avatar", T_s, b=b, integration=integration)
     state, x_before, speed_before = np.zeros(1), 0.0, 0.0
     for u, F in zip(random_row(1, 30), random_row(2, 30), strict=True):
         x_dot, x, x_tilde, v = block.C @ state + block.D @ [u, F]
@@ -49,7 +49,7 @@ def test_the_avatar_conserves_power_and_integrates_as_the_model_says(integration
 def test_the_local_model_solves_its_own_step(integration, K, B):
     """The recursion of the model, `F_l = K_LM x~ + B_LM x_dot`, solved for x_dot in each tick."""
     b, T = 7.0, 1e-3
-    block = local_model("local", T, b, K, B, integration)
+    block = defined("local_model", "local", T, b=b, K=K, B=B, integration=integration)
     share = {"explicit": 0.0, "implicit": T, "trapezoidal": T / 2}[integration]
     state, x, before = np.zeros(1), 0.0, 0.0
     for u in random_row(3, 60):

@@ -81,7 +81,7 @@ def test_an_undamped_mass_with_difference_velocity_and_delay(ticks, t):
     K = (R * np.cos((ticks + 0.5) * t) - b * (1 - np.cos(t))) * mass / T**2
 
     def draw(p):
-        placed = [blocks.mass("m", T, mass), blocks.difference("v", T), blocks.delay("z", T, ticks)]
+        placed = [blocks.mass("m", T, mass), blocks.defined("difference", "v", T), blocks.defined("delay", "z", T, steps=ticks)]
         sums = {"v.u": {"m.x": 1.0}, "z.u": {"m.x": p, "v.y": b * mass / T}, "m.f": {"z.y": -1.0}}
         return MultirateLoop(T, tuple(map(ScheduledBlock, placed)), sums)
 
@@ -99,8 +99,8 @@ def test_an_integrator_behind_a_network(share, phase):
     def draw(wire):
         placed = (
             ScheduledBlock(blocks.ss("x", tick, [[0.0]], [[1 / d]], [[1.0]], [[0.0]], ("f",), ("x",))),
-            ScheduledBlock(blocks.hold("s", h), 20, 0),
-            ScheduledBlock(blocks.hold("a", h), 20, phase),
+            ScheduledBlock(blocks.defined("hold", "s", h), 20, 0),
+            ScheduledBlock(blocks.defined("hold", "a", h), 20, phase),
         )
         return MultirateLoop(tick, placed, {"s.u": {"x.x": 1.0}, **wire}, ("w",))
 
@@ -197,7 +197,7 @@ def test_a_state_that_a_tick_forgets_is_forgotten_exactly():
 def placed_hold(**place):
     return MultirateLoop(
         1e-3,
-        (ScheduledBlock(blocks.mass("arm", 1e-3, 0.1), 1), ScheduledBlock(blocks.hold("h", 5e-3), **place)),
+        (ScheduledBlock(blocks.mass("arm", 1e-3, 0.1), 1), ScheduledBlock(blocks.defined("hold", "h", 5e-3), **place)),
         {"h.u": {"arm.x": 1.0}, "arm.f": {"h.y": -20.0}},
     )
 
@@ -221,7 +221,7 @@ def test_a_block_that_would_never_run_is_refused(place):
     ],
 )
 def test_junctions_of_unknown_names_and_rings_of_them_are_refused(sums, found):
-    arm, hold = ScheduledBlock(blocks.mass("arm", 1e-3, 0.1)), ScheduledBlock(blocks.hold("h", 5e-3), 5)
+    arm, hold = ScheduledBlock(blocks.mass("arm", 1e-3, 0.1)), ScheduledBlock(blocks.defined("hold", "h", 5e-3), 5)
     with pytest.raises(UsageError, match=rf"a drawn loop: expected .*, found .*{found}"):
         wavesweep.compile(MultirateLoop(1e-3, (arm, hold), sums))
     with pytest.raises(UsageError, match="different names, found arm"):

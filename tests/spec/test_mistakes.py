@@ -19,7 +19,7 @@ from wavesweep.errors import SpecError
 from wavesweep.spec import KEYS, load
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import show
-from wavesweep.spec.design import WISHES
+from wavesweep.spec.wishes import WISHES
 
 FOLDER = pathlib.Path(__file__).parent / "mistakes"
 BASES = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.toml")}

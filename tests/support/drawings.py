@@ -12,15 +12,15 @@ def pmw(b=25.0, Kp=0.0, delay=0, integration="explicit", order=1, wall=None):
     """Passive multirate wave control written as blocks; the wall's force is the input "w" unless `wall` = (K, B) makes it."""
     placed = [
         ScheduledBlock(blocks.mass("m", T, 0.1, 1.5)),
-        ScheduledBlock(blocks.wave("end", T, b, "force")),
+        ScheduledBlock(blocks.defined("wave", "end", T, b=b, gives="force")),
         ScheduledBlock(blocks.butterworth("lp", T, order, 10.0)),
-        ScheduledBlock(blocks.avatar("av", 20 * T, b, integration), 20),
+        ScheduledBlock(blocks.defined("avatar", "av", 20 * T, b=b, integration=integration), 20),
     ]
     sums = {"end.v": {"m.v": 1.0}, "lp.u": {"end.out": 1.0}, "av.in": {"lp.y": 1.0}, "m.f": {"hand": 1.0, "f_m": -1.0}}
     sums |= {"f_m": {"end.force": 1.0}, "av.f": {"w": 1.0} if wall is None else {"av.x_spring": wall[0], "av.v": wall[1]}}
     back = "av.out", "av.x"
     if delay:
-        placed += [ScheduledBlock(blocks.hold(name, 20 * T), 20, delay) for name in ("late", "late_x")]
+        placed += [ScheduledBlock(blocks.defined("hold", name, 20 * T), 20, delay) for name in ("late", "late_x")]
         sums |= {"late.u": {"av.out": 1.0}, "late_x.u": {"av.x": 1.0}}
         back = "late.y", "late_x.y"
     sums["end.in"] = {back[0]: 1.0} | ({back[1]: Kp, "m.x": -Kp} if Kp else {})
@@ -30,12 +30,12 @@ def pmw(b=25.0, Kp=0.0, delay=0, integration="explicit", order=1, wall=None):
 def random_block(r, name, period):
     kind = r.integers(4)
     if kind == 0:
-        return blocks.delay(name, period, int(r.integers(0, 3)))
+        return blocks.defined("delay", name, period, steps=int(r.integers(0, 3)))
     if kind == 1:
-        return blocks.hold(name, period)
+        return blocks.defined("hold", name, period)
     if kind == 2:
         return blocks.butterworth(name, period, int(r.integers(1, 4)), r.uniform(0.01, 0.3) / period)
-    return blocks.difference(name, period)
+    return blocks.defined("difference", name, period)
 
 
 def random_drawing(seed):

@@ -18,7 +18,7 @@ from wavesweep.errors import UsageError
 from wavesweep.spec import find_key
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import nearest
-from wavesweep.spec.design import WISHES
+from wavesweep.spec.wishes import WISHES
 from wavesweep.tables.fields import COLUMNS, DESIGN, OF_ALONG, OF_WALL, Field
 
 MANY = 4  # tables that have a column

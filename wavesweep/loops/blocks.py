@@ -18,6 +18,7 @@ from wavesweep.spec.firmware_blocks import DELTA
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
+WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
     "difference": "input of the last run",
     "integrator": "integral",
@@ -135,73 +136,18 @@ def _about(at, coefficients, rests):
     return [total + rest for total, rest in zip(sums, lost, strict=True)]
 
 
-def gain(name, period, k=1.0) -> Block:
-    """`y = k u`."""
-    return _defined("gain", name, period, k=k)
-
-
-def hold(name, period) -> Block:
-    """`u` as it was when the block ran last."""
-    return _defined("hold", name, period)
-
-
-def channel(name, period, **_) -> Block:
-    """A `hold`, whose messages are all in time; see `wavesweep.robust.messages` for others."""
-    return _defined("channel", name, period)
-
-
-def delay(name, period, steps=1) -> Block:
-    """`u` of `steps` runs ago."""
-    return _defined("delay", name, period, steps=steps)
-
-
-def mean(name, period, n) -> Block:
-    """Mean of `u` in the last n runs."""
-    del period
-    return _defined("mean", name, 1.0, n=n)
-
-
-def difference(name, period) -> Block:
-    """Change of `u` since the last run, over the period: the velocity that an encoder gives."""
-    return _defined("difference", name, numbers(period))
-
-
-def integrator(name, period, method="explicit") -> Block:
-    """Integral of `u`: rectangles from the left, from the right, or trapezia."""
-    return _defined("integrator", name, numbers(period), method=method)
-
-
-def impulse(name, period) -> Block:
-    """`sum` of `u` in all runs, whose change is `u` in the tick of a run and otherwise 0."""
-    del period
-    return _defined("impulse", name, 1.0)
-
-
 def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
     """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
     return sections(name, order, cutoff_hz, period, highpass=passes == "high")
 
 
-def wave(name, period, b, gives="force") -> Block:
-    """End of a wave line. "force": `v`, `in` -> `force` = b v - sqrt(2b) in, `out` = sqrt(2b) v - in. "velocity": `f`, `in` ->
-    `v` = (sqrt(2b) in - f)/b, `out` = in - sqrt(2/b) f."""
-    return _defined("wave", name, period, b=numbers(b), gives=gives)
-
-
-def avatar(name, period, b, integration="implicit") -> Block:
-    """Decoder and avatar of a slow environment: `in`, `f` -> `v`, `x`, `x_spring` (read by the spring), `out`.
-
-    `v = (sqrt(2b) in - f)/b`, `out = in - sqrt(2/b) f`, and x is the integral of v.
-    """
-    return _defined("avatar", name, period, b=numbers(b), integration=integration)
-
-
-def local_model(name, period, b, K, B, integration="implicit") -> Block:
-    """Local model of the interaction with its own decoder: `in` -> `out`.
-
-    `v = (sqrt(2b) in - f)/b`, `f = K x_spring + B v`, `out = in - sqrt(2/b) f`, solved for the step.
-    """
-    return _defined("local_model", name, period, b=numbers(b), K=numbers(K), B=numbers(B), integration=integration)
+def defined(kind, name, period, **keys) -> Block:
+    """A block of a type that `definitions.running` defines, with its keys; see its description in `TYPES`."""
+    period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
+    keys = {key: numbers(value) if TYPES[kind].keys[key].type == "number" else value for key, value in keys.items()}
+    own, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
+    labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
+    return replace(_block(name, *TYPES[kind].ports_of(keys), own, rest), labels=labels)
 
 
 def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
@@ -263,14 +209,6 @@ def _arrays(parts, n, m, p):
     return tuple(
         part if isinstance(part, np.ndarray) else _matrix(part, shape) for part, shape in zip(parts, shapes, strict=True)
     )
-
-
-def _defined(kind, name, period, **keys):
-    """A block from its definition."""
-    inputs, outputs = TYPES[kind].ports_of(keys)
-    own, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
-    labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
-    return replace(_block(name, inputs, outputs, own, rest), labels=labels)
 
 
 def _block(name, inputs, outputs, own, rest=None):

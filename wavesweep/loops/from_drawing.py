@@ -122,7 +122,8 @@ def _with_numbers(block, known, tick):
             keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
         else:
             keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
-    return ScheduledBlock(getattr(blocks, block.type)(block.name, period, **keys), every, block.phases or phase)
+    own = getattr(blocks, block.type, None) or partial(blocks.defined, block.type)
+    return ScheduledBlock(own(block.name, period, **keys), every, block.phases or phase)
 
 
 def _keys(block, known):

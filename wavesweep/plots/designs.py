@@ -9,7 +9,7 @@ from wavesweep.columns import Columns
 from wavesweep.plots.scales import by_factors
 from wavesweep.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
 from wavesweep.plots.words import assumption, at_hand, label, printed, with_unit
-from wavesweep.spec.design import WISHES
+from wavesweep.spec.wishes import WISHES
 from wavesweep.tables.columns import fields
 from wavesweep.tables.design import margins_of, wish_of
 from wavesweep.tables.regions import spec_of

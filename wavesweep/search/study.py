@@ -22,10 +22,11 @@ from wavesweep.search.family import Scenario, count_of, described, scenarios_of
 from wavesweep.search.search import Judged, designs_of, differing, generations, genes_of, spread, undominated
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Spec
-from wavesweep.spec.design import HAND, Wish
+from wavesweep.spec.design import HAND
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.studies import K_VE_SPAN
+from wavesweep.spec.wishes import Wish
 from wavesweep.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.sweep.job import Chunks, Job, Kind
 from wavesweep.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable

@@ -18,8 +18,8 @@ from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.response.steady import GOOD
 from wavesweep.search.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
-from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
+from wavesweep.spec.wishes import Wish
 from wavesweep.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
 from wavesweep.sweep.grid import distinct_rows, drawn_groups
 

@@ -1,7 +1,7 @@
 """The blocks that a spec can draw: their keys and ports by type.
 
-Validation and the documents' table derive from this table. The functions of `wavesweep.loops.blocks` with the same names take
-the same keys; words of firmware are transfer functions (`wavesweep.spec.firmware_blocks`).
+Validation and the documents' table derive from this table. `wavesweep.loops.definitions` has the equations by the same names
+and keys; words of firmware are transfer functions (`wavesweep.spec.firmware_blocks`).
 """
 
 from collections.abc import Iterable, Mapping

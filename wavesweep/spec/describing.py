@@ -5,9 +5,9 @@ from typing import Any
 
 from wavesweep.spec.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
 from wavesweep.spec.checking import expectation, nearest, show
-from wavesweep.spec.design import WISHES
 from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.spec.wishes import WISHES
 
 Description = dict[str, Any]
 STUDIES = ("sweep", "bode")

@@ -5,154 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any
 
 from wavesweep.controllers import WALL
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Mistakes, apart, show
 from wavesweep.spec.drawing import Drawing, path_of
-from wavesweep.spec.keys import BAND_EDGES, DESIGN_KEYS, KEYS, SIMULATE_KEYS, VALUE_PATHS, Key, Names, number
+from wavesweep.spec.keys import BAND_EDGES, DESIGN_KEYS, KEYS, VALUE_PATHS, Key, Names, number
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import HANDS, RATIOS, VARIED, WISHED, Sorted
+from wavesweep.spec.wishes import OF_DEVICE, WISHES, Wish
 
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
 MOST_SCENARIOS = 4096
 HAND = ("mass", "damping", "stiffness")
 NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls belong to the wishes
-
-_STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
-_BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)
-# Options of a wish: name -> (key of each number, how many; None for any).
-_OF_WALL = {"B_VE": (_DAMPING, None)}
-_WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
-# Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
-_OF_DEVICE = {name: SIMULATE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
-
-
-@dataclass(frozen=True, slots=True)
-class WishKind:
-    """A quantity that may be wished for. more: whether more of it is better. title: its name in figures.
-
-    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it.
-    """
-
-    unit: str
-    more: bool
-    title: str
-    description: str
-    options: Mapping[str, tuple[Key, int | None]]
-    ports: tuple[str, ...] | None = None
-
-    @property
-    def bound(self) -> str:
-        """The key of its bound."""
-        return "at_least" if self.more else "at_most"
-
-
-WISHES = MappingProxyType(
-    {
-        "z_width": WishKind(
-            "N/m",
-            True,
-            "stiffest wall",
-            "stiffest wall up to which every wall is stable, at most that of sweep.K_VE or 20000",
-            _OF_WALL,
-            ("wall",),
-        ),
-        "felt": WishKind(
-            "N/m",
-            True,
-            "stiffness felt",
-            "stiffness felt of that wall at rest or, with a band, the least size of the impedance that it adds to free motion",
-            {"band_hz": (_BAND, 2), **_OF_WALL},
-            ("wall", "hand"),
-        ),
-        "free_motion": WishKind(
-            "N/m",
-            False,
-            "impedance of free motion",
-            "largest size over the band of the impedance of free motion, that without the wall",
-            {"band_hz": (_BAND, 2)},
-            ("wall", "hand"),
-        ),
-        "transparency": WishKind(
-            "1",
-            False,
-            "error of the response",
-            "root mean square over the band of |ln(H/H_dc)|, H the transmitted admittance and H_dc that of direct coupling",
-            {"band_hz": (_BAND, 2), **_WALLS},
-        ),
-        "channel": WishKind("1", False, "norm of the wave channel", "norm of the wave channel", {}),
-        "port": WishKind(
-            "m/N", True, "margin of the hand's port", "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)
-        ),
-        "damping_ratio": WishKind(
-            "1",
-            True,
-            "least damping ratio of all modes",
-            "least damping ratio of all modes, as [sweep] require has it",
-            _WALLS,
-            (),
-        ),
-        "settling": WishKind(
-            "s",
-            False,
-            "time constant of the slowest mode",
-            "time constant of the slowest mode, in which it falls to 1/e",
-            _WALLS,
-            (),
-        ),
-        "delay_margin": WishKind(
-            "tick", True, "delay margin", "further delay of the slow result up to which every delay is stable", _WALLS
-        ),
-        "chatter": WishKind(
-            "N",
-            False,
-            "force of the encoder's rounding, at most",
-            "bound on the force that the rounding of an encoder of this resolution, or that of [simulate], adds to a wall",
-            {"resolution": (_OF_DEVICE["resolution"], 1), **_WALLS},
-            ("hand",),
-        ),
-        "depth": WishKind(
-            "m",
-            True,
-            "depth at the force of the motors",
-            "depth to which a wall can be pressed, slowly, with motors of this force, or that of [simulate]",
-            {"max_force": (_OF_DEVICE["max_force"], 1), **_WALLS},
-            ("hand",),
-        ),
-    }
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of numbers.
-
-    places: of its keys.
-    """
-
-    name: str
-    bound: float | None
-    options: Mapping[str, tuple[float, ...]]
-    places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
-
-    @property
-    def kind(self) -> WishKind:
-        """What is wished for."""
-        return WISHES[self.name]
-
-    def margin(self, value: Any) -> Any:
-        """Return the margin to the bound, as a share of it (of 1e-6 if it is 0); negative if the bound is violated."""
-        share = (value - self.bound) / (abs(self.bound or 0.0) or 1e-6)
-        return share if self.kind.more else -share
-
-    def written(self) -> dict[str, object]:
-        """Return the wish as a spec could give it."""
-        bound = {} if self.bound is None else {self.kind.bound: self.bound}
-        single = [name for name, (_, count) in self.kind.options.items() if count == 1]
-        return bound | {name: values[0] if name in single else list(values) for name, values in self.options.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,10 +45,10 @@ class Design:
         """
         wishes = []
         for wish in self.wishes:
-            lacking = [name for name in _OF_DEVICE if name in wish.kind.options and name not in wish.options]
-            known = {name: (float(experiment[name]),) for name in lacking if experiment[name]}
+            lacking = {name: experiment[name] for name in OF_DEVICE if name in wish.kind.options and name not in wish.options}
+            known = {name: (float(value),) for name, value in lacking.items() if value}
             wishes.append(replace(wish, options={**known, **wish.options}))
-            for name in (name for name in lacking if name not in known):
+            for name in lacking.keys() - known:
                 expected = f"{name} > 0 here, in [simulate] or of a device.preset"
                 mistakes.refuse(self.place, f"design.wish.{wish.name}", expected, "none")
         return replace(self, wishes=tuple(wishes))
@@ -197,39 +63,31 @@ class Design:
 
     def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
         """Add the mistakes of a design of this drawn loop."""
-        ports = {"wall": drawing.wall, "hand": drawing.hand}
+        ports, wall = {"wall": drawing.wall, "hand": drawing.hand}, {path_of(name): name for name in drawing.wall or ()}
         known = [name for name, kind in WISHES.items() if kind.ports is not None]
+        faults = []
         for wish in self.wishes:
-            path = f"design.wish.{wish.name}"
-            if wish.name not in known:
-                mistakes.refuse(self.place, path, f"one of {', '.join(known)} for a drawn loop", wish.name)
-                continue
-            needed = {*wish.kind.ports, *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
-            for name in sorted(name for name in needed if ports[name] is None):
-                mistakes.refuse(self.place, path, f"a loop with a {name} in [ports]", "none")
-        wall = {path_of(name): name for name in drawing.wall or ()}
+            needed = {*(wish.kind.ports or ()), *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
+            lacking = sorted(f"a loop with a {name} in [ports]" for name in needed if ports[name] is None)
+            own = [f"one of {', '.join(known)} for a drawn loop"] if wish.name not in known else lacking
+            faults += [(f"wish.{wish.name}", expected, wish.name if wish.name not in known else "none") for expected in own]
         for name in sorted(drawing.shaping & set(wall.values())):
-            expected = "a wall whose numbers do not decide how the loop is built"
-            mistakes.refuse(self.place, "design.wish", expected, name)
-        for axis, path in self._paths():
-            whole = all(isinstance(value, int) for value in axis.values)
+            faults.append(("wish", "a wall whose numbers do not decide how the loop is built", name))
+        for axis, table in [*((axis, "vary") for axis in self.vary), *((axis, "for_all") for axis in self.for_all)]:
+            expected = ""
             if axis.path in wall:
                 expected = "a number that is not of the wall (walls belong to the wishes)"
-                mistakes.refuse(axis.place, path, expected, wall[axis.path])
-            elif axis in self.for_all and axis.structural and not whole:
+            elif table == "for_all" and axis.structural and not all(isinstance(value, int) for value in axis.values):
                 expected = "a whole number, or one that does not decide how the loop is built"
-                mistakes.refuse(axis.place, path, expected, axis.name)
+            if expected:
+                mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
         if self.hand:
-            expected = "numbers of the drawing, in which the hand is a block"
-            mistakes.refuse(self.place, "design.for_all.hand", expected, "hand")
+            faults.append(("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand"))
         for one, other, _ in self.ratios:
-            expected = "a number of the drawing; write a ratio as an expression there"
-            mistakes.refuse(self.place, f"design.for_all.{one}/{other}", expected, f"{one}/{other}")
-
-    def _paths(self) -> Iterator[tuple[Axis, str]]:
-        """Yield each axis and its path in the spec."""
-        yield from ((axis, f"design.vary.{axis.name}") for axis in self.vary)
-        yield from ((axis, f"design.for_all.{axis.name}") for axis in self.for_all)
+            ratio = f"{one}/{other}"
+            faults.append((f"for_all.{ratio}", "a number of the drawing; write a ratio as an expression there", ratio))
+        for path, expected, found in faults:
+            mistakes.refuse(self.place, f"design.{path}", expected, found)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
@@ -261,12 +119,14 @@ class Design:
 
 
 def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, object]]:
-    """Return ratios (number, the number that it follows, values) so that each comes after the one that it follows."""
+    """Return ratios (number, the number that it follows, values) so that each comes after the one that it follows.
+
+    Those that follow themselves are left out.
+    """
     ordered, waiting = [], list(ratios)
-    while waiting:
-        open_ = {one for one, *_ in waiting}
-        ordered += [ratio for ratio in waiting if ratio[1] not in open_]
-        waiting = [ratio for ratio in waiting if ratio[1] in open_]
+    while ready := [ratio for ratio in waiting if ratio[1] not in {one for one, *_ in waiting}]:
+        ordered += ready
+        waiting = [ratio for ratio in waiting if ratio not in ready]
     return ordered
 
 
@@ -295,23 +155,23 @@ class _Reader:
         leaves = [leaf for at, leaf in self.leaves.items() if at.startswith(f"design.{path}")]
         self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found)
 
-    def design(self, varied: Iterable[Axis], for_all: Iterable[Axis]) -> Design:
-        defaults = {path: key.default for path, key in DESIGN_KEYS.items()}
-        settings = (defaults | self.mistakes.read(DESIGN_KEYS, self.settings)).items()
-        vary = tuple(self.varied(varied))
-        wishes = tuple(self.wished())
-        axes, ratios, hand = self.scenarios(for_all)
+    def design(self, varied: Iterable[Axis], given: Iterable[Axis]) -> Design:
+        settings = {path: key.default for path, key in DESIGN_KEYS.items()} | self.mistakes.read(DESIGN_KEYS, self.settings)
+        vary, wishes, ratios, hand = tuple(self.varied(varied)), tuple(self.wished()), self.ratios(), self.hand()
+        for_all = tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in given)
         for section, expected in (("vary", "at least one number to vary"), ("wish", f"at least one of {', '.join(WISHES)}")):
             if not any(path.startswith(f"design.{section}.") for path in self.leaves):
                 self.refuse(section, expected, "none")
         free = [wish.name for wish in wishes if wish.bound is None]
         if len(free) > 2:
             self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
-        several = [*(axis.values for axis in axes), *hand.values(), *(factors for *_, factors in ratios)]
+        self.refuse_numbers(for_all, ratios, hand)
+        several = [*(axis.values for axis in for_all), *hand.values(), *(factors for *_, factors in ratios.values())]
         if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
             self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
-        names = {path.rpartition(".")[2]: value for path, value in settings}
-        return Design(vary, wishes, axes, hand, ratios, names, next(iter(self.leaves.values())).place.parent())
+        names = {path.rpartition(".")[2]: value for path, value in settings.items()}
+        place = next(iter(self.leaves.values())).place.parent()
+        return Design(vary, wishes, for_all, hand, tuple(ratios.values()), names, place)
 
     def varied(self, axes: Iterable[Axis]) -> Iterator[Axis]:
         for axis in axes:
@@ -339,7 +199,7 @@ class _Reader:
                 if part == kind.bound:
                     bound = self.mistakes.check(number(f"{path}.{part}", None, kind.unit, ""), leaf)
                 elif part in kind.options:
-                    options[part] = self._numbers(f"{path}.{part}", leaf, *kind.options[part])
+                    options[part] = self.numbers(f"{path}.{part}", leaf, *kind.options[part])
                 elif part:
                     self.mistakes.is_known(part, (kind.bound, *kind.options), leaf, f"{path}.{part}")
                 elif leaf.value != {}:
@@ -349,68 +209,55 @@ class _Reader:
                 self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(band)))
             yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
 
-    def _numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
+    def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
         """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
-        if count == 1:
-            items = {path: leaf.value}
-        elif isinstance(leaf.value, list) and leaf.value and count in (None, len(leaf.value)):
-            items = {f"{path}[{index}]": item for index, item in enumerate(leaf.value)}
-        else:
+        items = [leaf.value] if count == 1 else leaf.value
+        if not isinstance(items, list) or not items or count not in (None, len(items)):
             self.mistakes.refuse(leaf, path, f"a list of {f'{count} ' if count else ''}numbers", show(leaf.value))
             return ()
-        numbers = (self.mistakes.check(key, replace(leaf, value=item), at) for at, item in items.items())
+        places = [path if count == 1 else f"{path}[{index}]" for index in range(len(items))]
+        numbers = (self.mistakes.check(key, replace(leaf, value=item), at) for item, at in zip(items, places, strict=True))
         return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
 
-    def scenarios(
-        self, given: Iterable[Axis]
-    ) -> tuple[tuple[Axis, ...], tuple[tuple[str, str, tuple[float, ...]], ...], dict[str, tuple]]:
-        """The axes, the ratios and the hands of [design.for_all]; given: its axes."""
-        axes, ratios, hand = [], {}, self._hand(self.parts[HANDS]["hand"])
+    def ratios(self) -> dict[str, tuple[str, str, tuple[float, ...]]]:
+        """The ratios of [design.for_all] by name."""
+        ratios = {}
         for name, parts in self.parts[RATIOS].items():
             one, other = (self.names.find(each) for each in name.split("/"))
             if other.numeric and other.path in VALUE_PATHS:
                 key = number(f"design.for_all.{name}", None, "1", "", positive=True)
-                ratios[name] = one.path, other.path, self._numbers(key.path, parts[""], key)
+                ratios[name] = one.path, other.path, self.numbers(key.path, parts[""], key)
             else:
                 self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other.path)
-        for axis in given:
-            if axis.path in WALL:
-                expected = "a number of device, operator or timing (walls belong to the wishes)"
-                self.refuse(f"for_all.{axis.name}", expected, axis.name)
-            else:
-                axes.append(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None))
-        self._refuse_twice(axes, ratios, hand)
-        return tuple(axes), tuple(ratios.values()), hand
+        return ratios
 
-    def _refuse_twice(self, axes: list[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
-        """Refuse numbers that are given twice, and ratios that lead to no number."""
+    def hand(self) -> dict[str, tuple[float, ...]]:
+        """The hands of [design.for_all]."""
+        path, parts = "design.for_all.hand", dict(self.parts[HANDS]["hand"])
+        if whole := parts.pop("", None):
+            self.mistakes.refuse(whole, path, "a table such as { damping = [0, 5] }", show(whole.value))
+        return {
+            part: self.numbers(f"{path}.{part}", leaf, KEYS[f"operator.{part}"])
+            for part, leaf in parts.items()
+            if self.mistakes.is_known(part, HAND, leaf, f"{path}.{part}")
+        }
+
+    def refuse_numbers(self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
+        """Refuse numbers of [design.for_all] that it cannot have: walls, those given twice, ratios that lead to no number."""
         varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
         numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{part}", f"hand.{part}") for part in hand]
         for path, name in [*numbers, *((one, name) for name, (one, *_) in ratios.items())]:
-            if path in said:
+            if path in WALL and name not in ratios:
+                expected = "a number of device, operator or timing (walls belong to the wishes)"
+                self.refuse(f"for_all.{name}", expected, name)
+            elif path in said:
                 expected = "a number that is not varied" if path in varied else "each number once"
                 self.refuse(f"for_all.{name}", expected, f"{path}, one of {said[path]}")
             said.setdefault(path, "[design.for_all] already")
-        follows = {one: other for one, other, _ in ratios.values()}
-        for name, (one, other, _) in ratios.items():
-            if one in WALL or self.names.keys[one].structural:
-                self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", one)
-            passed, last = [one], other
-            while last in follows and last not in passed:
-                passed.append(last)
-                last = follows[last]
-            if last in passed:
-                self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", " to ".join([*passed, last]))
-
-    def _hand(self, parts: Mapping[str, Leaf]) -> dict[str, tuple[float, ...]]:
-        if whole := parts.get(""):
-            expected = "a table such as { damping = [0, 5] }"
-            self.mistakes.refuse(whole, "design.for_all.hand", expected, show(whole.value))
-        known = {part: leaf for part, leaf in parts.items() if part}
-        path = "design.for_all.hand"
-        return {
-            part: self._numbers(f"{path}.{part}", leaf, KEYS[f"operator.{part}"])
-            for part, leaf in known.items()
-            if self.mistakes.is_known(part, HAND, leaf, f"{path}.{part}")
-        }
+        leading = in_order(list(ratios.values()))
+        for name, ratio in ratios.items():
+            if ratio[0] in WALL or self.names.keys[ratio[0]].structural:
+                self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", ratio[0])
+            if ratio not in leading:
+                self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", f"{ratio[0]}, which follows itself")

@@ -8,24 +8,13 @@ from typing import Any
 
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.classes import PARTS as OF_CLASS
-from wavesweep.spec.design import WISHES
-from wavesweep.spec.drawing_ports import OPTIONAL
+from wavesweep.spec.drawing_ports import NAMED, OPTIONAL
 from wavesweep.spec.drawing_ports import PORTS as OF_PORTS
 from wavesweep.spec.drawing_tables import NUMBER_PARTS
 from wavesweep.spec.experiment import FRAME_KEYS as OF_FRAME
 from wavesweep.spec.for_all import LOST
-from wavesweep.spec.keys import (
-    AXIS_KEYS,
-    DESIGN_KEYS,
-    KEYS,
-    MEASURED_KEYS,
-    MESSAGES,
-    REQUIRE_KEYS,
-    SIMULATE_KEYS,
-    STUDY_KEYS,
-    SYMBOLS,
-    Key,
-)
+from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key
+from wavesweep.spec.wishes import WISHES
 
 Schema = dict[str, Any]
 TEXT = {"type": "string"}
@@ -47,37 +36,30 @@ AXIS, RANGE = _reference("axis"), _reference("range")  # of drawn loops
 def schema() -> Schema:
     """Return the schema of a spec, of a controller or of a drawn loop, as nested dicts that JSON can hold."""
     axis = _axis(Key("axis", "number", None, "", "number of the drawn loop"))
-    nested = {"anyOf": [axis, {"type": "object", "additionalProperties": AXIS}]}  # "numbers.k" may be a path of tables
+    numeric = {path: key for path, key in KEYS.items() if key.numeric}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Spec of wavesweep",
         "oneOf": [_controlled(), _drawn()],
         "$defs": {
-            "axis": nested,
+            "axis": {"anyOf": [axis, _tables({}, AXIS)]},  # "numbers.k" may be a path of tables
             "range": {"anyOf": [_range(), _tables({}, RANGE)]},
             **{path: _value(key) for path, key in KEYS.items()},
-            **{f"axis of {path}": _axis(key) for path, key in KEYS.items() if key.numeric},
-            **{f"range of {path}": _range(key) for path, key in KEYS.items() if key.numeric},
+            **{f"axis of {path}": _axis(key) for path, key in numeric.items()},
+            **{f"range of {path}": _range(key) for path, key in numeric.items()},
         },
     }
 
 
 def _controlled() -> Schema:
     named = {path: path for path, key in KEYS.items() if key.numeric} | SYMBOLS
-    axes = {name: _reference(f"axis of {path}") for name, path in named.items()}
-    ranges = {name: _reference(f"range of {path}") for name, path in named.items()}
-    axes, ranges = axes | _nested(axes), ranges | _nested(ranges)
-    loop = _nested({path: _reference(path) for path in KEYS})
-    delay = loop["environment"]["properties"]["delay"]
-    loop["environment"]["properties"]["delay"] = {"anyOf": [delay, {"const": "frame"}]}
-    loop["controller"]["required"] = ["kind"]
-    tables = loop | {
-        "sweep": _tables(axes | SWEEP),
-        "bode": _tables(axes | FREQUENCY),
-        "for_all": _tables(ranges | {"lost": _value(LOST)}),
-        "design": _design(_tables(axes), list(WISHES)),
-    }
-    return _tables(tables | _runs(), title="loop of a controller", required=["controller"])
+    axes, ranges = ({name: _reference(f"{kind} of {path}") for name, path in named.items()} for kind in ("axis", "range"))
+    tables = _nested({path: _reference(path) for path in KEYS})
+    tables["environment"]["properties"]["delay"] = {"anyOf": [_reference("environment.delay"), {"const": "frame"}]}
+    tables["controller"]["required"] = ["kind"]
+    tables |= _studies(axes | _nested(axes), ranges | _nested(ranges), WISHES)
+    del tables["bode"]["properties"]["from"], tables["bode"]["properties"]["to"]
+    return _tables(tables, title="loop of a controller", required=["controller"])
 
 
 def _drawn() -> Schema:
@@ -89,9 +71,7 @@ def _drawn() -> Schema:
             required=[part for part in parts if part not in OPTIONAL],
         )
         for name, parts in OF_PORTS.items()
-        if name in ("hand", "wall")
-    }
-    bode = FREQUENCY | {name: _value(STUDY_KEYS[f"bode.{name}"]) for name in ("from", "to")}
+    } | {side: _tables({}, end) for side in NAMED}
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
     tables = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
@@ -100,55 +80,51 @@ def _drawn() -> Schema:
         "block": _tables({}, {"oneOf": [*map(_block, TYPES), {"properties": {"type": {"not": {"enum": [*TYPES]}}}}]}),
         "signals": _tables({}, wire),
         "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
-        "ports": _tables(ports | {side: _tables({}, end) for side in ("inputs", "outputs")}),
-        "sweep": _tables(SWEEP, AXIS),
-        "bode": _tables(bode, AXIS),
-        "for_all": _tables({"lost": {"anyOf": [_value(LOST), RANGE]}}, RANGE),
-        "design": _design(_tables({}, AXIS), [wish for wish, kind in WISHES.items() if kind.ports is not None]),
+        "ports": _tables(ports),
     }
+    tables |= _studies({}, {}, [wish for wish, kind in WISHES.items() if kind.ports is not None], AXIS, RANGE)
     own = {"properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES]}}}}}}
     classes = {"if": {"required": ["type"]}, "else": own}  # whose names are types of blocks too
-    return _tables(tables | _runs(), title="drawn loop", required=["rates", "block"]) | classes
+    return _tables(tables, title="drawn loop", required=["rates", "block"]) | classes
+
+
+def _studies(
+    axes: Schema, ranges: Schema, wishes: Iterable[str], other: Schema | bool = False, other_range: Schema | bool = False
+) -> Schema:
+    """The tables of studies. axes, ranges: of the numbers with known names; other, other_range: what any other names are."""
+    tables = _nested({path: _value(key) for path, key in STUDY_KEYS.items()})
+    sweep, bode, simulate, design = (tables[name]["properties"] for name in ("sweep", "bode", "simulate", "design"))
+    bode["frequency_hz"] = _axis(STUDY_KEYS["bode.frequency_hz"])
+    tables |= {"sweep": _tables(sweep | axes, other), "bode": _tables(bode | axes, other)}
+    lost = {"anyOf": [_value(LOST), RANGE]} if other_range else _value(LOST)
+    tables["for_all"] = _tables(ranges | {"lost": lost}, other_range)
+    frequency = STUDY_KEYS["simulate.frequency_hz"]
+    simulate["frequency_hz"] = {"anyOf": [_value(frequency), _axis(frequency), {"type": "array", "maxItems": 0}]}
+    simulate["show"]["items"] = TEXT
+    frame = _tables({name: _value(key) for name, key in OF_FRAME.items()}, required=["ticks"])
+    simulate["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
+    late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
+    simulate["messages"] = _tables({}, late, description=simulate["messages"]["description"])
+    values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
+    hand = _tables({path.partition(".")[2]: values for path in KEYS if path.startswith("operator.")})
+    wished = _tables({name: _wish(name) for name in wishes})
+    design |= {"vary": _tables(axes, other), "wish": wished, "for_all": _tables({"hand": hand}, AXIS)}
+    return tables
+
+
+def _wish(name: str) -> Schema:
+    kind = WISHES[name]
+    options = {
+        option: _value(key) if count == 1 else {"type": "array", "items": _value(key), "minItems": count or 1}
+        for option, (key, count) in kind.options.items()
+    }
+    return _tables({kind.bound: {"type": "number"}, **options}, description=_described(kind))
 
 
 def _block(kind: str) -> Schema:
     keys = {key.path: _value(key, text=True) for key in (*TYPES[kind].keys.values(), EVERY, PHASE)}
     required = [key.path for key in TYPES[kind].keys.values() if key.required]
     return _tables({"type": {"const": kind}, **keys}, required=["type", *required], description=TYPES[kind].description)
-
-
-def _runs() -> Schema:
-    """The tables that specs of both kinds have: [simulate] and [measured]."""
-    simulate, frequency = _named(SIMULATE_KEYS), SIMULATE_KEYS["simulate.frequency_hz"]
-    frame = _named(OF_FRAME) | {"required": ["ticks"]}
-    several = [_value(frequency), _axis(frequency), {"type": "array", "maxItems": 0}]
-    simulate["properties"]["frequency_hz"] = {"anyOf": several}
-    simulate["properties"]["show"]["items"] = {"type": "string"}
-    simulate["properties"]["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
-    late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
-    simulate["properties"]["messages"] = _tables({}, late, description=_described(SIMULATE_KEYS[MESSAGES]))
-    return {"simulate": simulate, "measured": _named(MEASURED_KEYS)}
-
-
-def _design(axes: Schema, wishes: Iterable[str]) -> Schema:
-    """The table [design]; axes: the table of its numbers that vary."""
-    wished = {}
-    for name in wishes:
-        kind = WISHES[name]
-        options = {
-            option: _value(key) if count == 1 else {"type": "array", "items": _value(key), "minItems": count or 1}
-            for option, (key, count) in kind.options.items()
-        }
-        wished[name] = _tables({kind.bound: {"type": "number"}, **options}, description=_described(kind))
-    values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
-    hand = _tables({path.partition(".")[2]: values for path in KEYS if path.startswith("operator.")})
-    tables = {"vary": axes, "wish": _tables(wished), "for_all": _tables({"hand": hand}, AXIS)}
-    return _tables(tables | _named(DESIGN_KEYS)["properties"])
-
-
-def _named(keys: Mapping[str, Key]) -> Schema:
-    """A table of keys by the last parts of their names."""
-    return _tables({path.rpartition(".")[2]: _value(key) for path, key in keys.items()})
 
 
 def _axis(key: Key) -> Schema:
@@ -202,7 +178,3 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
     """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
     return {"type": "object", "properties": dict(properties), "additionalProperties": others, **more}
-
-
-SWEEP = {"along": _value(STUDY_KEYS["sweep.along"]), "require": _named(REQUIRE_KEYS)}
-FREQUENCY = {"frequency_hz": _axis(STUDY_KEYS["bode.frequency_hz"])}

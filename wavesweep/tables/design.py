@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.columns import Columns
 from wavesweep.spec import Spec
-from wavesweep.spec.design import WISHES, Wish
+from wavesweep.spec.wishes import WISHES, Wish
 from wavesweep.tables.columns import fields
 from wavesweep.tables.fields import DESIGN, Field
 from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count, plain
