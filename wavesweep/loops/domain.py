@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from functools import lru_cache, partial, reduce
+from functools import lru_cache
 
 import numpy as np
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import numbers_of, values_of
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, name_of, scalars
-from wavesweep.spec.expressions import ONE, degree, names_in, singular
+from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
+from wavesweep.spec.expressions import degree, names_in, singular
 
 
 def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
@@ -211,9 +211,9 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
     known = numbers_of(values)
     with np.errstate(all="ignore"):
-        for names, check in _checked(drawing) if arrays else ():
-            if names & varied:
-                wrong |= check(known)
+        for condition in drawing.conditions if arrays else ():
+            if condition.names & varied:
+                wrong |= _broken(condition, known)
     return wrong
 
 
@@ -222,44 +222,9 @@ def _unsuitable_alone(drawing, items, others):
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
     known = numbers_of(dict(items))
     with np.errstate(all="ignore"):
-        return any(bool(np.any(check(known))) for names, check in _checked(drawing) if not names & others)
+        return any(bool(np.any(_broken(each, known))) for each in drawing.conditions if each.names and not each.names & others)
 
 
-def _out_of_range(tree, low, above_low, high, known):
-    found = values_of(tree, known)
-    return np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low) & (found <= high))
-
-
-def _without_block(drawing, block, known):
-    """Whether numbers that are accepted by themselves make no such block together."""
-    keys = dict(block.keys)
-    if TYPES[block.type].below_half and values_of(keys.get("order", ONE), known):
-        half = values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2
-        return np.logical_not(
-            reduce(np.logical_and, (values_of(keys[name], known) < half for name in TYPES[block.type].below_half))
-        )
-    if block.type == "tf":
-        return np.abs(values_of(keys["den"][0], known)) < LEAST
-    if block.type == "local_model":
-        return np.abs(values_of(block.divisor(drawing.tick_hz), known)) <= NOTHING * np.abs(values_of(keys["b"], known))
-    return False
-
-
-@lru_cache(maxsize=64)
-def _checked(drawing):
-    """Checks of keys that read numbers, and of blocks: the names of these, and whether those of a loop are not suitable."""
-    found, types = [], {block.name: block.type for block in drawing.blocks}
-    for path, tree in drawing.trees():
-        block, _, name = path.removeprefix("block.").rpartition(".")
-        limited = path.startswith("block.") and name not in ("every", "phase")
-        key = TYPES[types[block]].keys[name] if limited else None
-        low = 0.0 if path == RATE else -np.inf if key is None or key.low is None else key.low
-        high = np.inf if key is None or key.high is None else key.high
-        if any(names_in(tree)):
-            names = frozenset(name for name, _ in names_in(tree))
-            found.append((names, partial(_out_of_range, tree, low, path == RATE or bool(key and key.above_low), high)))
-    for block in drawing.blocks:
-        own = [tree for path, tree in drawing.trees() if path.startswith(f"block.{block.name}.")]
-        names = frozenset(name for tree in (drawing.tick_hz, *own) for name, _ in names_in(tree))
-        found.append((names, partial(_without_block, drawing, block)))
-    return tuple(found)
+def _broken(condition, known):
+    values = [values_of(tree, known) for _, tree in condition.reads]
+    return np.logical_not(np.isfinite(values[0]) & condition.holds(*values))

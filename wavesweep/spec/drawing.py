@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+import operator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import EVERY, LONGEST_DELAY, PHASE, TICK_HZ, TYPES
@@ -64,12 +65,6 @@ class DrawnBlock:
         given = (dict(self.keys).get(key, ("number", 0.0)) for key in ("loss", "burst"))
         return any(tree[:2] != ("number", 0.0) for tree in given)
 
-    def at_odds(self, known: Mapping[str, float | None]) -> Iterator[tuple[str, str]]:
-        """Yield name and expected text of each key of a channel that does not go with losses at random."""
-        for name in ("late", "lost") if self.loses_at_random else ():
-            if known[name]:
-                yield name, "0 beside loss or burst, since messages are lost either at random or by any pattern"
-
     @property
     def dead_time(self) -> Tree | None:
         """The dead time (s) of a delay that is given in seconds; None for any other block."""
@@ -124,6 +119,18 @@ def _trees(kind: str, value: object) -> Iterator[Tree]:
         yield from value
     elif kind == "rows":
         yield from (tree for row in value for tree in row)
+
+
+class Condition:
+    """What a number has to fulfil, also that it is finite.
+
+    own, others: path and tree of the number, and of others that it depends on; names: in these trees. holds: whether their
+    values, or arrays of these, fulfil it. expected: the text of what is expected, or a function of the values that gives it.
+    """
+
+    def __init__(self, holds, expected, own, *others):
+        self.path, self.reads, self.holds, self.expected = own[0], (own, *others), holds, expected
+        self.names = frozenset(name for _, tree in self.reads for name, _ in names_in(tree))
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,40 +361,35 @@ class Drawing:
                     keys[path] = replace(of_type[name], path=path, required=False, shaping=path in self.shaping)
         return Names(keys, {name: path_of(name) for name, _, _ in self.numbers})
 
+    @_remembered
+    def conditions(self) -> tuple[Condition, ...]:
+        """What its numbers have to fulfil, those of a key by itself first."""
+        rate, *others = ((path, tree) for path, tree in self.trees() if not path.startswith("block."))
+        found = [Condition(partial(_within, TICK_HZ), expectation(TICK_HZ), rate)]
+        found += [Condition(lambda value: True, "", each) for each in others]  # noqa: ARG005 - any finite number will do
+        return (*found, *(each for block in self.blocks for each in _conditions(block, *rate)))
+
     def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
-        numbers, first = scalars(values), {}
-        limits = ((f"block.{block.name}.{name}", tree) for block in self.blocks for name, tree in block.limit_trees())
-        for path, tree in (*self.trees(), *limits):
-            if not numbers.keys() >= {name for name, _ in names_in(tree)}:
+        numbers, wrong, every = scalars(values), set(), {}
+        for condition in self.conditions:
+            path, expected = condition.path, condition.expected
+            if not condition.names <= numbers.keys() or wrong & {each for each, _ in condition.reads}:
                 continue  # a number that has a mistake itself
-            value = _value(tree, numbers)
-            if value is None:
+            known = [_value(tree, numbers) for _, tree in condition.reads]
+            if known[0] is None:
+                wrong.add(path)
                 yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
-            else:
-                first.setdefault(path, value)
-        tick_hz = first.get(RATE)
-        if tick_hz is not None and tick_hz <= 0:
-            yield RATE, expectation(TICK_HZ), f"{tick_hz:g}"
-            tick_hz = None
-        every = {}
-        for block in self.blocks:
-            known = {name: first.get(f"block.{block.name}.{name}") for name, _ in (*block.trees(), *block.limit_trees())}
-            for name, expected in _unsuitable(block, known, tick_hz):
-                yield f"block.{block.name}.{name}", expected, f"{known[name]:g}"
-                every[block.name] = None if name == "every" else every.get(block.name, known["every"])
-            every.setdefault(block.name, known["every"])
-            if block.dead_time and (known["seconds"] or 0.0) * (tick_hz or 0.0) > LONGEST_DELAY:
-                expected = f"at most {LONGEST_DELAY} ticks of the loop, {LONGEST_DELAY / tick_hz:g} s"
-                yield f"block.{block.name}.seconds", expected, f"{known['seconds']:g}"
-            if tick_hz and block.type == "local_model" and None not in known.values():
-                yield from _undivided(block, known, _value(block.divisor(self.tick_hz), numbers))
-        runs = {name: int(ticks) for name, ticks in every.items() if ticks}
-        frame = math.lcm(*runs.values())
-        if frame > LONGEST_FRAME:
-            slowest = max(runs, key=runs.get)
+            elif None not in known and not condition.holds(*known):
+                wrong.add(path)
+                yield path, expected if isinstance(expected, str) else expected(*known), f"{known[0]:g}"
+            elif path.startswith("block.") and path.endswith(".every"):
+                every[path] = int(known[0])
+        runs = {path: ticks for path, ticks in every.items() if path not in wrong}
+        if (frame := math.lcm(*runs.values())) > LONGEST_FRAME:
             expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
-            yield f"block.{slowest}.every", expected, f"{frame} (the least common multiple of {_listed(set(runs.values()))})"
+            listed = ", ".join(sorted(set(map(str, runs.values()))))
+            yield max(runs, key=runs.get), expected, f"{frame} (the least common multiple of {listed})"
 
     def displaced(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each part of the hand's displacement that is known to be no such position."""
@@ -460,61 +462,55 @@ def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
         return None
 
 
-def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: float | None) -> Iterator[tuple[str, str]]:
-    """Yield name and expected text of each key that the block does not accept."""
-    keys = keys_of_block(block.type)
-    wrong = set()
-    for name, value in known.items():
-        if value is None or keys[name].type not in ("number", "integer"):
-            continue
-        try:
-            check(keys[name], value)
-        except Rejected as error:
-            wrong.add(name)
-            yield name, error.expected
-    every, phase = known["every"], known["phase"]
-    if every is None or "every" in wrong:
-        return
-    if (block.plant or block.dead_time) and every != 1:
+def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Condition]:
+    """Yield what the numbers of a block have to fulfil. rate, tick_hz: path and tree of the tick's rate."""
+    kind, start, tick, keys = TYPES[block.type], f"block.{block.name}.", (rate, tick_hz), keys_of_block(block.type)
+    numbers = [(name, (start + name, tree)) for name, tree in (*block.trees(), *block.limit_trees())]
+    own = dict(reversed(numbers))  # of a list the first number
+    for name, number in numbers:
+        yield Condition(partial(_within, keys[name]), partial(expectation, keys[name]), number)
+    if block.plant or block.dead_time:
         what = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
-        yield "every", f"1, since {what} runs in every tick"
-    elif phase is not None and "phase" not in wrong and phase >= every:
-        yield "phase", f"a whole number < every = {every:g}"
-    half = (tick_hz or math.inf) / every / 2
-    for name in TYPES[block.type].below_half if known.get("order") != 0 else ():  # 0 is no filter
-        if known[name] is not None and name not in wrong and known[name] >= half:
-            yield name, f"a number < {half:g} (half the block's own rate)"
-    yield from _disordered(known)
-    yield from block.at_odds(known)
-    if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
-        yield "den", "a first coefficient other than 0"
-
-
-def _disordered(known):
-    """The mistake of limits that are not in order."""
-    high = known.get("high")
-    low = None if high is None else known.get("low", -high)
-    if low is not None and not low < high:
-        yield "high", f"a number > low = {low:g}" if "low" in known else "a number > 0, as low is -high"
-
-
-def _undivided(block, known, total):
-    """The mistake of a local model that would divide by 0, for the key that decides it."""
-    if total is not None and abs(total) <= NOTHING * abs(known["b"]):
+        yield Condition(lambda ticks: ticks == 1, f"1, since {what} runs in every tick", own["every"])
+    else:
+        yield Condition(operator.lt, lambda _, every: f"a whole number < every = {every:g}", own["phase"], own["every"])
+    for name in kind.below_half:
+        reads = own[name], tick, own["every"], own.get("order", ("", ONE))
+        yield Condition(lambda hz, rate, every, order: (hz < rate / every / 2) | (order == 0), _below_half, *reads)
+    if "low" in own:
+        yield Condition(operator.gt, lambda _, low: f"a number > low = {low:g}", own["high"], own["low"])
+    elif "high" in own:
+        yield Condition(lambda high: high > 0, "a number > 0, as low is -high", own["high"])
+    for name in ("late", "lost") if block.loses_at_random else ():
+        expected = "0 beside loss or burst, since messages are lost either at random or by any pattern"
+        yield Condition(lambda number: number == 0, expected, own[name])
+    if block.type == "tf":
+        yield Condition(lambda first: abs(first) >= LEAST, "a first coefficient other than 0", own["den"])
+    if block.dead_time:
+        expected = f"at most {LONGEST_DELAY} ticks of the loop, {{:g}} s".format
+        longest = lambda _, hz: expected(LONGEST_DELAY / hz)  # noqa: E731 - beside its text
+        yield Condition(lambda seconds, hz: seconds * hz <= LONGEST_DELAY, longest, own["seconds"], tick)
+    if block.type == "local_model":
         explicit = dict(block.keys)["integration"] == "explicit"
-        name, expected = (
-            ("B", "b + B is not 0") if explicit else ("K", "b + B + K h is not 0, h the time that its spring reads ahead")
-        )
-        yield f"block.{block.name}.{name}", f"a number with which {expected}", f"{known[name]:g}"
+        total = "b + B is not 0" if explicit else "b + B + K h is not 0, h the time that its spring reads ahead"
+        reads = own["B" if explicit else "K"], ("", block.divisor(tick_hz)), own["b"]
+        yield Condition(lambda _, total, b: abs(total) > NOTHING * abs(b), f"a number with which {total}", *reads)
+
+
+def _below_half(_, rate, every, __):
+    return f"a number < {rate / every / 2:g} (half the block's own rate)"
+
+
+def _within(key: Key, value):
+    """Whether a value, or each of an array, is one that the key of a number accepts."""
+    low, high = (-math.inf if key.low is None else key.low), (math.inf if key.high is None else key.high)
+    above = value > low if key.above_low else value >= low
+    return above & (value <= high) & ((value % 1 == 0) if key.type == "integer" else True)
 
 
 def decides(path: str) -> bool:
     """Whether the key of a block decides how the loop is built."""
     return path.startswith("block.") and path.rpartition(".")[2] in STRUCTURE
-
-
-def _listed(names: Iterable[object]) -> str:
-    return ", ".join(map(str, sorted(names)))
 
 
 def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given) -> tuple[dict[str, float], list[Mistake]]:

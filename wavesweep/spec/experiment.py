@@ -67,8 +67,7 @@ class Frame:
 
     def written(self) -> int | dict[str, int | bool]:
         """Return the frame as a spec could give it."""
-        more = {"delay": self.delay} if self.delay is not None else {}
-        more |= {"lost": True} if self.lost else {}
+        more = {name: value for name, value in (("delay", self.delay), ("lost", self.lost)) if value not in (None, False)}
         return {"ticks": self.ticks, **more} if more else self.ticks
 
 
@@ -79,21 +78,17 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
         return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
     frames, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
-        path, count = f"{FRAMES}[{index}]", len(mistakes)
-        if isinstance(item, dict):
-            parts = mistakes.read(FRAME_KEYS, {name: Leaf(value, leaf.place) for name, value in item.items()}, path)
-            if "ticks" not in item:
-                mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
-        else:
-            parts = {"ticks": mistakes.check(FRAME_KEYS["ticks"], Leaf(item, leaf.place), path)}
-        if len(mistakes) > count:
-            continue
-        frames.append(Frame(**parts))
-        if parts.get("delay", 0) > parts["ticks"]:
-            expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
-            mistakes.refuse(leaf, f"{path}.delay", expected, show(parts["delay"]), of_key=False)
+        path, given = f"{FRAMES}[{index}]", item if isinstance(item, dict) else {"ticks": item}
+        parts = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in given.items()}, path)
+        if "ticks" not in given:
+            mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
+        elif "ticks" in parts:
+            frames.append(Frame(**parts))
+            if parts.get("delay", 0) > parts["ticks"]:
+                expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
+                mistakes.refuse(leaf, f"{path}.delay", expected, show(parts["delay"]), of_key=False)
     ticks = sum(frame.ticks for frame in frames)
-    if len(mistakes) == before and ticks > LONGEST_FRAME:
+    if ticks > LONGEST_FRAME:
         mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
     return tuple(frames) if len(mistakes) == before else None
 
@@ -103,21 +98,18 @@ def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, t
 
     given: the lists by path.
     """
-    found: dict[str, tuple[int | None, ...]] = {}
+    expected = 'a list of ticks by which messages are late in turn, or "lost", or "3 lost" for so many in a row'
+    messages: dict[str, tuple[int | None, ...]] = {}
     for path, leaf in given.items():
-        expected = 'a list of ticks by which messages are late in turn, or "lost", or "3 lost" for so many in a row'
-        items = leaf.value if isinstance(leaf.value, list) else ()
         late: list[int | None] = []
-        for item in items:
+        for item in leaf.value if isinstance(leaf.value, list) and leaf.value else [leaf.value]:
             lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
-            ticks = isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
+            ticks = leaf.value != item and isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
             late += [None] * int(lost[1] or 1) if lost else [item] * ticks
             if not (lost or ticks):
                 mistakes.refuse(leaf, path, expected, show(item), of_key=False)
-        if not items:
-            mistakes.refuse(leaf, path, expected, show(leaf.value), of_key=False)
-        found[path.removeprefix(f"{MESSAGES}.")] = tuple(late)
-    return found
+        messages[path.removeprefix(f"{MESSAGES}.")] = tuple(late)
+    return messages
 
 
 def _written_messages(late: tuple[int | None, ...]) -> list[int | str]:
@@ -177,10 +169,10 @@ class Experiment:
                 mistakes.refuse(leaf, f"simulate.{name}", expected, found, of_key=False)
 
     def _seconds(self) -> float:
-        values = self.values
+        values, frequencies = self.values, self.values["frequency_hz"] or ()
         if values["duration_s"] is not None or values["input"] != "stepped-sine":
             return values["duration_s"] or 0.0
-        return sum(step_seconds(f, values["settle_s"], values["periods"]) for f in values["frequency_hz"] or ())
+        return sum(step_seconds(each, values["settle_s"], values["periods"]) for each in frequencies)
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
@@ -205,20 +197,19 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
             mistakes.refuse(given[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(given[SHOW].value), of_key=False)
     defaults = {path: key.default for path, key in SIMULATE_KEYS.items()} | {"simulate.input": usual}
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
-    parts, before = belongs.axes["simulate"].get("frequency_hz", {}), len(mistakes)
-    alone = parts.get("")
-    if alone and alone.value == [] and values["input"] not in INPUT_FREQUENCIES:  # as `Experiment.written` has it
-        axis = None
-    elif alone and isinstance(alone.value, (int, float)):
-        axis = build_axis("simulate", "frequency_hz", {"": replace(alone, value=[alone.value])}, mistakes)
-    else:
-        axis = build_axis("simulate", "frequency_hz", parts, mistakes) if parts else None
+    kind, axis = values["input"], None
+    parts, before = dict(belongs.axes["simulate"].get("frequency_hz", {})), len(mistakes)
+    if "" in parts and isinstance(parts[""].value, (int, float)):
+        parts[""] = replace(parts[""], value=[parts[""].value])
+    nothing = "" in parts and parts[""].value == [] and kind not in INPUT_FREQUENCIES  # as `Experiment.written` has it
+    if parts and not nothing:
+        axis = build_axis("simulate", "frequency_hz", parts, mistakes)
     if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in given):
-        axis = axis or INPUT_FREQUENCIES.get(values["input"])
-        values["frequency_hz"] = _frequencies(values["input"], axis, parts, mistakes)
-    if values["duration_s"] is None and values["input"] not in ("stepped-sine", "record"):
+        axis = axis or INPUT_FREQUENCIES.get(kind)
+        values["frequency_hz"] = _frequencies(kind, axis, parts, mistakes)
+    if values["duration_s"] is None and kind not in ("stepped-sine", "record"):
         values["duration_s"] = SECONDS
-    if values["input"] == "record" and values["record"] is None:
+    if kind == "record" and values["record"] is None:
         expected = "the name of a CSV file for this input"
         mistakes.refuse(given["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
     if parts:
@@ -231,17 +222,16 @@ def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistak
     if kind not in INPUT_FREQUENCIES:
         return ()
     ends = axis.values or (axis.start, axis.stop)
+    found = f"{len(ends)} frequencies" if axis.values else "only a span"
     if kind == "chirp":
         if len(ends) <= 2 and ends[0] <= ends[-1]:
             return ends[0], ends[-1]
         expected = "one or two frequencies for a chirp, the lower one first"
-        found = f"{len(ends)} frequencies" if len(ends) > 2 else " and ".join(map(repr, ends))
-    elif kind == "sine" and len(axis.values) != 1:
-        found = f"{len(axis.values)} frequencies" if axis.values else "a span"
-        expected = 'one frequency for a sine (several are for input = "stepped-sine")'
-    elif axis.values:
+        found = found if len(ends) > 2 else " and ".join(map(repr, ends))
+    elif axis.values and (kind != "sine" or len(ends) == 1):
         return axis.values
     else:
-        expected, found = "num with start and stop, or a list", "only a span"
+        one = 'one frequency for a sine (several are for input = "stepped-sine")'
+        expected = one if kind == "sine" else "num with start and stop, or a list"
     mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
     return ()
