@@ -13,7 +13,8 @@ from wavesweep.passive.lifted_margins import LiftedLoop
 from wavesweep.passive.loop_margins import BrokenLoop
 from wavesweep.spec import Spec
 from wavesweep.spec.checking import nearest
-from wavesweep.spec.drawing import Drawing, DrawnBlock, path_of
+from wavesweep.spec.drawing import Drawing, path_of
+from wavesweep.spec.drawn_block import DrawnBlock
 from wavesweep.sweep.grid import Loops, own_loop
 
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size

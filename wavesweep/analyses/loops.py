@@ -19,7 +19,8 @@ from wavesweep.response.resting import resting
 from wavesweep.response.static import limit_of
 from wavesweep.response.steady import GOOD, Response, respond, static_response
 from wavesweep.spec.checking import show
-from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
+from wavesweep.spec.conditions import OF_PLANT
+from wavesweep.spec.drawing import Drawing, path_of
 from wavesweep.stability.spectrum import radius_of
 from wavesweep.sweep.grid import Loops, distinct_rows, drawn_groups, items_of, make_grid, own_loop
 

@@ -12,7 +12,8 @@ from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import WavesweepError
 from wavesweep.spec.block_types import TICK_HZ, TYPES
 from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.drawing import MARKS, RATE, keys_of_block
+from wavesweep.spec.drawing import MARKS, RATE
+from wavesweep.spec.drawn_block import keys_of_block
 from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 from wavesweep.spec.reading import read_file
 

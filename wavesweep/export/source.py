@@ -25,7 +25,8 @@ from wavesweep.simulation.named import Named
 from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
-from wavesweep.spec.drawing import PORT, scalars
+from wavesweep.spec.drawing import scalars
+from wavesweep.spec.drawn_block import PORT
 from wavesweep.spec.expressions import sum_of, text_of, value_of
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source

@@ -20,7 +20,8 @@ import numpy as np
 from wavesweep.loops.block import Block, concatenated
 from wavesweep.loops.blocks import held
 from wavesweep.loops.values import values_of
-from wavesweep.spec.drawing import AT, Drawing, Plant, name_of, scalars
+from wavesweep.spec.drawing import AT, Drawing, name_of, scalars
+from wavesweep.spec.drawn_block import Plant
 from wavesweep.spec.expressions import names_in, value_of
 
 SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick

@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import numbers_of, values_of
 from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.conditions import conditions, faults
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
@@ -200,7 +201,7 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
         at = int(np.flatnonzero(wrong)[0])
         loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
         named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
-        path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
+        path, expected, found = next(faults(drawing, loop), ("a key", "another value", "none"))
         raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
 
 
@@ -211,7 +212,7 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
     known = numbers_of(values)
     with np.errstate(all="ignore"):
-        for condition in drawing.conditions if arrays else ():
+        for condition in conditions(drawing) if arrays else ():
             if condition.names & varied:
                 wrong |= _broken(condition, known)
     return wrong
@@ -222,7 +223,7 @@ def _unsuitable_alone(drawing, items, others):
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
     known = numbers_of(dict(items))
     with np.errstate(all="ignore"):
-        return any(bool(np.any(_broken(each, known))) for each in drawing.conditions if each.names and not each.names & others)
+        return any(bool(np.any(_broken(each, known))) for each in conditions(drawing) if each.names and not each.names & others)
 
 
 def _broken(condition, known):

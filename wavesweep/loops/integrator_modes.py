@@ -20,7 +20,8 @@ from wavesweep.loops.dead_time import SENSED
 from wavesweep.loops.definitions import at_rest, tf_at_rest
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.loops.values import keys_with
-from wavesweep.spec.drawing import PORT, Drawing, scalars
+from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.drawn_block import PORT
 from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
 from wavesweep.spec.firmware_blocks import DELTA
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from wavesweep.controllers import WALL
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import Drawing, DrawnBlock
+from wavesweep.spec.drawing import Drawing
+from wavesweep.spec.drawn_block import DrawnBlock
 from wavesweep.spec.expressions import linear, parse
 from wavesweep.spec.keys import MOST_SLOW_STEPS
 

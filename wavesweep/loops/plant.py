@@ -9,7 +9,7 @@ from wavesweep.loops.algebraic import loop_inverse
 from wavesweep.loops.block import Block, block_diagonal, numbers
 from wavesweep.loops.blocks import continuous, held
 from wavesweep.loops.dead_time import with_ports
-from wavesweep.spec.drawing import PORT, Plant
+from wavesweep.spec.drawn_block import PORT, Plant
 
 
 def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapping], period, known=None, shares=None) -> Block:

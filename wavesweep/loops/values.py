@@ -7,7 +7,8 @@ import numpy as np
 
 from wavesweep.loops.block import numbers
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import DrawnBlock, scalars
+from wavesweep.spec.drawing import scalars
+from wavesweep.spec.drawn_block import DrawnBlock
 from wavesweep.spec.expressions import Tree, evaluate, is_given, lost_digits, names_in
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name

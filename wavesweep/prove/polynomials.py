@@ -19,7 +19,7 @@ from flint import acb, arb, arb_mat, arb_poly, ctx
 from scipy.sparse.csgraph import connected_components
 
 from wavesweep.prove.ticks import Loop, UndecidedError, reads
-from wavesweep.spec.drawing import Plant
+from wavesweep.spec.drawn_block import Plant
 from wavesweep.spec.expressions import Tree, degree, evaluate, is_constant
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part

@@ -16,7 +16,8 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from wavesweep.prove.blocks import continuous, held, matrices
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import Drawing, DrawnBlock, Plant, scalars
+from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.drawn_block import DrawnBlock, Plant
 from wavesweep.spec.exact import constants_of, named
 from wavesweep.spec.expressions import FUNCTIONS, Tree, evaluate, names_in, value_of
 

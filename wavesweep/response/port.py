@@ -11,7 +11,7 @@ from wavesweep.monodromy.periodic import Ticks, ticks_of
 from wavesweep.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.response.encoder import with_displacements
 from wavesweep.response.ticks import long_sum
-from wavesweep.spec.drawing import OF_PLANT
+from wavesweep.spec.conditions import OF_PLANT
 
 STILL = 1e-9  # of the terms of a shift: a movement below it is rounding
 

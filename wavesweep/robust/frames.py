@@ -14,7 +14,8 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.robust.loop_frames import LoopFrames, Symbol
 from wavesweep.robust.plan import Plan, Schedule
 from wavesweep.spec.block_types import without_rule
-from wavesweep.spec.drawing import Drawing, DrawnBlock, name_of
+from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.spec.drawn_block import DrawnBlock
 from wavesweep.spec.expressions import evaluate, names_in, text_of
 
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is

@@ -5,8 +5,8 @@ from types import MappingProxyType
 
 from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS
 from wavesweep.spec.checking import nearest, show
-from wavesweep.spec.drawing import DrawnBlock
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
+from wavesweep.spec.drawn_block import DrawnBlock
 from wavesweep.spec.expressions import ONE, RESERVED, Terms
 from wavesweep.spec.keys import TURNED, Key
 from wavesweep.spec.reading import Leaf

@@ -6,10 +6,12 @@ from functools import partial
 
 from wavesweep.spec.block_types import COLUMNS, TICK_HZ, TYPES
 from wavesweep.spec.checking import Mistakes, nearest, show
+from wavesweep.spec.conditions import displaced, faults
 from wavesweep.spec.continuous import parted, watching_held
-from wavesweep.spec.drawing import RATE, Drawing, DrawnBlock, Plant, decides, is_derived, names_of, own_axes, path_of
+from wavesweep.spec.drawing import RATE, Drawing, decides, path_of
 from wavesweep.spec.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.spec.drawing_ports import TURNS, PortReader, column_fault
+from wavesweep.spec.drawn_block import DrawnBlock, Plant
 from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, extent, names_in, parse
 from wavesweep.spec.keys import Key, Names
 from wavesweep.spec.reading import Leaf, Place
@@ -62,7 +64,7 @@ def read_drawing(
     asked = (leaves[path] for path in (("bode", "to"), ("simulate", "show")) if path in leaves)
     reader.asked = {name: leaf for leaf in asked for name in names_in_list(leaf)}
     drawing, values = reader.drawing(tables)
-    for path, expected, found in (*drawing.faults(values), *drawing.displaced(values)):
+    for path, expected, found in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
@@ -70,6 +72,32 @@ def read_drawing(
     following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
     names = replace(names_of(leaves) if reader.mistakes else drawing.names, following=following)
     return (None if reader.mistakes else drawing), values, reader.leaves, names
+
+
+def is_derived(path: Path, leaf: Leaf) -> bool:
+    """Whether a leaf is one of [numbers] that is an expression, from which the number follows."""
+    return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
+
+
+def names_of(leaves: Mapping[Path, Leaf]) -> Names:
+    """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
+    numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
+    keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
+    keys |= {path: Key(path, "number", None, "", "") for path in own_axes(leaves)}
+    return Names(keys, {name: path_of(name) for name in numbers})
+
+
+def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
+    """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
+    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
+    named = [path[1:] for path in leaves if path[0] in ("sweep", "bode", "for_all")]
+    named += [path[2:] for path in leaves if path[0] == "design"]
+    along = leaves.get(("sweep", "along"))
+    if along and isinstance(along.value, str):
+        named.append(tuple(along.value.split(".")))
+    return frozenset(
+        ".".join(each[: 3 + (".".join(each[1:3]) in blocks)]) for each in named if len(each) > 2 and each[0] == "block"
+    )
 
 
 class _TableReader(PortReader):

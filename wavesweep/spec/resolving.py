@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec.checking import Mistakes, expectation, show
+from wavesweep.spec.conditions import faults
 from wavesweep.spec.devices import DEVICES, HapticDevice
+from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.keys import (
     BAND_EDGES,
     FILTERS,
@@ -84,6 +86,17 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
         if expected := exceeds_limit(path, values[path], values):
             default = "" if path in given.leaves else " (the default)"
             mistakes.refuse(given.leaf(path), path, expected, show(values[path]) + default, of_key=False)
+    return values, mistakes
+
+
+def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given: Given) -> tuple[dict[str, float], Mistakes]:
+    """Return the values of a drawing's numbers as they are given now, and all mistakes."""
+    values, mistakes = dict(before), Mistakes()
+    for path, key in drawing.names.keys.items():
+        if leaf := given.leaves.get(path):
+            values[path] = mistakes.check(key, leaf, path)
+    for path, expected, found in () if mistakes else faults(drawing, values):
+        mistakes.refuse(given.leaf(path), path, expected, found, of_key=False)
     return values, mistakes
 
 

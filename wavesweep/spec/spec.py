@@ -10,12 +10,13 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Mistakes, nearest
-from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
+from wavesweep.spec.drawing import RATE, Drawing, path_of
 from wavesweep.spec.experiment import Experiment
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
-from wavesweep.spec.resolving import Given, is_frame, resolve
+from wavesweep.spec.resolving import Given, is_frame, resolve, resolve_drawn
 from wavesweep.spec.studies import K_VE_SPAN, Studies, axis_fault, fitting, unknown_end
+from wavesweep.spec.writing import written
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
-from wavesweep.spec.drawing import keys_of_block
+from wavesweep.spec.drawn_block import keys_of_block
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.tables import HOMES, kind_named, kinds
