@@ -68,6 +68,8 @@ def slide(body: Body, x: float, v: float, f: float, length: float, plant: Sequen
 
     Accuracy: the instant of rest is a closed form, the motion up to it exact to rounding.
     """
+    if not body.friction:
+        return _moved(plant, x, v, f)
     while length > 0.0:
         pull = f - body.stiffness * x
         if v == 0.0 and abs(pull) <= body.friction:

@@ -6,7 +6,7 @@ hand's force acts on. Results of slow blocks, those with another `every` than 1,
 messages of channels to all blocks.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle, islice, repeat
 from operator import itemgetter
@@ -122,34 +122,23 @@ class Results:
 
 def results_of(loop: Loop) -> list[Results]:
     """The messages of channels, and the slow results that blocks of every tick read; the wall's force if no block is slow."""
-    sent = [
-        Results(((part.rhythm, 0),), False, part.name, loop.channels[part.name]["missing"] == "zero", [f"{part.name}.y"])
-        for part in loop.parts
-        if part.name in loop.channels
-    ]
-    return [*sent, *_slow_results(loop)]
-
-
-def _slow_results(loop: Loop) -> list[Results]:
+    zero = {name: keys["missing"] == "zero" for name, keys in loop.channels.items()}
+    sent = [part for part in loop.parts if part.name in zero]
+    messages = [Results(((part.rhythm, 0),), False, part.name, zero[part.name], [f"{part.name}.y"]) for part in sent]
     slow = {f"{part.name}.{port}": part for part in loop.parts if part.rhythm.slow for port in part.outputs}
     if not slow and loop.wall:
-        return [Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
-    found: dict[tuple, Results] = {}
+        return [*messages, Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
+    alone, found = {((1.0, name),): part for name, part in slow.items()}, {}
     for signal, part in slow.items():
-        if part.name in loop.channels or all(rhythm.slow for rhythm in loop.readers(signal)):
+        if part.name in zero or all(rhythm.slow for rhythm in loop.readers(signal)):
             continue
         chain, at = [], part
-        while (
-            (terms := loop.wires.get(f"{at.name}.u"))
-            and at.runs_late is not None
-            and terms[0][1] in slow
-            and terms == ((1.0, terms[0][1]),)
-        ):
+        while at.runs_late is not None and (terms := loop.wires.get(f"{at.name}.u")) and terms in alone:
             chain.append((at.rhythm, at.runs_late))
-            at = slow[terms[0][1]]
+            at = alone[terms]
         chain.append((at.rhythm, 0))
         found.setdefault(tuple(chain), Results(tuple(chain), at.rhythm == loop.wall_rhythm)).signals.append(signal)
-    return list(found.values())
+    return [*messages, *found.values()]
 
 
 class March:
@@ -201,11 +190,9 @@ class March:
             column.flags.writeable = False
         shown = (*dict(loop.entries), *(column for column, name in loop.shown.items() if name.startswith(SEEN)))
         starts = loop.frames.starts if loop.frames else (0,)
-        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped, shown, self._lacking(), starts)
-
-    def _lacking(self) -> frozenset[str] | None:
-        """The columns that say nothing about a loop that a spec draws; None of a controller, whose table has all."""
-        return frozenset(["touching"] * (not self.loop.walled) + ["late"] * (not self.late)) if self.drawn else None
+        # The columns that say nothing about a loop that a spec draws; a controller's table has all.
+        lacking = frozenset(["touching"] * (not loop.walled) + ["late"] * (not self.late)) if self.drawn else None
+        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped, shown, lacking, starts)
 
     def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
@@ -242,7 +229,10 @@ class March:
         sensed_x, sensed_v, own_x, own_v = (ticks.at(each(f"{device}.{port}")) for each in (str, actual) for port in "xv")
         by_hand = self.entry == loop.hand
         share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand and by_hand)
-        measure, exert, move = encoder(self.effects.resolution), motor(self.effects.max_force), self._mover(lengths)
+        measure, exert = encoder(self.effects.resolution), motor(self.effects.max_force)
+        body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
+        increments = zero_order_hold(*body[:3], lengths if self.effects.jitter else loop.tick).tolist()
+        plants = zip(lengths.tolist(), increments if self.effects.jitter else repeat(increments), strict=False)
         running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects.wall, self.late), [], [], 0.0
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
@@ -251,38 +241,19 @@ class March:
             z[hand], z[sensed_x], z[sensed_v], z[own_x], z[own_v] = f, measure(x), v, x, v
             running.tick(k)
             f_m = z[pull]
-            far = not (abs(z[here]) <= FARTHEST and abs(f_m) <= STRONGEST)  # also if one is NaN
-            if far or not (abs(f) <= STRONGEST or not by_hand):
-                return rows, touched, z[here], _too_large(z[here], *units)
+            far = not abs(z[here]) <= FARTHEST  # also if it is NaN
+            if far or not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
+                said = f"the hand's position exceeds {FARTHEST:g} {units[0]}", f"a force exceeds {STRONGEST:g} {units[1]}"
+                return rows, touched, z[here], said[not far]
             rows.append(seen(z)[:-1])
             touched.append(running.touching)
             if device:
-                x, v = move(x, v, share * f + z[net] + (f_m - exert(f_m)))
+                x, v = slide(body, x, v, share * f + z[net] + (f_m - exert(f_m)), *next(plants))
         if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
             z[hand], z[own_x] = 0.0, x
             running.tick(len(force))
             x = z[here]
         return rows, touched, x, ""
-
-    def _mover(self, lengths: np.ndarray) -> Callable[[float, float, float], tuple[float, float]]:
-        """A function that moves the device by the next tick at each call, from x (m), v (m/s) and the net force (N)."""
-        if not self.loop.device:
-            return lambda x, v, _: (x, v)
-        body = Body(*self.loop.body, self.effects.friction)
-        if self.effects.jitter:
-            increments = zero_order_hold(body.mass, body.damping, body.stiffness, lengths).tolist()
-        else:
-            increments = repeat(zero_order_hold(body.mass, body.damping, body.stiffness, self.loop.tick).tolist())
-        plants = zip(lengths.tolist(), increments, strict=False)
-
-        def free(x: float, v: float, f: float) -> tuple[float, float]:
-            a, b, c, d, e, g = next(plants)[1]
-            return x + (a * x + b * v + c * f), v + (d * x + e * v + g * f)
-
-        def rubbing(x: float, v: float, f: float) -> tuple[float, float]:
-            return slide(body, x, v, f, *next(plants))
-
-        return rubbing if body.friction else free
 
 
 class Running:
@@ -292,14 +263,12 @@ class Running:
     """
 
     def __init__(self, loop: Loop, ticks: Ticks, results: Sequence[Results], wall: float | None, late: bool) -> None:
-        self.ticks, one_sided, self.late = ticks, wall is not None, late
-        self.z = [0.0] * len(ticks.places)
-        self.results = results if one_sided or self.late else ()
+        self.ticks, one_sided, self.late, self.z = ticks, wall is not None, late, [0.0] * len(ticks.places)
+        self.results = results if one_sided or late else ()
         self.shown = [[each for each in self.results if each.shown(k)] for k in range(loop.frame)]
         self.wall = [self.place(name) for name in (DEPTH, SPEED, FORCE)]
-        self.places = (
-            {s: (self.place(s), self.place(arrived(s))) for each in results for s in each.signals} if self.late else {}
-        )
+        late_signals = [signal for each in results for signal in each.signals] if late else []
+        self.places = {signal: (self.place(signal), self.place(arrived(signal))) for signal in late_signals}
         self.touching, self.gated = loop.walled and not (one_sided and wall >= 0.0), one_sided and loop.gated
         self.contacts: list[bool] = []  # of each force of the wall that was computed
         self.at_once = not any(each.touches for each in self.results)
@@ -353,33 +322,19 @@ class Running:
             each.waiting.append((k + each.late[number], numbers, touched))
 
 
-def _too_large(position: float, length: str, force: str) -> str:
-    if not abs(position) <= FARTHEST:
-        return f"the hand's position exceeds {FARTHEST:g} {length}"
-    return f"a force exceeds {STRONGEST:g} {force}"
-
-
 def refuse(loop: Loop, effects: Effects) -> None:
     """Raise UsageError for an effect that the loop cannot have, with what it lacks."""
     asked = [name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)]
-    late = [name for name in ("late", "dropped") if getattr(effects, name)] + ["frames"] * loop.waits
+    wall, late = ["wall"] * (effects.wall is not None), [name for name in ("late", "dropped") if getattr(effects, name)]
     plants = [part.name for part in loop.parts if part.plant and part.name != loop.device]
+    slow = [each for each in results_of(loop) if not each.channel]
+    linear = "a wall in [ports] whose numbers only multiply signals of wires"
     for names, met, expected, found in (
         (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", "none"),
-        (
-            asked and asked[:1] * (effects.max_force is not None),
-            REACTION in loop.wires,
-            "ports.hand.reaction, the force of the motors",
-            "none",
-        ),
+        (asked[:1] * bool(effects.max_force), REACTION in loop.wires, "ports.hand.reaction, the force of the motors", "none"),
         (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
-        (
-            ["wall"] * (effects.wall is not None),
-            loop.wall,
-            "a wall in [ports] whose numbers only multiply signals of wires",
-            "none",
-        ),
-        (late, _slow_results(loop), "slow blocks (every > 1) that others read, or a wall", "none"),
+        (wall, loop.wall, linear, "none"),
+        (late + ["frames"] * loop.waits, slow, "slow blocks (every > 1) that others read, or a wall", "none"),
     ):
         if names and not met:
             raise UsageError(f"option {', '.join(names)}: expected {expected}, found {found}")
@@ -390,17 +345,14 @@ def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[st
 
     inputs: the value of each input from outside in every tick. The rows end before a signal is not finite.
     """
-    loop = loop_of_blocks(drawn, signals)
-    ticks, z, rows = Ticks(loop), [], []
-    given, places = [ticks.at(name) for name in inputs], [ticks.at(name) for name in signals]
+    ticks = Ticks(loop := loop_of_blocks(drawn, signals))
+    running, rows = Running(loop, ticks, (), None, late=False), []
+    given, places = [running.place(name) for name in inputs], [running.place(name) for name in signals]
     for k, row in enumerate(zip(*(each.tolist() for each in inputs.values()), strict=True)):
-        program = ticks.program(k, frozenset(), touching=True)
-        z.extend([0.0] * (len(ticks.places) - len(z)))
         for place, number in zip(given, row, strict=True):
-            z[place] = number
-        run(program.first, z, program.limits)
-        rows.append([z[place] for place in places])
-        keep(program, z)
+            running.z[place] = number
+        running.tick(k)
+        rows.append([running.z[place] for place in places])
     found = np.array(rows).reshape(-1, len(places))
     finite = np.isfinite(found).all(axis=1)
     return dict(zip(signals, found[: len(found) if finite.all() else int(finite.argmin())].T, strict=True))
