@@ -77,19 +77,13 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
     in the law. arriving: port, name in the law and instant (share of the period) of what is added to inputs within the tick.
     sensed: output, name in the law and instant of what is read within it.
     """
-    rates, order, ports, shown = [], 0, {}, {}
-    for name, kind, keys, into, out in members:
-        A, B, C, D = _matrices(kind, keys, len(into), len(out))
-        rates.append((A, B, C, D, order, len(ports), len(shown)))
-        order += len(A)
-        ports |= {f"{name}.{port}": len(ports) + i for i, port in enumerate(into)}
-        shown |= {f"{name}.{port}": len(shown) + i for i, port in enumerate(out)}
-    A, B, C, D = (
-        np.zeros(shape) for shape in ((order,) * 2, (order, len(ports)), (len(shown), order), (len(shown), len(ports)))
-    )
-    for a, b, c, d, x, u, y in rates:
-        at = slice(x, x + len(a)), slice(u, u + d.shape[1]), slice(y, y + d.shape[0])
-        A[at[0], at[0]], B[at[0], at[1]], C[at[2], at[0]], D[at[2], at[1]] = a, b, c, d
+    from scipy.linalg import block_diag
+
+    models = [_matrices(kind, keys, len(into), len(out)) for _, kind, keys, into, out in members]
+    A, B, C, D = (block_diag(*parts) for parts in zip(*models, strict=True))
+    ports = {port: i for i, port in enumerate(f"{name}.{port}" for name, *_, into, _ in members for port in into)}
+    shown = {port: i for i, port in enumerate(f"{name}.{port}" for name, *_, out in members for port in out)}
+    order = len(A)
     K = np.zeros((len(ports), len(shown)))
     for (port, name), gain in gains.items():
         K[ports[port], shown[name]] = gain
@@ -143,13 +137,12 @@ def _matrices(kind, keys, inputs, outputs):
 
 def tf(period: float, num: Sequence[float], den: Sequence[float], *, discrete: bool) -> Law:
     """Transfer function from coefficients of descending powers of s or z, in direct or in controllable form."""
-    n, lead = len(den) - 1, den[0]
-    a, b = [each / lead for each in den], [0.0] * (len(den) - len(num)) + [each / lead for each in num]
-    if discrete:
-        past = tuple(f"w{i}" for i in range(1, n + 1))
-        gives = {"w0": ((1.0, "u"), *_sum([-each for each in a[1:]], past)), "y": _sum(b, ("w0", *past))}
-        return Law(gives, moves=(("w0", past),) if past else ())
-    return ss(period, *_controllable(num, den), ("u",), ("y",), discrete=False)
+    if not discrete:
+        return ss(period, *_controllable(num, den), ("u",), ("y",), discrete=False)
+    a, b = [each / den[0] for each in den], [0.0] * (len(den) - len(num)) + [each / den[0] for each in num]
+    past = tuple(f"w{i}" for i in range(1, len(den)))
+    gives = {"w0": ((1.0, "u"), *_sum([-each for each in a[1:]], past)), "y": _sum(b, ("w0", *past))}
+    return Law(gives, moves=(("w0", past),) if past else ())
 
 
 def _controllable(num, den):
