@@ -80,7 +80,8 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     stable = radius < 1
     columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
     columns |= seen
-    linear, lost = _linear(spec, seen["frequency_hz"])
+    loop = loop_at_hand(spec)
+    linear = respond(loop, seen["frequency_hz"])
     columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns("linear_impedance", linear.impedance)
     errors = (linear.admittance_error, linear.impedance_error)
     columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
@@ -88,10 +89,4 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
         columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
     # What is beyond double precision is missing.
     columns = {name: part if part.dtype == object else np.where(np.isinf(part), np.nan, part) for name, part in columns.items()}
-    return columns | {"doubt": doubt_of(errors, stable, lost | isnan(radius), radius == 1)}
-
-
-def _linear(spec, frequency):
-    """The response of the linear loop, and whether the frame overflows."""
-    loop = loop_at_hand(spec)
-    return respond(loop, frequency), loop.lost
+    return columns | {"doubt": doubt_of(errors, stable, loop.lost | isnan(radius), radius == 1)}

@@ -44,18 +44,18 @@ def named(values: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
 
 
 def _follows(spec, made, paths):
-    """Whether C would compute all coefficients right for other values of some numbers, and which numbers are read."""
+    """Whether C would compute all coefficients right for other values of some numbers, and what is read of these."""
     other = {path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths}
     own = made(named(spec.values, paths))
     try:
         fresh = made(named({**spec.values, **other}, paths))
     except (WavesweepError, ArithmeticError, ValueError):
-        return False, set()
-    seen: dict[int, float] = {}
+        return False, {}
+    seen: dict[int | str, float] = {}
     sums = [[(line[0], [source for _, source in line[1]]) for line in _lines(each.programs)] for each in (own, fresh)]
     alike = sums[0] == sums[1] and own.ticks.kinds == fresh.ticks.kinds
     expected = [again(value, other, seen) for value in _coefficients(own.programs)]
-    return alike and expected == [*map(float, _coefficients(fresh.programs))], _read(own.programs)
+    return alike and expected == [*map(float, _coefficients(fresh.programs))], seen
 
 
 def _lines(programs):
@@ -67,21 +67,6 @@ def _coefficients(programs) -> Iterator[float]:
         yield from (each.wall.yields, each.wall.slows) if each.wall else ()
         yield from (limit for pair in each.limits.values() for limit in pair)
     yield from (value for _, terms in _lines(programs) for value, _ in terms)
-
-
-def _read(programs):
-    """The names of the numbers that coefficients are computed from."""
-    found, seen, left = set(), set(), [value for value in _coefficients(programs) if isinstance(value, Named)]
-    while left:
-        value = left.pop()
-        if id(value) in seen:
-            continue
-        seen.add(id(value))
-        if isinstance(value.made, str):
-            found.add(value.made)
-        else:
-            left += [each for each in value.made[1:] if isinstance(each, Named)]
-    return found
 
 
 class Table:

@@ -1,12 +1,13 @@
 """The experiment of a spec's [simulate] table."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from wavesweep.errors import UsageError
 from wavesweep.simulation import inputs
-from wavesweep.simulation.hardware import Effects, changed
+from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.inputs import Input
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.parts import Frames
@@ -24,7 +25,10 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     a force that is not a vector of finite numbers, an option that does not exist or is out of range, or frames that the loop
     cannot have.
     """
-    effects, units = changed(effects_of(spec), changes), (spec.at_port("m"), spec.at_port("N"))
+    known, units = [field.name for field in fields(Effects)], (spec.at_port("m"), spec.at_port("N"))
+    if unknown := [name for name in changes if name not in known]:
+        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
+    effects = replace(effects_of(spec), **changes)
     force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
     own = {"drawing": spec.drawing, "units": units, "entry": spec.entry}
     return simulate(spec.values, force, effects, **own, frames=frames_of(spec), messages=spec.simulate["messages"])

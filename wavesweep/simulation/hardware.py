@@ -5,7 +5,7 @@ Every effect is off by default. Time is a whole number of fast ticks.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -56,30 +56,11 @@ class Effects:
                     raise UsageError(f"option {field.name}: {error}") from None
 
 
-def changed(effects: Effects, changes: Mapping[str, float | None]) -> Effects:
-    """Return the effects with some of them changed.
-
-    Errors: `UsageError` for a name that is no option, or a number out of range.
-    """
-    known = [field.name for field in fields(Effects)]
-    unknown = [name for name in changes if name not in known]
-    if unknown:
-        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
-    return replace(effects, **changes)
-
-
 def encoder(resolution: float) -> Callable[[float], float]:
     """Return a function of the position (m) that gives the nearest step of the encoder."""
     if resolution == 0.0:
         return lambda x: x
     return lambda x: resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
-
-
-def motor(max_force: float | None) -> Callable[[float], float]:
-    """Return a function of the control force (N) that gives the force of the motors."""
-    if max_force is None:
-        return lambda f: f
-    return lambda f: min(max(f, -max_force), max_force)
 
 
 def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:

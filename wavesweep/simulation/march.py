@@ -18,7 +18,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
-from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, motor, tick_lengths
+from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, tick_lengths
 from wavesweep.simulation.parts import (
     DEPTH,
     FORCE,
@@ -229,7 +229,7 @@ class March:
         sensed_x, sensed_v, own_x, own_v = (ticks.at(each(f"{device}.{port}")) for each in (str, actual) for port in "xv")
         by_hand = self.entry == loop.hand
         share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand and by_hand)
-        measure, exert = encoder(self.effects.resolution), motor(self.effects.max_force)
+        measure, most = encoder(self.effects.resolution), self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
         increments = zero_order_hold(*body[:3], lengths if self.effects.jitter else loop.tick).tolist()
         plants = zip(lengths.tolist(), increments if self.effects.jitter else repeat(increments), strict=False)
@@ -248,7 +248,7 @@ class March:
             rows.append(seen(z)[:-1])
             touched.append(running.touching)
             if device:
-                x, v = slide(body, x, v, share * f + z[net] + (f_m - exert(f_m)), *next(plants))
+                x, v = slide(body, x, v, share * f + z[net] + (f_m - min(max(f_m, -most), most)), *next(plants))
         if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
             z[hand], z[own_x] = 0.0, x
             running.tick(len(force))

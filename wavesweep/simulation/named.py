@@ -65,14 +65,16 @@ def root(value: float) -> float:
     return Named(found, ("sqrt", value)) if isinstance(value, Named) else found
 
 
-def again(value: float, numbers: Mapping[str, float], seen: dict[int, float]) -> float:
-    """Return what a number would be with these in place of those with names; seen: what was found before, by `id`."""
+def again(value: float, numbers: Mapping[str, float], seen: dict[int | str, float]) -> float:
+    """Return what a number would be with these in place of those with names.
+
+    seen: what was found before, by `id`, and the numbers with names that were read.
+    """
     if not isinstance(value, Named):
         return value
+    if isinstance(value.made, str):
+        return seen.setdefault(value.made, numbers[value.made])
     if id(value) not in seen:
-        if isinstance(value.made, str):
-            return numbers[value.made]
         sign, first, *others = (each if isinstance(each, str) else again(each, numbers, seen) for each in value.made)
-        found = -first if sign == "negative" else math.sqrt(first) if sign == "sqrt" else _SIGNS[sign](first, *others)
-        seen[id(value)] = found
+        seen[id(value)] = -first if sign == "negative" else math.sqrt(first) if sign == "sqrt" else _SIGNS[sign](first, *others)
     return seen[id(value)]

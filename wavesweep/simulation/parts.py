@@ -37,12 +37,6 @@ class Frames:
     delays: tuple[int | None, ...]
     nominal: float | None = None
 
-    def __post_init__(self) -> None:
-        """Refuse a result that comes after the end of its frame. Errors: UsageError."""
-        for ticks, delay in zip(self.ticks, self.delays, strict=True):
-            if (delay or 0) > ticks:
-                raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
-
     @property
     def starts(self) -> tuple[int, ...]:
         """The ticks in which they begin."""
@@ -238,7 +232,9 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
     waits = {name: divided(value_of(tree, known) * rate) for name, tree in drawing.dead_times.items()}
     parts = tuple(_part(block, known, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
     parts += tuple(_plant(plant, drawing, known, 1.0 / rate, waits) for plant in drawing.plants)
-    parts += tuple(_dead_time(name, ticks) for name, (ticks, _) in waits.items())
+    for name, (ticks, _) in waits.items():
+        law = dead_time(ticks)
+        parts += (Part(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law),)
     terms, hand = dict(drawing.wires), ""
     if drawing.hand:
         hand, *signals = drawing.hand
@@ -282,6 +278,9 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
 def _refuse(frames, schedules):
     """Refuse blocks that cannot have frames of varying length."""
     slow = [each for each in schedules if each[1] > 1]
+    for ticks, delay in zip(frames.ticks, frames.delays, strict=True):
+        if (delay or 0) > ticks:
+            raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
     if not slow:
         raise UsageError("simulate.frames: expected a slow environment, or blocks with `every` above 1, found none")
     everys, latest = sorted({every for _, every, _ in slow}), max(phases[-1] for *_, phases in slow)
@@ -335,11 +334,6 @@ def divided(ticks: float) -> tuple[int, float]:
     near = round(ticks)
     whole = near if abs(ticks - near) <= SAME * max(1.0, ticks) else math.ceil(ticks)
     return whole, max(0.0, whole - ticks)
-
-
-def _dead_time(name, ticks):
-    law = dead_time(ticks)
-    return Part(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law)
 
 
 def _within_ticks(name, drawing, wires):

@@ -170,7 +170,7 @@ def _of_log(path: str, given: Asked) -> Table:
     origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
     fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
     halves = fit.half + fit.extra, fit.half
-    parameters, unwidened = (_of_motor(_parameters(fit, fit.model.names, half, log.turns), constants) for half in halves)
+    parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
     units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
     names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
     named = "time, {} and {} in s, {} and {}".format(*names, *units)
@@ -205,21 +205,11 @@ def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
     return tuple(replace(each, unit=turned(unit) if turns else unit) for each, unit in zip(own, units, strict=True))
 
 
-def _of_motor(parameters: dict[str, dict[str, Any]], constants: tuple[float, float] | None) -> dict[str, dict[str, Any]]:
-    """The numbers for all constants of a motor, in proportion to which they are; found with the middle one."""
-    if constants is not None:
-        shares = [2 * each / sum(constants) for each in constants]
-        for name in [name for name in OF_FORCE if name in parameters]:
-            each = parameters[name]
-            each["low"], each["high"] = (
-                min(each["low"] * share for share in shares),
-                max(each["high"] * share for share in shares),
-            )
-    return parameters
+def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool, constants=None) -> dict[str, dict[str, Any]]:
+    """The numbers with their intervals of 95 % and units.
 
-
-def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool) -> dict[str, dict[str, Any]]:
-    """The numbers with their intervals of 95 % and units."""
+    constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and fitted with the middle one.
+    """
     ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
     for name in [name for name in LOGARITHMS if LOGARITHMS[name] in ends]:
         ends[name] = [exp(min(max(end, -700.0), 700.0)) for end in ends[LOGARITHMS[name]]]
@@ -232,6 +222,9 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool)
     for name in names:
         value = found[name]
         low, high = ends.get(name, (value, value))
+        if constants and name in OF_FORCE:
+            by_constant = [end * 2 * each / sum(constants) for end in (low, high) for each in constants]
+            low, high = min(by_constant), max(by_constant)
         unit = TURNING.get(name, turned(units[name]))
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else units[name]}
     return parameters
@@ -291,19 +284,13 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
 
 
+JUDGED = ("parameters", "explained", "missing", "residual")  # the facts that every summary has
+
+
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    return {
-        "samples": len(columns["time_s"]),
-        "duration_s": facts["period_s"] * len(columns["time_s"]),
-        "rate_hz": 1 / facts["period_s"],
-        "turns": facts["turns"],
-        "measured": facts["measured"],
-        "resolution": facts["resolution"],
-        "parameters": {name: dict(each) for name, each in facts["parameters"].items()},
-        "explained": facts["explained"],
-        "missing": facts["missing"],
-        "residual": dict(facts["residual"]),
-    }
+    samples = len(columns["time_s"])
+    found = {"samples": samples, "duration_s": facts["period_s"] * samples, "rate_hz": 1 / facts["period_s"]}
+    return found | {name: facts[name] for name in ("turns", "measured", "resolution", *JUDGED)}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
@@ -352,13 +339,8 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     hertz = columns["frequency_hz"]
-    return {
-        "frequencies": len(hertz),
-        "from_hz": float(hertz[0]),
-        "to_hz": float(hertz[-1]),
-        "rate_hz": 1 / facts["period_s"],
-        **{name: facts[name] for name in ("parameters", "explained", "missing", "residual")},
-    }
+    found = {"frequencies": len(hertz), "from_hz": float(hertz[0]), "to_hz": float(hertz[-1]), "rate_hz": 1 / facts["period_s"]}
+    return found | {name: facts[name] for name in JUDGED}
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
