@@ -67,7 +67,11 @@ class Frame:
 
     def written(self) -> int | dict[str, int | bool]:
         """Return the frame as a spec could give it."""
-        more = {name: value for name, value in (("delay", self.delay), ("lost", self.lost)) if value not in (None, False)}
+        more = {
+            name: value
+            for name, value in (("delay", self.delay), ("lost", self.lost))
+            if value is not None and value is not False
+        }
         return {"ticks": self.ticks, **more} if more else self.ticks
 
 
