@@ -53,12 +53,18 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
+def _by_factors_if_wide(axis: Any, values: np.ndarray) -> None:
+    """Give an axis a scale of factors if its values vary by much."""
+    values = values[np.isfinite(values)]
+    if values.size and values.min() > 0 and values.max() > 5 * values.min():
+        by_factors(axis, values.min(), values.max())
+
+
 def _scale_numbers(panel: Any, values: np.ndarray, whole: bool) -> None:
-    """The axis of a varied number along the front: by factors if it varies by much, and whole numbers at their ticks."""
+    """The axis of a varied number along the front, where whole numbers are at their ticks."""
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
-    if (values > 0).all() and values.max() > 5 * values.min():
-        by_factors(panel.yaxis, values.min(), values.max())
+    _by_factors_if_wide(panel.yaxis, values)
     if whole:
         varies = values.max() > values.min()
         panel.yaxis.set_major_locator(MaxNLocator(integer=True) if varies else FixedLocator(values[:1]))
@@ -75,9 +81,7 @@ def _draw_front(axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str
         axes.plot(own[x], own[y], label="nominal design", **_OWN)
     for name, axis in ((x, axes.xaxis), (y, axes.yaxis)):
         axis.set_label_text(labels[name] if axis is axes.xaxis else labels[name].replace("), ", "),\n"))
-        values = columns[name][np.isfinite(columns[name])]
-        if values.size and values.min() > 0 and values.max() > 5 * values.min():
-            by_factors(axis, values.min(), values.max())
+        _by_factors_if_wide(axis, columns[name])
     axes.grid(**GRID, which="both")
     axes.figure.legend(loc="outside upper center", ncols=2)
 

@@ -9,6 +9,8 @@ import numpy as np
 from wavesweep.columns import Columns, axes_of
 from wavesweep.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
 from wavesweep.plots.words import assumption, printed, symbol
+from wavesweep.tables.kind import plain
+from wavesweep.tables.why import ends_of, mode_words
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8
@@ -26,7 +28,7 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
     from matplotlib.patches import Patch
 
-    panels = [(rows, *_with_bars(rows)) for rows in _ends(columns)]
+    panels = [(rows, *_with_bars(rows)) for rows in ends_of(columns)]
     drawn = [panel for panel in panels if panel[1]]
     notes = [*dict.fromkeys(f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars)][:PANELS]
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
@@ -52,15 +54,6 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
         elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
         note_below(canvas, *notes, assumption(facts), axis=elasticity)
     return canvas
-
-
-def _ends(columns: Columns) -> list[Columns]:
-    """The rows of each combination, interval, end and crossing."""
-    names = [*axes_of(columns), "interval", "side", "crossing"]
-    ends: dict[tuple, list[int]] = {}
-    for row, key in enumerate(zip(*(columns[name].tolist() for name in names), strict=True)):
-        ends.setdefault(key, []).append(row)
-    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in ends.values()]
 
 
 def _with_bars(rows: Columns) -> tuple[list[str], str]:
@@ -109,13 +102,9 @@ def _title(rows: Columns) -> list[str]:
     """The limit, and the mode that sets it."""
     first = {name: column[0] for name, column in rows.items()}
     corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
-    hz, also = first.get("hz", first["omega"] / (2 * np.pi)), first.get("second_hz", np.nan)  # a table may be an old one
-    next_to_it = np.isnan(hz) or np.isclose(2 * np.pi * hz, first["omega"])
-    place, damping = "beside it" if next_to_it else "from frame to frame", first["damping_ratio"]
-    damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} {place}"
-    second = "" if np.isnan(also) else f" and {also:.4g} Hz"
-    mode = f"{hz:.4g} Hz{second}{damped}" if hz else f"no oscillation from frame to frame{damped}"
-    mode = "the mode is not known" if np.isnan(first["omega"]) else mode
+    mode, image = mode_words(*(plain(first[name]) for name in ("omega", "hz", "second_hz")))
+    if not np.isnan(first["damping_ratio"]):
+        mode += f", damping ratio {first['damping_ratio']:.2g} {'from frame to frame' if image else 'beside it'}"
     swept = ", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes_of(rows))
     states = wrap(first["states"].replace(" %", "\u00a0%"), _LETTERS)
     return [*([swept] if swept else []), f"{_end(rows)}{corner}", *wrap(mode, _LETTERS), *states]

@@ -10,7 +10,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.wishes import WISHES, Wish
 from wavesweep.tables.columns import fields
 from wavesweep.tables.fields import DESIGN, Field
-from wavesweep.tables.kind import Kind, Line, Numbers, Whole, count, plain
+from wavesweep.tables.kind import Line, Numbers, count, plain, whole_kind
 
 THIN = 0.01  # of a bound, within which a design is near it
 BOX, SETTLED = "z_width_box", "box_settled"
@@ -156,4 +156,4 @@ def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
 
 
-KINDS = (Kind("design", lambda _: Whole(_numbers), _lines, figure="designs.design"),)
+KINDS = (whole_kind("design", _numbers, _lines, "designs.design"),)

@@ -17,7 +17,7 @@ from wavesweep.reproducibility import versions
 from wavesweep.spec.keys import TURNED
 from wavesweep.tables.device_spec import PATHS, negative, spoken, whole
 from wavesweep.tables.fields import COLUMNS, Field
-from wavesweep.tables.kind import Kind, Line, Numbers, Whole
+from wavesweep.tables.kind import Line, Numbers, whole_kind
 from wavesweep.tables.table import Table
 
 METHOD = (
@@ -351,6 +351,6 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 
 KINDS = (
-    Kind("identify", lambda _: Whole(_numbers), _lines, figure="identified.identify"),
-    Kind("identify-response", lambda _: Whole(_response_numbers), _response_lines, figure="identified.identify_response"),
+    whole_kind("identify", _numbers, _lines, "identified.identify"),
+    whole_kind("identify-response", _response_numbers, _response_lines, "identified.identify_response"),
 )

@@ -114,6 +114,11 @@ class Whole:
         return self._measure(self._columns, facts)
 
 
+def whole_kind(name: str, measure: Callable[[Columns, Numbers], Numbers], lines: Callable, figure: str, **more: Any) -> Kind:
+    """A kind of table whose rows come in one block; see `Whole` and `Kind`."""
+    return Kind(name, lambda _: Whole(measure), lines, figure, **more)
+
+
 def from_spec(
     make: Callable[..., Table], *given: str, rows: Callable[[Any], int] = lambda _: 0
 ) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:

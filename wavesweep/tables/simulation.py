@@ -6,6 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from math import log
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.spec.devices import DEVICES
 from wavesweep.tables.fields import TICKS
-from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole
+from wavesweep.tables.kind import Again, Line, Numbers, plain, whole_kind
 from wavesweep.tables.table import Table, facts_of
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def simulate(spec: Spec) -> list[Table]:
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
-        notices = [*_images(tones, 1 / spec.tick_hz, simulation.frame), *_unsettled(spec, linear, simulation.frame)]
+        notices = [*_unlike_the_linear(spec, linear, tones, simulation.frame)]
         facts = _facts(spec, RESPONSE_METHODS, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
@@ -76,20 +77,18 @@ def _unmeasured(spec, tones):
             yield f"not measured at {named} Hz: the input ends before they have settled; {longer}"
 
 
-def _images(tones, tick, frame):
-    """Yield a notice about the tones that are their own image."""
+def _unlike_the_linear(spec, linear, tones, frame):
+    """Yield notices about tones that are their own image, and of a slow mode that is there when they are measured.
+
+    frame: its ticks.
+    """
     from wavesweep.simulation.record import own_image
 
+    tick = 1 / spec.tick_hz
     own = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
     if own and frame > 1:
-        yield (
-            f"at {', '.join(own)} Hz, a multiple of half the frame's rate, a sine is its own image: the response seen depends "
-            "on its phase"
-        )
-
-
-def _unsettled(spec, linear, frame):
-    """Yield a notice if the slowest mode has not died out where the sines are measured; frame: its ticks."""
+        image = "a sine is its own image: the response seen depends on its phase"
+        yield f"at {', '.join(own)} Hz, a multiple of half the frame's rate, {image}"
     radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
     left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
     if left > SETTLED:
@@ -183,10 +182,9 @@ def _rest(columns: Columns) -> float | None:
 
 
 def _energy(columns: Columns) -> Numbers:
-    names = ("hand", "device", "channel")
-    last = {name: float(columns.get(f"energy_{name}", [np.nan])[-1]) for name in names}
-    least = float(np.min(columns.get("energy_channel", np.nan)))
-    return {name: None if np.isnan(value) else value for name, value in (last | {"channel_least": least}).items()}
+    last = {name: columns.get(f"energy_{name}", np.full(1, np.nan))[-1] for name in ("hand", "device", "channel")}
+    least = {"channel_least": np.min(columns.get("energy_channel", np.nan))}
+    return {name: plain(value) for name, value in (last | least).items()}
 
 
 def _run_lines(found: Numbers) -> Iterator[Line]:
@@ -279,27 +277,18 @@ def _off(columns: Columns, name: str) -> float | None:
     return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
 
 
-def _again(number: int) -> Callable[[Mapping[str, Any], Callable[[], str]], Again | None]:
-    def again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
-        from wavesweep.spec import load
+def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
+    from wavesweep.spec import load
 
-        if facts["spec"]["simulate"]["input"] == "record":
-            return None  # the package does not have the path of the recorded force
-        spec = replace(load(facts["spec"]).as_simulated(), name=name())
-        return Again(spec.sha256, simulate(spec)[number].blocks)
-
-    return again
+    if facts["spec"]["simulate"]["input"] == "record":
+        return None  # the package does not have the path of the recorded force
+    spec = replace(load(facts["spec"]).as_simulated(), name=name())
+    return Again(spec.sha256, simulate(spec)[number].blocks)
 
 
 KINDS = (
-    Kind(
-        "simulate", lambda _: Whole(_run_numbers), _run_lines, figure="simulation.simulate", again=_again(0), before=len(TICKS)
-    ),
-    Kind(
-        "simulate-response",
-        lambda _: Whole(_response_numbers),
-        _response_lines,
-        figure="simulation.simulate_response",
-        again=_again(1),
+    whole_kind("simulate", _run_numbers, _run_lines, "simulation.simulate", again=partial(_again, 0), before=len(TICKS)),
+    whole_kind(
+        "simulate-response", _response_numbers, _response_lines, "simulation.simulate_response", again=partial(_again, 1)
     ),
 )

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.columns import Columns
+from wavesweep.columns import Columns, axes_of
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.loading import naming
-from wavesweep.tables.kind import Again, Kind, Line, Numbers, Whole, counted_doubts, plain
+from wavesweep.tables.kind import Again, Line, Numbers, counted_doubts, plain, whole_kind
 from wavesweep.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -87,23 +87,26 @@ FIRST = 3  # numbers that are named
 LEAST = 5e-4  # an elasticity below which a number does not matter
 
 
+_MODE = ("crossing", "omega", "damping_ratio", "states", "corner", "second_hz")
+_OF_END = {"interval": "interval", "end": "side", **{name: name for name in _MODE}, "line_hz": "hz"}  # and their columns
+
+
+def ends_of(columns: Columns) -> list[Columns]:
+    """The rows of each combination of axes, interval, end and crossing."""
+    names = [*axes_of(columns), "interval", "side", "crossing"]
+    ends: dict[tuple, list[int]] = {}
+    for row, key in enumerate(zip(*(columns[name].tolist() for name in names), strict=True)):
+        ends.setdefault(key, []).append(row)
+    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in ends.values()]
+
+
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """For each end and crossing its mode, the limit and the stiffness felt there, each with the numbers that matter most."""
-    names = ("interval", "side", "crossing")
-    keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
     ends = []
-    for key in dict.fromkeys(keys):
-        rows = np.array([each == key for each in keys])
-        quantities = {"limit": "end", "felt": "felt"}
-        limits = {name: _limit(columns, rows & (columns["quantity"] == quantity)) for name, quantity in quantities.items()}
-        first = int(np.flatnonzero(rows)[0])
-        mode = {name: columns[name][first] for name in ("omega", "damping_ratio", "states", "corner", "second_hz")}
-        mode |= {"line_hz": columns["hz"][first]}
-        ends.append(
-            dict(zip(("interval", "end", "crossing"), key, strict=True))
-            | {name: plain(value) for name, value in mode.items()}
-            | limits
-        )
+    for rows in ends_of(columns):
+        own = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
+        limit, felt = (_limit({name: column[some] for name, column in rows.items()}) for some in own.values())
+        ends.append({name: plain(rows[column][0]) for name, column in _OF_END.items()} | {"limit": limit, "felt": felt})
     return {
         "along": dict(facts["along"]),
         "stable_intervals": [list(each.values()) for each in facts["intervals"]],
@@ -113,20 +116,16 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     }
 
 
-def _limit(columns: Columns, rows: np.ndarray) -> Numbers | None:
+def _limit(rows: Columns) -> Numbers | None:
     """Value, unit, doubt, and elasticities, the largest first; None if there is no such limit."""
-    some = np.flatnonzero(rows)
-    if not some.size:
+    if not len(rows["number"]):
         return None
-    elasticity = columns["elasticity"][some]
-    known = some[~np.isnan(elasticity)]
-    order = known[np.argsort(-np.abs(columns["elasticity"][known]), kind="stable")][:FIRST]
-    doubts = counted_doubts(columns["doubt"][some])
+    order = np.argsort(-np.abs(rows["elasticity"]), kind="stable")[: min(FIRST, int((~np.isnan(rows["elasticity"])).sum()))]
     return {
-        "value": float(columns["limit_value"][some[0]]),
-        "unit": str(columns["unit"][some[0]]),
-        "doubts": doubts,
-        "elasticities": {str(columns["number"][row]): float(columns["elasticity"][row]) for row in order},
+        "value": float(rows["limit_value"][0]),
+        "unit": str(rows["unit"][0]),
+        "doubts": counted_doubts(rows["doubt"]),
+        "elasticities": {str(rows["number"][row]): float(rows["elasticity"][row]) for row in order},
     }
 
 
@@ -203,4 +202,4 @@ def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     return Again(spec.sha256, why(spec, facts["along"]["name"]).blocks)
 
 
-KINDS = (Kind("why", lambda _: Whole(_numbers), _lines, figure="elasticities.why", again=_again),)
+KINDS = (whole_kind("why", _numbers, _lines, "elasticities.why", again=_again),)
