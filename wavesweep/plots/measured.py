@@ -55,11 +55,6 @@ def draw_walls(axes: Any, walls: Walls, colour: Any = "black") -> None:
             axes.plot(*points[:, inside], **_look(kind, colour), clip_on=False)
 
 
-def highest(walls: Walls, most: float = np.inf) -> float:
-    """The largest stiffness of walls up to `most`; 0 without any."""
-    return max((float(points[1][points[1] <= most].max(initial=0.0)) for points in walls.values()), default=0.0)
-
-
 def wall_handles(walls: Walls, x: tuple[float, float], y: tuple[float, float], colour: Any = "black") -> list[Any]:
     """The entries of a legend, with the number of points outside of the spans x and y that a figure shows."""
     from matplotlib.lines import Line2D
@@ -78,16 +73,6 @@ def undrawn(facts: Facts, x: str | None, along: str) -> str:
     if not walls or walls_in_plane(facts, x, along):
         return ""
     return "The measured walls are not shown: they are of stiffness over damping of the wall."
-
-
-def response_points(facts: Facts, spec: str) -> dict[str, np.ndarray]:
-    """The measured response of a spec, with the columns of a table of responses, admittance in mm/N; empty without one."""
-    points = facts.get("measured", {}).get(spec, {}).get("response")
-    if not points:
-        return {}
-    H = np.array(points["re"]) + 1j * np.array(points["im"])
-    hertz = np.array(points["frequency_hz"])
-    return {"frequency_hz": hertz, "admittance_abs": 1e3 * np.abs(H), "admittance_deg": np.degrees(np.angle(H))}
 
 
 def coloured(facts: Facts, part: str, colours: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,9 +95,11 @@ def draw_responses(axes: Any, facts: Facts, name: str, colours: Mapping[str, Any
     """
     places = [np.zeros(0)]
     for spec, colour in coloured(facts, "response", colours).items():
-        points = response_points(facts, spec)
-        if name in points:
+        points = facts["measured"][spec]["response"]
+        H, hertz = np.array(points["re"]) + 1j * np.array(points["im"]), np.array(points["frequency_hz"])
+        if name.startswith("admittance"):
             label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
-            axes.plot(points["frequency_hz"], points[name], color=colour, label=label, **_OF_RESPONSE)
-        places += [points["frequency_hz"]] if name.startswith(("admittance", "impedance")) else []
+            values = 1e3 * np.abs(H) if name == "admittance_abs" else np.degrees(np.angle(H))  # mm/N
+            axes.plot(hertz, values, color=colour, label=label, **_OF_RESPONSE)
+        places += [hertz] if name.startswith(("admittance", "impedance")) else []
     return np.concatenate(places)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -135,7 +134,7 @@ def draw_curves(
             own = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
             for axes, part, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
                 name = f"{quantity.stem}_{part}"
-                _draw_panel(axes, own, name, x, partial(draw_responses, axes, facts, name, measured))
+                _draw_panel(axes, own, name, x, draw_responses(axes, facts, name, measured))
                 axes.set_ylabel(title)
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
@@ -161,27 +160,31 @@ def _swept(columns: Columns) -> list[str]:
     return sorted((name for name in count if count[name] > 1), key=lambda name: -count[name])
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured: Callable[[], np.ndarray]) -> None:
-    """draw_measured: draws what was measured, and gives its places along the figure."""
+def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, measured: np.ndarray) -> None:
+    """measured: places along the figure of what was measured, and is drawn already."""
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = goes_by_factors(everywhere[everywhere > 0])
-    everywhere = np.append(everywhere, draw_measured())
+    everywhere = np.append(everywhere, measured)
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     for curve in curves:
-        places, values = curve.rows[x], curve.rows[name]
-        order = np.argsort(places, kind="stable")
-        places, values, lost = places[order], values[order], _rounded(curve.rows, name)[order]
+        rows, quantity = where(curve.rows, np.argsort(curve.rows[x], kind="stable")), name.partition("_")[0]
+        places, values = rows[x], rows[name]
+        lost = (rows["doubt"] == "rounding") & ~(rows[f"{quantity}_error"] <= SPARED)  # and not the worst gain alone
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
         line = (places[~static], values[~static])
-        line = _broken(*line) if name.endswith("_deg") else line
-        alone, edge = _alone(line[1]), {"color": curve.style["color"]}
+        if name.endswith("_deg"):  # no line is drawn across the panel where a phase wraps
+            jumps = np.flatnonzero(np.abs(np.diff(line[1])) > 180) + 1
+            line = np.insert(line[0].astype(float), jumps, np.nan), np.insert(line[1], jumps, np.nan)
+        known = np.pad(~np.isnan(line[1]), 1)
+        alone = np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()  # no line joins these with others
+        edge = {"color": curve.style["color"]}
         marked = "marker" in curve.style
         style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
         axes.plot(*line, label=curve.label or None, **style)
         if alone and marked:  # in addition to the marks that distinguish the specs
             axes.plot(line[0][alone], line[1][alone], curve.style["marker"], markersize=3.5, **edge)
         # A static limit of 0 has no place on a scale of factors, and no phase.
-        if (static & (curve.rows[f"{name.partition('_')[0]}_abs"][order] > 0)).any():
+        if (static & (rows[f"{quantity}_abs"] > 0)).any():
             axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
         crossed = lost & ~static
         if crossed.any():
@@ -195,23 +198,6 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, draw_measured
     if everywhere.max() > everywhere.min():
         axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
     axes.grid(which="major", **GRID)
-
-
-def _alone(values: np.ndarray) -> list[int]:
-    """Indices of the values that no line joins with another."""
-    known = np.concatenate([[False], ~np.isnan(values), [False]])
-    return np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()
-
-
-def _rounded(rows: Columns, name: str) -> np.ndarray:
-    """Flags of the rows whose doubt is about this quantity, and not about the worst gain alone."""
-    return (rows["doubt"] == "rounding") & ~(rows[f"{name.partition('_')[0]}_error"] <= SPARED)
-
-
-def _broken(places: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points of a phase, with a missing one wherever it wraps, so that no line is drawn across the panel."""
-    jumps = np.flatnonzero(np.abs(np.diff(degrees)) > 180) + 1
-    return np.insert(places.astype(float), jumps, np.nan), np.insert(degrees, jumps, np.nan)
 
 
 def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:

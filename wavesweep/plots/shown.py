@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.columns import Columns, whose_column
 from wavesweep.plots.layout import Layout
-from wavesweep.plots.measured import coloured, highest, walls_by_kind, walls_in_plane
+from wavesweep.plots.measured import coloured, walls_by_kind, walls_in_plane
 from wavesweep.plots.members import Member, damping_of, members_of, specs_of
 from wavesweep.plots.regions import felt_differs, range_end
 from wavesweep.plots.style import distinct_colour
@@ -22,7 +22,7 @@ class Shown:
 
     along: the number of the intervals. whose: the column that says for whom a row is. swept: the range in which they were
     searched. by_factors, view: the scale of the axis along them, and its ends. span: the part of `swept` in these. walls: what
-    was measured, with its colour. felt: whether the stiffness that the hand feels is drawn.
+    was measured, with its colour. felt: whether the hand feels other stiffnesses at the limits, and some are shown.
     """
 
     def __init__(self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> None:
@@ -34,10 +34,13 @@ class Shown:
         self.swept = float(swept[:, 0].min()), float(swept[:, 1].max())
         self.by_factors, self.view = self._limits()
         self.walls = self._measured_walls()
-        tops = [highest(walls, self.swept[1]) for walls, _ in self.walls]
-        self.view = self.view[0], max(self.view[1], _ROOM * max(tops, default=0.0))
+        tried = np.array([K for walls, _ in self.walls for points in walls.values() for K in points[1].tolist()])
+        self.view = self.view[0], max(self.view[1], _ROOM * float(tried[tried <= self.swept[1]].max(initial=0.0)))
         self.span = max(self.view[0], self.swept[0]), min(self.view[1], self.swept[1])
-        self.felt = self._shows_felt()
+        of_walls = layout.x == "B_VE" and self.along == "K_VE" and self.whose in ("", "spec")
+        self.felt = False
+        if of_walls and felt_differs(columns):
+            self.felt = bool(((columns["felt_high"] >= self.view[0]) & (columns["felt_high"] <= self.view[1])).any())
 
     def members(self, columns: Columns) -> list[Member]:
         """The members of a panel, whose rows these are."""
@@ -109,14 +112,6 @@ class Shown:
             return []
         colours = coloured(self.facts, "z_width", {name: distinct_colour(at) for at, name in enumerate(specs_of(self.facts))})
         return [(walls_by_kind(self.facts, spec), colour) for spec, colour in colours.items()]
-
-    def _shows_felt(self) -> bool:
-        """Whether the hand feels other stiffnesses at the limits, some of which the panels show."""
-        walls = self.layout.x == "B_VE" and self.along == "K_VE" and self.whose in ("", "spec")
-        if not walls or not felt_differs(self.columns):
-            return False
-        felt = self.columns["felt_high"]
-        return bool(((felt >= self.view[0]) & (felt <= self.view[1])).any())
 
     def limits_of_walls(self) -> dict[str, float]:
         """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see `limits_of_walls`."""
