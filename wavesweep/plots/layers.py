@@ -131,19 +131,14 @@ def _put_in_order(boxes, band):
             best, fewest = [list(column) for column in band.columns], crossings
         steps = list(pairwise(range(len(band.columns))))
         for one, two in steps if sweep % 2 == 0 else steps[::-1]:
-            fixed, free = (one, two) if sweep % 2 == 0 else (two, one)
-            _sort(boxes, band.columns, fixed, free, _links(boxes, band.columns[one], band.columns[two]), sweep % 2 == 0)
+            fixed, free = (band.columns[n] for n in ((one, two) if sweep % 2 == 0 else (two, one)))
+            means = {i: [] for i in free}
+            for i, a, j, b in _links(boxes, band.columns[one], band.columns[two]):
+                near, far, row = (j, i, a) if sweep % 2 == 0 else (i, j, b)
+                means[near].append(fixed.index(far) + row / (1 + boxes[far].rows))
+            goals = {i: (float(np.mean(means[i] or n)), n) for n, i in enumerate(free)}
+            free.sort(key=goals.get)
     band.columns = best
-
-
-def _sort(boxes, columns, fixed, free, links, rightward):
-    place = {i: n for n, i in enumerate(columns[fixed])}
-    means = {}
-    for i, a, j, b in links:
-        near, far, row = (j, i, a) if rightward else (i, j, b)
-        means.setdefault(near, []).append(place[far] + row / (1 + boxes[far].rows))
-    own = {i: n for n, i in enumerate(columns[free])}
-    columns[free].sort(key=lambda i: (float(np.mean(means[i])) if i in means else own[i], own[i]))
 
 
 def _crossings(boxes, left, right):

@@ -59,8 +59,6 @@ def route(boxes: Sequence[Box], bands: Sequence[Band]) -> Routes:
         _stagger(boxes, band, b, source)
     tracks = [_tracks(boxes, band, b, source) for b, band in enumerate(bands)]
     lanes, margin = _needs(tracks, source)
-    for columns, nets in zip(tracks, lanes, strict=False):
-        _open(columns, nets)
     left = TRACK * (1 + len(margin))
     x_of, widths = [], []
     for b, band in enumerate(bands):
@@ -122,7 +120,10 @@ def _stagger(boxes, band, b, source):
 
 
 def _needs(tracks, source):
-    """The nets in the lanes below each band, and those that go from lane to lane at the left of all."""
+    """The nets in the lanes below each band, and those that go from lane to lane at the left of all.
+
+    Each net goes down to its lane behind its box; tracks that lead nowhere are dropped.
+    """
     lanes, margin = [{} for _ in range(len(tracks) + 1)], {}
     ends = [(b, track.net) for b, columns in enumerate(tracks) for here in columns for track in here if not track.left]
     for b, net in ends:
@@ -131,18 +132,15 @@ def _needs(tracks, source):
         lanes[start][net] = lanes[gap][net] = None
         if gap != start:
             margin[net] = None
+    for columns, nets in zip(tracks, lanes, strict=False):
+        begun = set()
+        for here in columns:
+            for track in here:
+                if track.left and track.net not in begun:
+                    begun.add(track.net)
+                    track.down = track.net in nets
+            here[:] = [track for track in here if track.right or track.down]
     return [list(each) for each in lanes], list(margin)
-
-
-def _open(columns, lanes):
-    """Let each net go down to its lane behind its box, and drop tracks that lead nowhere."""
-    begun = set()
-    for here in columns:
-        for track in here:
-            if track.left and track.net not in begun:
-                begun.add(track.net)
-                track.down = track.net in lanes
-        here[:] = [track for track in here if track.right or track.down]
 
 
 def _order(tracks):
@@ -160,13 +158,12 @@ def _order(tracks):
 
 def _total(tracks):
     """Crossings of tracks in this order, and clashes of wires on one line."""
-    return sum(_cost(one, two) for n, one in enumerate(tracks) for two in tracks[n + 1 :])
-
-
-def _cost(one, two):
-    (a, b), (c, d) = one.span(), two.span()
-    crossings = sum(c < row < d for row in one.right) + sum(a < row < b for row in two.left)
-    return crossings + CLASH * len(set(one.right) & set(two.left))
+    total = 0
+    for one, two in combinations(tracks, 2):
+        (a, b), (c, d) = one.span(), two.span()
+        total += sum(c < row < d for row in one.right) + sum(a < row < b for row in two.left)
+        total += CLASH * len(set(one.right) & set(two.left))
+    return total
 
 
 def _tell_apart(bands, tracks, x_of):
@@ -183,7 +180,14 @@ def _tell_apart(bands, tracks, x_of):
 def _drawn(boxes, bands, tracks, x_of, lanes, margin, width):
     """The routes, once each track has its place along x."""
     beside = {net: TRACK * (n + 0.5) for n, net in enumerate(margin)}
-    reach = [_reach(lanes[b], b, tracks, beside) for b in range(len(bands))]
+    # The places (inch) at which lines come to the lane of each net.
+    reach = []
+    for b in range(len(bands)):
+        coming = [track for here in tracks[b] for track in here if track.down]
+        coming += [track for here in (tracks[b + 1] if b + 1 < len(tracks) else ()) for track in here if track.up]
+        reach.append({net: [track.x for track in coming if track.net == net] for net in lanes[b]})
+        for net in beside.keys() & reach[b].keys():
+            reach[b][net].append(beside[net])
     numbers = [_lane_numbers(each) for each in reach]
     places, lines, ends, y, lane_y = {}, [], {}, 0.0, []
     for b, band in enumerate(bands):
@@ -207,17 +211,6 @@ def _drawn(boxes, bands, tracks, x_of, lanes, margin, width):
         levels = [each[net] for each in lane_y if net in each]
         lines.append((net, x, min(levels), x, max(levels)))
     return Routes(places, [line for line in lines if line[1:3] != line[3:]], ends, width, y)
-
-
-def _reach(nets, b, tracks, beside):
-    """For each net in the lanes below a band, the places (inch) at which lines come to its lane."""
-    found = {}
-    for net in nets:
-        xs = [track.x for here in tracks[b] for track in here if track.net == net and track.down]
-        if b + 1 < len(tracks):
-            xs += [track.x for here in tracks[b + 1] for track in here if track.net == net and track.up]
-        found[net] = xs + ([beside[net]] if net in beside else [])
-    return found
 
 
 def _lane_numbers(reach):
@@ -276,19 +269,10 @@ def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
     """Net, x and y of the points at which a net branches."""
     found = set()
     for net in dict.fromkeys(line[0] for line in lines):
-        own = [line[1:] for line in lines if line[0] == net]
-        points = {(round(x, 6), round(y, 6)) for a, b, c, d in own for x, y in ((a, b), (c, d))}
-        for x, y in points:
-            degree = sum(_meets(line, x, y) for line in own)
-            if degree > 2:
+        own = [[round(each, 6) for each in line[1:]] for line in lines if line[0] == net]
+        for x, y in {end for a, b, c, d in own for end in ((a, b), (c, d))}:
+            ends = sum((x, y) in ((a, b), (c, d)) for a, b, c, d in own)
+            inside = [min(a, c) <= x <= max(a, c) and min(b, d) <= y <= max(b, d) for a, b, c, d in own]
+            if 2 * sum(inside) - ends > 2:  # two ends of a line that it is inside, one of a line that ends there
                 found.add((net, x, y))
     return found
-
-
-def _meets(line, x, y):
-    """How many ends a line has at a point: one at its end, two in its middle."""
-    a, b, c, d = (round(each, 6) for each in line)
-    if (x, y) in ((a, b), (c, d)):
-        return 1
-    inside = (a == c == x and min(b, d) < y < max(b, d)) or (b == d == y and min(a, c) < x < max(a, c))
-    return 2 if inside else 0

@@ -8,7 +8,7 @@ from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.wiring import Part, Terms, Wiring, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
-from wavesweep.plots.style import distinct_look, family_looks, figure
+from wavesweep.plots.style import distinct_look, family_looks, figure, paler
 from wavesweep.plots.words import as_it_stands
 from wavesweep.spec import Spec
 
@@ -144,12 +144,10 @@ def _width(text: str, size: float, weight: str = "normal") -> float:
     return text_to_path.get_text_width_height_descent(text, font, ismath=False)[0] / 72
 
 
-def _rectangle(x, y, width, height, colour, tint=0.82):
-    from matplotlib.colors import to_rgb
+def _rectangle(x, y, width, height, colour, shade=0.18, radius=0.04):
     from matplotlib.patches import FancyBboxPatch
 
-    pale = [tint + (1 - tint) * part for part in to_rgb(colour)]
-    style = "round,pad=0,rounding_size=0.04"
+    style, pale = f"round,pad=0,rounding_size={radius}", paler(colour, shade)
     return FancyBboxPatch((x, y), width, height, boxstyle=style, facecolor=pale, edgecolor=colour, linewidth=1.0, zorder=3)
 
 
@@ -165,8 +163,8 @@ def _draw(axes, part, box, routes, number, wires, colour):
             row, _, _ = next(rows)
             ys.append(_end(axes, routes.ends[number, row], left if len(terms) == 1 else x, wires[signal], _gain(terms, gain)))
         levels.append(ys)
-    inset, tint = (0.03, 0.82) if part.kind == "block" else (0.0, 0.95)
-    axes.add_patch(_rectangle(left, y + inset, width, ROW * box.rows - 2 * inset, colour, tint))
+    inset, shade = (0.03, 0.18) if part.kind == "block" else (0.0, 0.05)
+    axes.add_patch(_rectangle(left, y + inset, width, ROW * box.rows - 2 * inset, colour, shade))
     ports_in, ports_out = _port_widths(part)
     middle = left + ports_in + (width - ports_in - ports_out) / 2
     texts = _texts(part)
@@ -176,8 +174,10 @@ def _draw(axes, part, box, routes, number, wires, colour):
     free = iter(range(box.rows))
     for (name, terms), ys in zip(part.inputs, levels, strict=True):
         level = sum(ys) / len(ys) if ys else y + ROW * (next(free) + 0.5)
-        if len(terms) > 1:
-            _pill(axes, x, ys, colour)
+        if len(terms) > 1:  # a sum of several wires
+            low, high = min(ys) - 0.075, max(ys) + 0.075
+            axes.add_patch(_rectangle(x, low, PILL, high - low, colour, 0.0, PILL / 2))
+            axes.text(x + PILL / 2, (low + high) / 2, "Σ", fontsize=SMALL, ha="center", va="center", zorder=5)
             axes.annotate("", (left, level), (x + PILL, level), arrowprops=_arrow(colour), zorder=4)
         if name not in PLAIN_PORTS:
             axes.text(left + 0.05, level, as_it_stands(name), fontsize=SMALL, va="center", color="0.25", zorder=5)
@@ -201,15 +201,3 @@ def _end(axes, end, x, colour, text):
 
 def _arrow(colour):
     return {"arrowstyle": "-|>,head_width=0.16,head_length=0.28", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
-
-
-def _pill(axes, x, ys, colour):
-    """Draw a sum of several wires."""
-    from matplotlib.patches import FancyBboxPatch
-
-    low, high = min(ys) - 0.075, max(ys) + 0.075
-    style = f"round,pad=0,rounding_size={PILL / 2}"
-    axes.add_patch(
-        FancyBboxPatch((x, low), PILL, high - low, boxstyle=style, facecolor="white", edgecolor=colour, linewidth=1.0, zorder=3)
-    )
-    axes.text(x + PILL / 2, (low + high) / 2, "Σ", fontsize=SMALL, ha="center", va="center", zorder=5)
