@@ -9,7 +9,7 @@ from support.drawn import random_tables
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.analyses.broken_loops import GAIN, _with_gain, broken_at
+from wavesweep.analyses.broken_loops import GAIN, broken_at, with_gain
 from wavesweep.analyses.loops import drift_of, frames
 from wavesweep.cli.studies import margins as command
 from wavesweep.passive.lifted_margins import LiftedLoop, lifted_margins, margins_of
@@ -22,7 +22,7 @@ CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"
 def radius_of(spec, signal):
     """The spectral radius of the frame with factors k of the signal, from blocks that have it among their numbers."""
     own = own_loop(spec)
-    loop = Loops(_with_gain(own.drawing, signal), own.values)
+    loop = Loops(with_gain(own.drawing, signal), own.values)
     drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
 
     def radius(k):

@@ -36,7 +36,7 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
             f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
             "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
-    loop = Loops(_with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
+    loop = Loops(with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
     lifted = lifted_at(loop)
     if not lifted.returns:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
@@ -78,7 +78,7 @@ def _times_per_frame(loop: Loops) -> dict[str, int]:
     return found | dict.fromkeys(of_plants, drawn.ticks)
 
 
-def _with_gain(drawing: Drawing, signal: str) -> Drawing:
+def with_gain(drawing: Drawing, signal: str) -> Drawing:
     """The drawing with a gain behind a signal, which runs when its block does; all wires read the signal behind it."""
     source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
     gain = DrawnBlock(BLOCK, "gain", (("k", ("name", GAIN, 0)),), source.every, source.phase, source.phases)

@@ -217,14 +217,15 @@ def _near(one, other):
 
 def _text(part):
     ends = [("below", part.low_by), ("from", part.high_by)]
-    texts = [(end, _numbers(by)) for end, by in ends if by is not None]
+    texts = [(end, numbers_in_words(by)) for end, by in ends if by is not None]
     if len(texts) == 1:
         return shorten(texts[0][1], TEXT, placeholder=" ...")
     most = TEXT // 2 - len("; below: ")
     return "; ".join(f"{end}: {shorten(text, most, placeholder=' ...')}" for end, text in texts)
 
 
-def _numbers(by):
+def numbers_in_words(by: Mapping[str, object]) -> str:
+    """Numbers, by their paths, as a text; None for a text among the paths."""
     return ", ".join(name_of(path) if value is None else f"{name_of(path)} = {value:.6g}" for path, value in by.items())
 
 
@@ -273,13 +274,13 @@ def _verdict(spec, rules):
         if rules.vary and case.ranges:
             said, by = decided_over(rules, Loops(case.loop.drawing, dict(spec.values) | case.fixed), case.ranges)
             if said == "refuted":
-                return {"verdict": said, "counterexample": _numbers(case.fixed | by)}
+                return {"verdict": said, "counterexample": numbers_in_words(case.fixed | by)}
             known &= said == "proved"
             continue
         if rules.vary:
             said, pattern = _decided(spec, rules, number, case)
             if said == "refuted":
-                return {"verdict": said, "counterexample": _numbers({**case.fixed, pattern: None})}
+                return {"verdict": said, "counterexample": numbers_in_words({**case.fixed, pattern: None})}
             known &= said == "proved"
             continue
         numbers = case.unstable()
@@ -287,7 +288,7 @@ def _verdict(spec, rules):
         if found is not None and len(found.unstable):
             numbers = case.named(found.unstable[0])
         if numbers is not None:
-            return {"verdict": "refuted", "counterexample": _numbers(numbers)}
+            return {"verdict": "refuted", "counterexample": numbers_in_words(numbers)}
         known &= found is None or not len(found.open)
     return {"verdict": "proved" if known else "unknown", "counterexample": ""}
 

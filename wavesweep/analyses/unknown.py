@@ -190,7 +190,7 @@ class Case:
         box = np.column_stack([[low, high], self.box]) if self.along else self.box
         paths = [*filter(None, [self.along]), *(axis.path for axis in self.ranges)]
         bounds = np.array([domain(*self.loop, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]).T
-        frames = partial(_frames, self.loop, paths, _drift(self.loop, paths, box))
+        frames = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, box))
         found = cover(frames, box, bounds, self.left)
         self.left -= found.used
         return found
@@ -210,12 +210,12 @@ class Case:
         return self.fixed | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
 
 
-def _frames(loop, paths, drift, x):
+def frames_over(loop, paths, drift, x):
     x = np.where(x == 0, TINY, x)
     return frames_where_solvable(loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),))
 
 
-def _drift(loop, paths, box):
+def drift_over(loop, paths, box):
     """The drift of all loops of a box, counted from the state from which their entries are smallest."""
     ends = zip(paths, box.T, strict=True)
     drift = drift_of(loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}))
@@ -224,6 +224,6 @@ def _drift(loop, paths, box):
     corners = np.array(list(product(*box.T)))
     leads = [replace(drift, folded=(state,)) for state in sorted({*drift.kept, *drift.folded})]
     with np.errstate(all="ignore"):
-        entries = (np.abs(_frames(loop, paths, each, corners).E) for each in leads)
+        entries = (np.abs(frames_over(loop, paths, each, corners).E) for each in leads)
         sizes = [np.nan_to_num(each, nan=np.inf).max(initial=0.0) for each in entries]
     return leads[int(np.argmin(sizes))]

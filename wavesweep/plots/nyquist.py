@@ -58,7 +58,12 @@ class OpenLoop:
     def disk(self) -> np.ndarray | None:
         """The disk about -1 that L leaves free, with the gains `gain` and 1/gain at its ends; None if there is no limit."""
         gain, omega = self.table.get("disk_gain", (np.nan, np.nan))
-        return None if np.isnan(omega) else -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _TURN
+        return None if np.isnan(omega) else disk_of(gain)
+
+
+def disk_of(gain: float) -> np.ndarray:
+    """The rim of the disk about -1 with the gains `gain` and 1/gain at its ends."""
+    return -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _TURN
 
 
 def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> Any:
@@ -67,13 +72,18 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     Beside it are gain (dB) and phase of L over frequency, with the margins as lines between the curve and its limit, and below
     it the closed loop's response to a step of the signal. All of this is computed from the spec of the table, the curves so
     densely that no step shows. family: names and specs of other loops, which have a curve in each panel and no margins; by
-    default those at the ends of the ranges of [for_all], see `ends_of_ranges`.
+    default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that is proved for all of them.
     """
     from wavesweep.spec import load
 
     spec, cut = load(facts["spec"]), facts["cut"]
-    rows = zip(*(columns[name].tolist() for name in ("margin", "value", "omega")), strict=True)
-    loop, family = open_loop(spec, cut, {name: (value, omega) for name, value, omega in rows}), family or ends_of_ranges(spec)
+    whose = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
+    tables = {}
+    for word in ("spec", "for_all"):
+        rows = zip(*(columns[name][whose == word].tolist() for name in ("margin", "value", "omega")), strict=True)
+        tables[word] = {name: (value, omega) for name, value, omega in rows}
+    loop, proved = open_loop(spec, cut, tables["spec"]), () if family else tables["for_all"].get("disk_gain", ())
+    family = family or ends_of_ranges(spec)
     others = [
         (open_loop(one, cut, {}), look, name) for (name, one), look in zip(family, family_looks(len(family)), strict=True)
     ]
@@ -86,6 +96,10 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
         panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
         draw_nyquist(panels["nyquist"], loop, cut, others)
+        if proved and proved[0] < np.inf:
+            rim = disk_of(proved[0])
+            said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
+            panels["nyquist"].plot(rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said)
         draw_bode(panels["gain"], panels["phase"], loop, others)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
         if steps[0]:

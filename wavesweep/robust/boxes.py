@@ -8,7 +8,7 @@ number in turn bounds the error between the nodes. If the Bernstein coefficients
 positive, the box is divided.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -36,6 +36,7 @@ SPARED = 0.25  # part of the smallest value at a node by which an interpolant ma
 HALVES = 9  # halvings of an interpolant, for each number
 SWEEPS = 12  # of balancing
 MOST_PIECES = 4096
+NARROW = 1e-5  # of each side of a box, below which a part is not divided
 STEEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
 EPS = np.finfo(float).eps
 
@@ -86,6 +87,27 @@ def positive(functions: Functions, box: Box, bounds: Box, most: int) -> Cover:
             negative, open_ = pieces.judged(piece)
         queue += open_
     return Cover(np.array(queue).reshape(-1, *box.shape), negative, pieces.used)
+
+
+def any_positive(alternatives: Sequence[Functions], box: Box, bounds: Box, most: int) -> Cover:
+    """Prove that at every point of a box one of these is positive, except in the parts that are left open; see `positive`."""
+    box, pieces = np.asarray(box, float), [_Pieces(each, np.asarray(bounds, float)) for each in alternatives]
+    queue = [box]
+    while queue and sum(each.used for each in pieces) < most and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any():
+        piece, negatives, rest = queue.pop(), [], None
+        for each in pieces:
+            with np.errstate(all="ignore"):
+                negative, open_ = each.judged(piece)
+            if not len(negative):
+                rest = open_
+                break
+            negatives.append(negative)
+        if rest is None:  # divide where it parts the points at which one of them is negative from the others
+            wide = np.flatnonzero(piece[0] < piece[1])
+            away = [np.abs(each.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide] for each in negatives]
+            rest = _divided(piece, wide, np.max(away, 0))
+        queue += rest
+    return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])), sum(each.used for each in pieces))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,14 +44,31 @@ def from_eigenvalues(E, units=1.0):
     E, finite = _finite(E, units)
     w, n = np.linalg.eigvals(E).astype(complex), E.shape[-1]
     i, j = np.triu_indices(n, 1)
-    # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
-    size, found = np.maximum(1, np.abs(E).max((-1, -2), initial=0)), []
-    for factor in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w):
-        magnitude = np.maximum(np.abs(factor), 1e-300)
-        with np.errstate(over="ignore"):
-            error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
-        found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
+    size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    found = [_product(factors, size) for factors in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w)]
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
+
+
+def of_complex_frames(E, conjugate, units=1.0):
+    """Return phase, logarithm and error, see above, of `prod_{i,j} (1 - z_i conj(z_j))`, which is real and vanishes if an
+    eigenvalue of a complex frame is on the unit circle.
+
+    E, conjugate: `(matrices, n, n)`, a frame less identity and its conjugate, as analytic functions of what they depend on.
+    """
+    (E, finite), (conjugate, _) = _finite(E, units), _finite(conjugate, units)
+    w, v = np.linalg.eigvals(E)[:, :, None], np.linalg.eigvals(conjugate)[:, None]
+    size = np.maximum(1, np.maximum(np.abs(E), np.abs(conjugate)).max((-1, -2), initial=0))
+    return _given([part[None] for part in _product(-(w + v + w * v), size)], finite, MOST_OF_EIGENVALUES)
+
+
+def _product(factors, size):
+    """Return phase, logarithm and error of the product of factors of eigenvalues of matrices of that size."""
+    # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
+    factors = factors.reshape(len(factors), -1)
+    magnitude = np.maximum(np.abs(factors), 1e-300)
+    with np.errstate(over="ignore"):
+        error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
+    return (factors / magnitude).prod(-1), np.log(magnitude).sum(-1), error
 
 
 def _finite(E, units):

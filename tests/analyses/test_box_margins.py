@@ -1,0 +1,127 @@
+"""Margins for all of [for_all]: none that python-control has of a loop of the box is smaller, and the refuted ones are met."""
+
+import warnings
+from itertools import product
+
+import control
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from wavesweep import UsageError, load
+from wavesweep.analyses.box_margins import Arc, margins_for_all
+from wavesweep.analyses.broken_loops import broken_at
+from wavesweep.passive.lifted_margins import margins_of
+from wavesweep.stability.frames import Frames
+from wavesweep.tables.margins import margins
+
+LAG = {
+    "rates": {"tick_hz": 100},
+    "numbers": {"a": 8.0, "k": 3.0, "every": 2, "late": 1},
+    "block": {
+        "plant": {"type": "tf", "num": ["a"], "den": [1, "a", 0]},
+        "pd": {"type": "gain", "k": "k", "every": "every"},
+        "net": {"type": "delay", "steps": "late", "every": "every"},
+    },
+    "wire": {"pd.u": "-plant.y", "net.u": "pd.y", "plant.u": "net.y"},
+}
+BOX = {"a": {"start": 7.5, "stop": 8.5}, "k": {"start": 2.5, "stop": 3.0}}
+
+
+def for_all(spec, cut, **ranges):
+    return {each.name: each for each in margins_for_all(load(spec | {"for_all": ranges}), cut)}
+
+
+def of_control(a, k, every=2, late=1):
+    """The margins of the same loop by python-control."""
+    period = every / 100
+    A, B, C, D, _ = cont2discrete(control.ssdata(control.ss(control.tf([a * k], [1, a, 0]))), period)
+    L = control.tf(control.ss(A, B, C, D, period)) * control.tf([1], [1] + [0] * late, period)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        gain, phase, _, _, omega, _ = control.stability_margins(L, returnall=True)
+        disk, *_ = control.disk_margins(L, np.geomspace(0.1, np.pi / period, 400))
+    return {"gain_up": min(gain[gain > 1]), "phase": min(phase), "delay": min(np.radians(phase) / omega), "disk": disk}
+
+
+@pytest.mark.slow
+def test_no_loop_of_a_box_has_less_than_what_is_proved():
+    found, rng = for_all(LAG, "net.y", **BOX), np.random.default_rng(3)
+    points = [*np.column_stack([rng.uniform(7.5, 8.5, 15), rng.uniform(2.5, 3, 15)]).tolist(), *product((7.5, 8.5), (2.5, 3.0))]
+    least = {}
+    for point in points:
+        for name, value in of_control(*point).items():
+            assert value > found[name].value, (name, point)
+            least[name] = min(value, least.get(name, np.inf))
+    for name, value in least.items():
+        assert found[name].refuted == pytest.approx(value, rel=2e-3)  # at a corner
+        assert found[name].settled
+        assert 0.99 * found[name].refuted < found[name].value < found[name].refuted
+    assert (found["gain_down"].value, found["gain_down"].limited) == (0, False)
+    assert "k = 3" in found["delay"].counterexample
+
+
+@pytest.mark.slow
+def test_a_lifted_signal_has_margins_for_all_but_no_delay():
+    """At its counterexamples the loop has exactly what is refuted."""
+    found = for_all(LAG, "plant.y", a=BOX["a"])
+    assert "delay" not in found
+    for name, each in found.items():
+        if each.counterexample:
+            a = float(each.counterexample.removeprefix("a = "))
+            own = {margin.name: margin.value for margin in margins_of(broken_at(load(LAG, [f"a={a}"]), "plant.y"))[0]}
+            assert own[name] == pytest.approx(each.refuted, rel=1e-6)
+        assert each.settled
+
+
+def test_values_are_proved_one_by_one_and_the_worst_counts():
+    found = for_all(LAG, "net.y", late={"values": [0, 1, 2]})
+    for name, value in of_control(8.0, 3.0, late=2).items():
+        assert found[name].value == pytest.approx(value, rel=2e-3)
+        assert found[name].counterexample == "late = 2"
+
+
+def test_a_box_with_an_unstable_loop_has_no_margin_but_a_counterexample():
+    found = for_all(LAG, "net.y", k={"start": 3.0, "stop": 100.0})
+    assert {each.counterexample for each in found.values()} == {"k = 100"}
+    assert np.isnan([each.value for each in found.values()]).all()
+
+
+def test_frames_that_vary_leave_the_margins_of_the_specs_own_numbers():
+    spec = LAG | {"for_all": {"every": {"values": [1, 2], "varying": True}}}
+    table = margins(load(spec), "net.y")
+    assert "guarantee" not in table.columns
+    assert any("constant numbers, but every may vary" in notice for notice in table.facts["notices"])
+
+
+def test_too_many_ranges_are_refused():
+    numbers = {f"k{i}": 1.0 for i in range(6)}
+    spec = LAG | {"numbers": LAG["numbers"] | numbers, "for_all": {name: {"start": 0.9, "stop": 1.1} for name in numbers}}
+    spec |= {"block": LAG["block"] | {"pd": {"type": "gain", "k": f"k*{'*'.join(numbers)}", "every": "every"}}}
+    with pytest.raises(UsageError, match="at most 5 ranges"):
+        margins(load(spec), "net.y")
+
+
+@pytest.mark.parametrize(("frames", "ways"), [(2.5, ("below", "above", "past", "before")), (6.0, ("below", "above", "beyond"))])
+def test_functions_of_delays_are_positive_off_the_arc_alone(frames, ways):
+    """The determinant `w - E` times a pivot is D and then D (1 + L), from frames of one state."""
+    rng, theta = np.random.default_rng(1), 0.7
+    w = np.exp(1j * theta) - 1
+
+    def closed(k, x):
+        whole = w * (1 + k * (x[:, 0] + 1j * x[:, 1]))
+        pivot = whole.imag / w.imag
+        return Frames((w.real - whole.real / pivot)[:, None, None], pivot[:, None], np.ones(len(k)))
+
+    def signs(L):
+        x = np.column_stack([np.full(L.size, theta), L.real, L.imag])
+        found = [Arc(closed, frames, way).values(x, np.ones(1)) for way in ways]
+        return np.array([phase[0].real * (error[0] * np.finfo(float).eps < 1) for phase, _, error, _ in found])
+
+    arc = -np.exp(1j * rng.uniform(0, frames * theta, 500))
+    assert (signs(arc) <= 0).all()
+    off = rng.normal(size=2000) + 1j * rng.normal(size=2000)
+    assert (signs(off) > 0).any(0).all()
+    assert (signs(arc * rng.choice([0.99, 1.01], 500)) > 0).any(0).all()
+    past = -np.exp(1j * rng.uniform(frames * theta + 0.01, 2 * np.pi - 0.01, 500))
+    assert (signs(past) > 0).any(0).all()
