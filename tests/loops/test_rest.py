@@ -17,7 +17,7 @@ from wavesweep.loops.integrator_modes import decimal, shifts, value_in_fractions
 from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.monodromy.periodic import frame_of, ticks_of
 from wavesweep.spec import load
-from wavesweep.spec.expressions import parse
+from wavesweep.spec.parsing import parse
 from wavesweep.sweep.grid import Loops
 
 

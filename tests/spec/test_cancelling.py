@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from wavesweep.loops.values import values_of
-from wavesweep.spec.expressions import evaluate, parse, value_of
+from wavesweep.spec.expressions import evaluate, value_of
+from wavesweep.spec.parsing import parse
 
 mp = mpmath.mp.clone()
 mp.dps = 80

@@ -4,7 +4,8 @@ import pytest
 
 from wavesweep.spec import load
 from wavesweep.spec.continuous import parted
-from wavesweep.spec.expressions import evaluate, parse
+from wavesweep.spec.expressions import evaluate
+from wavesweep.spec.parsing import parse
 
 PLANTS = {"a": "mass", "b": "mass", "c": "mass", "s": "spring", "g": "tf"}
 SIGNALS = {"a.x", "a.v", "b.x", "b.v", "c.x", "s.f1", "g.y", "h.y", "push"}

@@ -10,7 +10,8 @@ import pytest
 
 from wavesweep.loops.values import values_of
 from wavesweep.spec.exact import exactly
-from wavesweep.spec.expressions import FUNCTIONS, LONGEST, Fault, evaluate, linear, parse, singular, text_of, value_of
+from wavesweep.spec.expressions import FUNCTIONS, Fault, evaluate, linear, singular, text_of, value_of
+from wavesweep.spec.parsing import LONGEST, parse
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
 NAMES = {"__builtins__": {}, "pi": math.pi} | {name: getattr(math, name) for name in FUNCTIONS}

@@ -8,7 +8,8 @@ import pytest
 
 import wavesweep
 from wavesweep.errors import UsageError
-from wavesweep.spec.expressions import degree, parse
+from wavesweep.spec.expressions import degree
+from wavesweep.spec.parsing import parse
 
 T, M = 0.005, 0.1
 

@@ -13,8 +13,9 @@ from wavesweep.controllers import WALL
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.drawn_block import DrawnBlock
-from wavesweep.spec.expressions import linear, parse
+from wavesweep.spec.expressions import linear
 from wavesweep.spec.keys import MOST_SLOW_STEPS
+from wavesweep.spec.parsing import parse
 
 RATIO = "rates.ratio"
 F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a displacement x and a velocity v

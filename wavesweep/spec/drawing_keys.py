@@ -10,8 +10,9 @@ from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import Mistakes, Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import RATE
 from wavesweep.spec.drawn_block import DrawnBlock, keys_of_block
-from wavesweep.spec.expressions import Fault, Tree, check_extent, extent, linear, names_in, parse, remembered, with_trees
+from wavesweep.spec.expressions import Fault, Tree, check_extent, extent, linear, names_in, remembered, with_trees
 from wavesweep.spec.keys import Key
+from wavesweep.spec.parsing import parse
 from wavesweep.spec.reading import FORMULA, VALUE_WORDS, Leaf, Place
 
 PERIOD = "dt"  # the name of a block's own period in its expressions

@@ -12,8 +12,9 @@ from wavesweep.spec.drawing import RATE, Drawing, decides, path_of
 from wavesweep.spec.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.spec.drawing_ports import TURNS, PortReader, column_fault
 from wavesweep.spec.drawn_block import DrawnBlock, Plant
-from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, extent, names_in, parse
+from wavesweep.spec.expressions import ONE, RESERVED, Terms, Tree, extent, names_in
 from wavesweep.spec.keys import Key, Names
+from wavesweep.spec.parsing import parse
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.sorting import names_in_list, normal_path
 

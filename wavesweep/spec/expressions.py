@@ -1,41 +1,25 @@
-"""Arithmetic in numbers and signals: read from a text by a parser of its own, never evaluated as code.
-
-    sum    = product { ("+" | "-") product }        product = signed { ("*" | "/") signed }
-    signed = "-" signed | "+" signed | power        power   = atom [ "**" signed ]
-    atom   = number | name | name "." port | "pi" | function "(" sum ")" | "(" sum ")" | "prev" "(" sum ")"
+"""Arithmetic in numbers and signals as trees: values, texts, gains of signals, and other trees in place of names.
 
 A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
 """
 
 import math
 import operator
-import re
 import sys
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
-
-from wavesweep.spec.checking import nearest, show
 
 Tree = tuple
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
-LONGEST = 400  # tokens
-MOST_PARTS = 2000  # of a tree, whose names may stand for other trees; its depth is LONGEST / 2 at most, as that of one text is
-DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
+MOST_PARTS, MOST_DEEP = 2000, 200  # of a tree, whose names may stand for other trees: parts, and parts within each other
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
 PREVIOUS = "prev"  # of signals: what they were before the tick
 RESERVED = ("pi", *FUNCTIONS)
 EXPANDED = 32  # the largest exponent that is written out as products
 ONE: Tree = ("number", 1.0, 0)
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<sign>\*\*|[-+*/()]))",
-    re.ASCII,
-)
-
-
 # Rank of an operation, the ranks that its parts need, and its sign in a text.
-_RANKS = {
+RANKS = {
     "+": (1, (1, 2), " + "),
     "-": (1, (1, 2), " - "),
     "negative": (1, (2,), ""),
@@ -43,8 +27,6 @@ _RANKS = {
     "/": (2, (2, 3), "/"),
     "**": (3, (4, 3), "**"),
 }
-# What is meant by signs of other languages and of typeset text.
-MEANT = {"^": "**", "\u2212": "-", "\u2013": "-", "\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u00f7": "/", "\u2215": "/"}
 
 
 class Fault(ValueError):
@@ -53,67 +35,6 @@ class Fault(ValueError):
     def __init__(self, offset: int, expected: str, found: str, suggestion: str = "") -> None:
         super().__init__(f"expected {expected}, found {found}")
         self.offset, self.expected, self.found, self.suggestion = offset, expected, found, suggestion
-
-
-def parse(text: str) -> Tree:
-    """Return the tree of a text. Errors: Fault at the first token that does not fit."""
-    tokens = deque(_tokens(text))
-    if len(tokens) > LONGEST:
-        raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
-    tree = _part(tokens, 1, 0)
-    kind, rest, at = tokens.popleft()
-    if kind != "end":
-        raise Fault(at, "an operator or the end", show(rest))
-    return tree
-
-
-def _part(tokens: deque, least: int, depth: int) -> Tree:
-    """Read a part of a text, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
-    kind, text, at = tokens.popleft()
-    if depth > DEEPEST:
-        raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
-    if kind == "number":
-        if not math.isfinite(float(text)):
-            raise Fault(at, "a finite number", text)
-        tree = ("number", float(text), at)
-    elif text in ("+", "-"):
-        tree = _part(tokens, _RANKS["**"][0], depth + 1)
-        tree = ("negative", tree, at) if text == "-" else tree
-    elif text == "(" or text in FUNCTIONS or (kind == "name" and tokens[0][1] == "("):
-        if kind == "name" and text not in (PREVIOUS, *FUNCTIONS):
-            raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
-        if kind == "name":
-            _expect(tokens, "(", f"( after {text}")
-        inner = _part(tokens, 1, depth + 1)
-        _expect(tokens, ")", ") to close a parenthesis")
-        tree = (text, inner, at) if kind == "name" else inner
-    elif kind == "name":
-        tree = ("number", math.pi, at) if text == "pi" else ("name", text, at)
-    else:
-        raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
-    while tokens[0][0] == "sign" and _RANKS.get(tokens[0][1], (0,))[0] >= least:
-        _, sign, at = tokens.popleft()
-        tree = (sign, tree, _part(tokens, _RANKS[sign][1][1], depth + (sign == "**")), at)
-    return tree
-
-
-def _expect(tokens: deque, sign: str, expected: str) -> None:
-    _, text, at = tokens.popleft()
-    if text != sign:
-        raise Fault(at, expected, show(text) if text else "the end")
-
-
-def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
-    at = 0
-    while text[at:].strip():
-        match = _TOKEN.match(text, at)
-        if match is None:
-            at += len(text[at:]) - len(text[at:].lstrip())
-            hint = MEANT.get(text[at], "")
-            raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
-        yield match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)
-        at = match.end()
-    yield "end", "", len(text)
 
 
 def text_of(tree: Tree, least: int = 0) -> str:
@@ -130,7 +51,7 @@ def text_of(tree: Tree, least: int = 0) -> str:
         return text_of(("negative", unsigned, tree[-1]), least)
     if operation == "negative" and (unsigned := _unsigned(parts[0])) is not None:
         return text_of(unsigned, least)
-    rank, sides, sign = _RANKS[operation]
+    rank, sides, sign = RANKS[operation]
     text = sign.join(text_of(part, side) for part, side in zip(parts, sides, strict=True))
     text = f"-{text}" if operation == "negative" else text
     return text if rank >= least else f"({text})"
@@ -340,8 +261,8 @@ def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, in
 def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
     """Raise Fault for a tree that is too large or too deep with what its names stand for."""
     size, depth = extent(tree, of_names)
-    if size > MOST_PARTS or depth > LONGEST // 2:
-        raise Fault(0, f"at most {MOST_PARTS} parts, {LONGEST // 2} within each other, with those of its names", "more")
+    if size > MOST_PARTS or depth > MOST_DEEP:
+        raise Fault(0, f"at most {MOST_PARTS} parts, {MOST_DEEP} within each other, with those of its names", "more")
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:

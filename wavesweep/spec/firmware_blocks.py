@@ -8,8 +8,9 @@ from functools import lru_cache
 from types import MappingProxyType
 
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.expressions import Tree, parse, with_trees
+from wavesweep.spec.expressions import Tree, with_trees
 from wavesweep.spec.keys import AHEAD
+from wavesweep.spec.parsing import parse
 
 DELTA = "delta"  # in place of true as `discrete` of a transfer function: its powers are those of z - 1
 # What names in the formulas of `BlockType` stand for, unless they are keys that are given.

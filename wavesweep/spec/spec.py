@@ -15,7 +15,7 @@ from wavesweep.spec.experiment import Experiment
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, is_frame, resolve, resolve_drawn
-from wavesweep.spec.studies import K_VE_SPAN, Studies, axis_fault, fitting, unknown_end
+from wavesweep.spec.studies import Studies, fitting, unknown_end
 from wavesweep.spec.writing import written
 
 
@@ -305,68 +305,3 @@ class Spec(Studies):
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, _values=values, _given=given)
-
-
-def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tuple[Axis, tuple[Axis, ...]]:
-    """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
-
-    along: a symbol or a path. K_VE has a default span if the spec gives none. swept: whether the others are swept; then those
-    that have only a span are left out. If they are not, a number without a span has one from a tenth of its value to ten times
-    it. Errors: SpecError if `along` is not a numeric key or has no span.
-    """
-    name = _name_of(spec, along)
-    fault = axis_fault(name, spec.names)
-    if fault:
-        raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
-    path = spec.names.find(name).path
-    others = tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
-    wanted = [axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)]
-    wanted = wanted or _default_axes(spec, name, path, about=not swept)
-    if spec.builds(path, [axis.path for axis in spec.sweep]):
-        raise UsageError(no_axis(spec, name))
-    if not wanted or not wanted[0].start < wanted[0].stop:
-        expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
-        place = wanted[0].place if wanted else spec.source_place.under(("sweep",))
-        raise SpecError([Leaf(None, place).mistake(f"sweep.{name}", expected, "a single value" if wanted else "none")])
-    return wanted[0], others
-
-
-def no_axis(spec: Spec, name: str) -> str:
-    """Return the message that a number has no intervals, since it decides how the loop is built; spec, name: of the axis."""
-    if name == "rates.fast_hz":
-        return (
-            f"intervals along {name}: expected a ratio of the rates, and filters by order and cutoff, found a slow rate or the "
-            "edges of a band, with which a ratio or an order jumps; give rates.ratio, or order and cutoff_hz"
-        )
-    return (
-        f"intervals along {name}: expected a number that the loop varies with smoothly, found one that decides "
-        f"how it is built; sweep it as values ({name} = [...]) and look along another axis"
-        f"{'' if spec.drawing else ', such as K_VE'}"
-    )
-
-
-def _name_of(spec: Spec, along: str | None) -> str:
-    """The axis that is wanted; K_VE is the stiffness that the [ports] of a drawn loop name."""
-    if along is not None and not isinstance(along, str):
-        raise UsageError(f"along: expected the name of a number, found {along!r:.60}")
-    name = spec.along if along is None else along
-    if spec.drawing is None or spec.names.find(name):
-        return name
-    if along == "K_VE":
-        if spec.drawing.wall:
-            return spec.drawing.wall[0]
-        expected = "wall = { stiffness = ..., damping = ... }, the numbers of a wall"
-        raise SpecError([spec.mistake("ports", expected, "no wall")])
-    if not name:
-        expected = "the number whose stable intervals are wanted"
-        raise SpecError([spec.mistake("sweep", f"along = ..., {expected}", "none, and not a single axis that is only a span")])
-    return name
-
-
-def _default_axes(spec: Spec, name: str, path: str, about: bool) -> list[Axis]:
-    """The range of an axis that the spec does not sweep; about: also of others than the wall's stiffness."""
-    structural = spec.names.keys[path].structural
-    if path in spec.wall[:1]:
-        return [Axis(name, path, (), *K_VE_SPAN, structural, "linear")]
-    own = spec.own(path) if about and not structural else None
-    return [Axis(name, path, (), *sorted((own / 10, own * 10)), structural, "linear")] if own else []
