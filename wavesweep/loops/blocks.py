@@ -14,7 +14,7 @@ from wavesweep.loops.definitions import Equations, controllable, tf_at_rest, wit
 from wavesweep.loops.device import impulse_and_step, motion
 from wavesweep.loops.filters import butterworth as sections
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.firmware_blocks import DELTA
+from wavesweep.spec.drawn_block import DELTA
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5

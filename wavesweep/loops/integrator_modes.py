@@ -21,9 +21,8 @@ from wavesweep.loops.definitions import at_rest, tf_at_rest
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.loops.values import keys_with
 from wavesweep.spec.drawing import Drawing, scalars
-from wavesweep.spec.drawn_block import PORT
+from wavesweep.spec.drawn_block import DELTA, PORT
 from wavesweep.spec.expressions import FUNCTIONS, Tree, names_in
-from wavesweep.spec.firmware_blocks import DELTA
 
 if TYPE_CHECKING:
     from flint import fmpq

@@ -12,7 +12,7 @@ from flint import acb_mat, arb, arb_mat
 
 from wavesweep.loops import definitions
 from wavesweep.loops.definitions import Rows
-from wavesweep.spec.firmware_blocks import DELTA
+from wavesweep.spec.drawn_block import DELTA
 
 Matrices = tuple[Rows, Rows, Rows, Rows]
 

@@ -23,7 +23,6 @@ from wavesweep.search.search import Judged, designs_of, differing, generations, 
 from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
-from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.studies import K_VE_SPAN
 from wavesweep.spec.wishes import Wish
@@ -246,12 +245,12 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     if axis and stop <= 0:
         expected = "a stop > 0, up to which walls are searched"
-        raise SpecError([Leaf(None, axis.place).mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
+        raise SpecError([axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
     unseen = next((wish for wish in asked.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
     if unseen:
         name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
-        mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
+        mistake = unseen.places["at_least"].mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
     _refuse_unreachable(spec, asked.wishes)
     for axis in asked.for_all:
@@ -275,9 +274,7 @@ def _refuse_unreachable(spec, wishes):
     if not spec.drawing:
         most["delay_margin"] = float(longest_delay(spec.values["rates.ratio"]))
     mistakes = [
-        Leaf(None, wish.places["at_least"]).mistake(
-            f"design.wish.{wish.name}.at_least", f"<= {most[wish.name]:g}", f"{wish.bound:g}"
-        )
+        wish.places["at_least"].mistake(f"design.wish.{wish.name}.at_least", f"<= {most[wish.name]:g}", f"{wish.bound:g}")
         for wish in wishes
         if (wish.bound or 0) > most.get(wish.name, np.inf)
     ]

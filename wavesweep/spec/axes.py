@@ -8,7 +8,6 @@ from wavesweep.spec.checking import Mistakes, Rejected, check, show
 from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, STUDY_KEYS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
-MOST_VALUES = 1_000_000
 MOST_MISTAKES = 20  # that are listed for one axis
 
 
@@ -88,9 +87,6 @@ def axis_place(parts: Mapping[str, Leaf]) -> Place:
 def _values_of_list(label: str, key: Key, leaf: Leaf, mistakes: Mistakes) -> list:
     if not isinstance(leaf.value, list) or not leaf.value:
         mistakes.refuse(leaf, label, "a list of numbers or { start, stop, num }", show(leaf.value), of_key=False)
-        return []
-    if len(leaf.value) > MOST_VALUES:
-        mistakes.refuse(leaf, label, f"at most {MOST_VALUES} values", f"{len(leaf.value)}", of_key=False)
         return []
     values, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):

@@ -1,7 +1,7 @@
 """The blocks that a spec can draw: their keys and ports by type.
 
 Validation and the documents' table derive from this table. `wavesweep.loops.definitions` has the equations by the same names
-and keys; words of firmware are transfer functions (`wavesweep.spec.firmware_blocks`).
+and keys; words of firmware are transfer functions (`wavesweep.spec.drawn_block`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -29,7 +29,7 @@ class BlockType:
     either: two keys, of which a block has one. formula: numerator and denominator of the transfer function that a block of
     firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks. stepwise: rows of its matrices A and
     B, then those of C and D, in states that mean the same at every period, if its own do not. The names in both are explained
-    in `wavesweep.spec.firmware_blocks`.
+    in `wavesweep.spec.drawn_block`.
     """
 
     keys: Mapping[str, Key]

@@ -28,7 +28,7 @@ class Mistakes(list[Mistake]):
     ) -> None:
         """Add the mistake of a key or, unless `of_key`, of its value."""
         place = where.place if isinstance(where, Leaf) else where
-        self.append(Mistake(place.location(of_key), path, expected, found, suggestion))
+        self.append(place.mistake(path, expected, found, suggestion, of_key))
 
     def check(self, key: Key, leaf: Leaf, path: str = "") -> Any:
         """Return the value of a leaf as the key's own type, or None and add a mistake. path: that of the key by default."""

@@ -68,6 +68,10 @@ class Place:
         one_line = rest[:1] in ("'", '"') and rest[:3] not in ("'''", '"""')
         return f"{self.name}:{line}:{column + 1 + offset if one_line else column}"
 
+    def mistake(self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False) -> Mistake:
+        """Return the mistake made by the value here or, if `of_key`, by its key."""
+        return Mistake(self.location(of_key), key, expected, found, suggestion)
+
     def under(self, path: tuple[str, ...]) -> Place:
         """Return the place of another path of the same source."""
         return Place(self.name, self.text, path, self.exact)
@@ -83,10 +87,6 @@ class Leaf:
 
     value: object
     place: Place
-
-    def mistake(self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False) -> Mistake:
-        """Return the mistake made by this value or, if `of_key`, by its key."""
-        return Mistake(self.place.location(of_key), key, expected, found, suggestion)
 
 
 def read_file(path: str) -> tuple[dict, Place]:

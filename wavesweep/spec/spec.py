@@ -123,7 +123,7 @@ class Spec(Studies):
 
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
         """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
-        return self._given.leaf(path).mistake(path, expected, found)
+        return self._given.leaf(path).place.mistake(path, expected, found)
 
     @property
     def source_place(self) -> Place:

@@ -39,7 +39,7 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
         place = wanted.place if wanted else spec.source_place.under(("sweep",))
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
         found = "a single value" if wanted else "none"
-        raise SpecError([Mistake(place.location(), f"sweep.{name}", expected, found)])
+        raise SpecError([place.mistake(f"sweep.{name}", expected, found)])
     return wanted, tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
 
 
