@@ -90,9 +90,8 @@ def _discrete_tf(name, num, den, of_num, of_den):
     more = [0.0] * (len(den) - len(num))
     n, num, of_num = len(den) - 1 - k, [*more, *num], [*more, *of_num]
     about = -1 if _near_minus_one(den[: n + 1]) else 1
-    shifted, ones = (
-        [_about(at, each[: n + 1], rest[: n + 1]) for each, rest in ((num, of_num), (den, of_den))] for at in (about, 1)
-    )
+    parts = [([numbers(each) for each in some[: n + 1]], rest[: n + 1]) for some, rest in ((num, of_num), (den, of_den))]
+    shifted, ones = ([recentred(at, *each) for each in parts] for at in (about, 1))
     own = controllable(*shifted)
     own = own._replace(E=[[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(own.E)])
     later = [numbers(each) / den[0] for each in num[n + 1 :]]
@@ -110,23 +109,23 @@ def _near_minus_one(den):
     """
     if not all(type(each) in (int, float) for each in den):
         return False
-    ones, minus = (np.abs(_about(at, den, [0.0] * len(den))) for at in (1, -1))
+    ones, minus = (np.abs(recentred(at, den)) for at in (1, -1))
     far, near = (np.max((each[1:] / each[0]) ** (1 / np.arange(1, len(each))), initial=0.0) for each in (ones, minus))
     return near < far and ones[-1] > 0
 
 
-def _about(at, coefficients, rests):
+def recentred(at, coefficients, rests=None):
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
 
-    rests: the parts of the coefficients that rounding has taken. Those of the sums are kept too (D. E. Knuth, TAOCP 2, 4.2.2,
-    theorem B).
+    rests: the parts of the coefficients that rounding has taken; none if they are absent. Those of the sums are kept too (D. E.
+    Knuth, TAOCP 2, 4.2.2, theorem B).
     """
+    rests = rests or [0] * len(coefficients)
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
         signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
-        parts = ([sign * numbers(each) for sign, each in zip(signs, some, strict=True)] for some in (coefficients, rests))
-        turned = _about(1, *parts)
-        return [sign * each for sign, each in zip(signs, turned, strict=True)]
-    sums, lost = [numbers(each) for each in coefficients], list(rests)
+        parts = ([sign * each for sign, each in zip(signs, some, strict=True)] for some in (coefficients, rests))
+        return [sign * each for sign, each in zip(signs, recentred(1, *parts), strict=True)]
+    sums, lost = list(coefficients), list(rests)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):
             total = sums[i] + sums[i - 1]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.loops.block import Block
+from wavesweep.loops.blocks import recentred
 from wavesweep.loops.dead_time import SENSED
 from wavesweep.loops.definitions import at_rest, tf_at_rest
 from wavesweep.loops.multirate import MultirateLoop
@@ -233,19 +234,10 @@ def _discrete_tf(num, den, delta, states):
     """A transfer function in z or z - 1 at rest; the last of its states may be delays (see `blocks.tf`)."""
     num, n = [0] * (len(den) - len(num)) + num, sum(name.startswith("x") for name in states)
     later = num[n + 1 :]
-    above, below = (each[: n + 1] if delta else _about_one(each[: n + 1]) for each in (num, den))
+    above, below = (each[: n + 1] if delta else recentred(1, each[: n + 1]) for each in (num, den))
     if below[-1]:
         return ([[(above[-1] + sum(later)) / below[-1]]],)
     return tf_at_rest(above, below, [each / den[0] for each in later])
-
-
-def _about_one(coefficients):
-    """Coefficients of descending powers of z - 1 from those of z."""
-    found = list(coefficients)
-    for end in range(len(found), 1, -1):
-        for i in range(1, end):
-            found[i] = found[i] + found[i - 1]
-    return found
 
 
 def _of_entries(drawn, blocks) -> RestEquations:

@@ -50,7 +50,6 @@ class KeyReader:
         self.registers: dict[str, str] = {}
         self.tick_hz: Tree = ("name", RATE, 0)
         self.period: Tree | None = None
-
         self.refuse = self.mistakes.refuse
 
     def leaf(self, path: str) -> Leaf:

@@ -13,13 +13,12 @@ from wavesweep.spec.drawing import MARKS, RATE, path_of
 from wavesweep.spec.drawing_tables import as_meant, read_drawing
 from wavesweep.spec.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
-from wavesweep.spec.resolving import Given, resolve
+from wavesweep.spec.resolving import TWINS, Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
 from wavesweep.spec.spec import Spec
 from wavesweep.spec.studies import build_studies, refuse_beyond_limits, refuse_beyond_rate, refuse_unknown_ends
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
-_TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
 
 
 def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> Spec:
@@ -103,21 +102,14 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
 
 def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place) -> dict[Path, Leaf]:
     """Replace everything at, above or below one path, in the same position, so that the order of axes is kept."""
-    for name in reversed(replaced):
-        value = {name: value} if value != "" else value  # an empty text leaves the key out
-    new = dict(leaves_of(value, where)) if value != "" else {}
+    new = {} if value == "" else dict(leaves_of({replaced[-1]: value}, where, replaced[:-1]))  # without a text it is left out
     result: dict[Path, Leaf] = {}
     for path, leaf in leaves.items():
-        if _overlap(path, replaced):
+        if all(one == other for one, other in zip(path, replaced, strict=False)):
             result.update(new)
-        elif _TWINS.get(replaced) != path:
+        elif TWINS.get(".".join(replaced)) != ".".join(path):
             result[path] = leaf
     return {**result, **new}
-
-
-def _overlap(one: Path, other: Path) -> bool:
-    length = min(len(one), len(other))
-    return one[:length] == other[:length]
 
 
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:

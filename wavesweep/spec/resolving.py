@@ -24,6 +24,7 @@ from wavesweep.spec.keys import (
 from wavesweep.spec.reading import Leaf, Place
 
 DELAY = "environment.delay"
+TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}  # which displace each other
 SAME = 1e-12  # relative difference of the cutoffs that two machines find from the same edges
 
 
@@ -48,7 +49,7 @@ class Given:
 
         Order and cutoff that a resolved spec has in addition to the band edges follow from these again.
         """
-        others = {{"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}.get(path)}
+        others = {TWINS.get(path)}
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
         others |= {f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")}
         return Given({**{name: old for name, old in self.leaves.items() if name not in others}, path: leaf}, self.source)
