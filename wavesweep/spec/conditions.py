@@ -105,7 +105,7 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
     runs = {path: ticks for path, ticks in every.items() if path not in wrong}
     if (frame := math.lcm(*runs.values())) > LONGEST_FRAME:
         expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
-        listed = ", ".join(sorted(set(map(str, runs.values()))))
+        listed = ", ".join(map(str, sorted(set(runs.values()))))
         yield max(runs, key=runs.get), expected, f"{frame} (the least common multiple of {listed})"
 
 

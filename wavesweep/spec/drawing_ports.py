@@ -105,7 +105,7 @@ class PortReader(KeyReader):
     ) -> Iterator[tuple[str, Terms, str]]:
         """Yield an output for each signal that [bode] or [simulate] names and [ports] does not declare; see `Drawing.signals`.
 
-        Its unit is that of a port with the same signal. Names of no signal are left to `unknown_ends`.
+        Its unit is that of a port with the same signal. Names of no signal are left to `refuse_unknown_ends`.
         """
         ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
         units = {name: unit for name, unit, _ in numbers}

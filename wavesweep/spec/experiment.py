@@ -185,7 +185,7 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
 
 
 def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
-    """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
+    """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `refuse_beyond_limits`.
 
     usual: the input that is taken by default.
     """
