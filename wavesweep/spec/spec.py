@@ -86,9 +86,10 @@ class Spec(Studies):
     @property
     def entry(self) -> str:
         """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
-        named = self.experiment.values["from"]
-        signals = [signal for name, signal, _ in self.drawing.inputs if name == named] if self.drawing else []
-        return next(iter((*signals, *(self.drawing.outside if self.drawing else ()))), "")
+        if self.drawing is None:
+            return ""
+        named = [signal for name, signal, _ in self.drawing.inputs if name == self.experiment.values["from"]]
+        return (*named, *self.drawing.outside, "")[0]
 
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
@@ -292,14 +293,13 @@ class Spec(Studies):
 
         `rates.ratio` and `rates.slow_hz` displace each other. Errors: SpecError with every mistake of the changes.
         """
-        given, mistakes = self._given, []
+        given, mistakes = self._given, Mistakes()
         for name, value in changes.items():
-            key = self.names.find(name)
-            if key is None:
-                known = (*self.names.symbols, *self.names.keys)
-                mistakes.append(Mistake("", name, "a key of the spec", "an unknown key", nearest(name, known)))
-            else:
+            if key := self.names.find(name):
                 given = given.replaced(key.path, Leaf(plain(value), Place()))
+            else:
+                known = (*self.names.symbols, *self.names.keys)
+                mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", nearest(name, known))
         values, wrong = resolve_drawn(self.drawing, self._values, given) if self.drawing else resolve(given)
         mistakes += wrong
         if mistakes:
