@@ -82,11 +82,14 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
         return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
     frames, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
-        path, given = f"{FRAMES}[{index}]", item if isinstance(item, dict) else {"ticks": item}
-        parts = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in given.items()}, path)
-        if "ticks" not in given:
-            mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
-        elif "ticks" in parts:
+        path = f"{FRAMES}[{index}]"
+        if isinstance(item, dict):
+            parts = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path)
+            if "ticks" not in item:
+                mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
+        else:
+            parts = {"ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)}
+        if parts.get("ticks"):
             frames.append(Frame(**parts))
             if parts.get("delay", 0) > parts["ticks"]:
                 expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
