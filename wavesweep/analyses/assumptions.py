@@ -40,7 +40,11 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     elif late:
         parts.append(f"amplifier late by {late} tick{'s' * (late > 1)}")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
-    return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
+    if not kept:
+        return ", ".join(parts)
+    usual = {INTEGRATION: '"explicit"', DELAY: str(longest_delay(values["rates.ratio"])), VELOCITY: '"difference"'}
+    defaults = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
+    return f"{', '.join(parts)}; {defaults}: engines usually have {_listed([usual[path] for path in kept])}"
 
 
 def _limits(spec, swept) -> Iterator[str]:
@@ -96,12 +100,6 @@ def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
-
-
-def _defaults(kept, ratio):
-    usual = {INTEGRATION: '"explicit"', DELAY: str(ratio), VELOCITY: '"difference"'}
-    names = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
-    return f"{names}: engines usually have {_listed([usual[path] for path in kept])}"
 
 
 def _listed(words):

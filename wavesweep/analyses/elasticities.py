@@ -19,7 +19,7 @@ from wavesweep.sweep.grid import Grid, Loops, drawn_groups, keys_of, own_loop
 
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
-STEPS = 96  # in which a mode is tracked_eigenvalue into the interval
+STEPS = 96  # in which a mode is followed into the interval
 INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
 TEXTS = ("along", "side", "quantity", "unit", "states", "number", "number_unit", "doubt")
@@ -150,10 +150,6 @@ def _name(spec, path):
     return next((symbol for symbol, each in spec.names.symbols.items() if each == path), path)
 
 
-def _unit(spec, path):
-    return spec.names.find(path).unit
-
-
 def _rows(loops, found, ends, members) -> dict:
     """The columns of some ends, and `at`: the end of each row."""
     row, upper, p = ends.row[members], ends.upper[members], ends.value[members]
@@ -248,9 +244,9 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     texts = {
         "along": loops.axis.name,
         "quantity": quantity,
-        "unit": spec.units_felt[0] if quantity == "felt" else _unit(spec, loops.axis.path),
+        "unit": spec.units_felt[0] if quantity == "felt" else spec.names.find(loops.axis.path).unit,
     }
-    names = {"number": [_name(spec, path) for path in numbers], "number_unit": [_unit(spec, path) for path in numbers]}
+    names = {"number": [_name(spec, path) for path in numbers], "number_unit": [spec.names.find(path).unit for path in numbers]}
     return (
         {name: np.repeat(column, len(numbers)) for name, column in (known | {"limit_value": limit}).items()}
         | {name: np.full(value.size, text, object) for name, text in texts.items()}

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -166,9 +165,7 @@ def loop_by_loop(parts, along: str, of_loop: Callable[[Loops], np.ndarray]) -> n
             found[number] = records = of_loop(loop)
             records["slice"] = number
             if feels(loop.drawing) and records["intervals"][0]:
-                felt_at_ends(records, np.arange(records.size), partial(_felt_along, loop, along))
+                felt_at_ends(
+                    records, np.arange(records.size), lambda _, p, loop=loop: felt_of(loop.changed({along: p}), p.size)
+                )
     return np.concatenate([found[number] for number in sorted(found)])
-
-
-def _felt_along(loop, along, _, p):
-    return felt_of(loop.changed({along: p}), p.size)

@@ -111,7 +111,11 @@ def _records(parts, frequency, route, dtype):
     """
     records = np.empty((sum(members.size for members, *_ in parts), frequency.size), dtype)
     for members, loops, ratio in parts:
-        for prepared in _prepared(loops, members.size, ratio, route):
+        if members.size > 1:
+            several = _prepared(loops, members.size, ratio, route)
+        else:
+            several = _prepared_one(loops.drawing, loops.one(0).items, ratio, route)
+        for prepared in several:
             for name, array in prepared.columns(frequency).items():
                 records[name][members[prepared.at]] = array
     records = records.reshape(-1)
@@ -173,20 +177,13 @@ class Prepared:
         return columns | {"stable": radius < 1, "doubt": doubt}
 
 
-def _prepared(loops, size, ratio, route) -> list[Prepared]:
-    """Loops of one drawing, as many at a time as are computed together; one alone is remembered."""
-    if size > 1:
-        return _prepare(loops, size, ratio, route)
-    values = {path: np.ravel(value)[0].item() if np.ndim(value) else value for path, value in loops.values.items()}
-    return _prepared_one(loops.drawing, Loops(loops.drawing, values).items, ratio, route)
-
-
 @lru_cache(maxsize=4)  # a compiled loop is asked again and again
 def _prepared_one(drawing, items, ratio, route):
-    return _prepare(Loops(drawing, dict(items)), 1, ratio, route)
+    return _prepared(Loops(drawing, dict(items)), 1, ratio, route)
 
 
-def _prepare(loops, size, ratio, route):
+def _prepared(loops, size, ratio, route) -> list[Prepared]:
+    """Loops of one drawing, as many at a time as are computed together."""
     prepared, ticks = [], 1 if ratio is None else steps_of(ratio)[0]
     for at, port in ports_of_batch(loops, size, route):
         loop, some = Lifted.of(port), loops if at.size == size else loops.some(at)

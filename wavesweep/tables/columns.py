@@ -173,7 +173,9 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
     if len(set(lengths.values())) > 1:
         raise WavesweepError(f"the table's columns differ in length: {lengths}")
     for name, array in arrays.items():
-        _refuse_infinity(name, array, first_row)
+        for row in np.flatnonzero(np.isinf(array))[:1].tolist() if array.dtype == np.float64 else ():
+            found = f"column {name}, row {first_row + row + 1}: found {array[row]}"
+            raise WavesweepError(f"{found}, expected a finite number or a missing value; nothing was written")
     return arrays
 
 
@@ -183,13 +185,3 @@ def _typed(field: Field, array: np.ndarray) -> np.ndarray:
             f"column {field.name}: found {array.ndim}-dimensional {array.dtype}, expected a column of kind {field.kind}"
         )
     return np.ascontiguousarray(array, dtype=_DTYPES[field.kind])
-
-
-def _refuse_infinity(name: str, array: np.ndarray, first_row: int) -> None:
-    if array.dtype != np.float64 or not np.isinf(array).any():
-        return
-    row = int(np.flatnonzero(np.isinf(array))[0])
-    raise WavesweepError(
-        f"column {name}, row {first_row + row + 1}: found {array[row]}, expected a finite number or a missing value; "
-        "nothing was written"
-    )

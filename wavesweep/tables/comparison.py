@@ -1,6 +1,6 @@
 """Several specs beside each other: the stable intervals of the wall's stiffness, and the responses, as two tables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Unpack
 
@@ -38,7 +38,10 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
-    facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units | _units_of_walls(specs))
+    walls = [(spec.name, spec.names.find(sweep_axes(spec, "K_VE")[0].path).unit) for spec in specs]
+    felt = [(spec.name, spec.units_felt[0]) for spec in specs]
+    units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt}
+    facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units)
     both = responses(specs, **(work | {"part": "responses "}))
 
     def forget():  # once both tables are written
@@ -58,22 +61,12 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
     return {"spec": np.full(rows, spec.name, dtype=object)} | axes | rest
 
 
-def _units_of_walls(specs):
-    walls = [(spec.name, spec.names.find(sweep_axes(spec, "K_VE")[0].path).unit) for spec in specs]
-    felt = [(spec.name, spec.units_felt[0]) for spec in specs]
-    return dict.fromkeys(("low", "high"), walls) | dict.fromkeys(("felt_low", "felt_high"), felt)
-
-
 def _facts(specs, tables, swept):
     facts = [table.facts for table in tables]
     counts = {name: sum(each["slices"][name] for each in facts) for name in ("computed", "skipped", "certified")}
     timings = {"compute_s": sum(each["timings"]["compute_s"] for each in facts)}
-    return facts_of(list(specs), facts[0]["methods"] | METHODS, counts, timings, list(_notices(specs, facts)), swept)
-
-
-def _notices(specs, facts) -> Iterator[str]:
-    for spec, each in zip(specs, facts, strict=True):
-        yield from (f"{spec.name}: {notice}" for notice in each["notices"])
+    notices = [f"{spec.name}: {said}" for spec, each in zip(specs, facts, strict=True) for said in each["notices"]]
+    return facts_of(list(specs), facts[0]["methods"] | METHODS, counts, timings, notices, swept)
 
 
 KINDS = (

@@ -168,20 +168,20 @@ def _finished(block, word, hands, several) -> Columns:
     return KINDS[2 if hands else 0].completed(found)
 
 
-def _required(job) -> Iterator[str]:
-    """Yield the notice of what is required in place of stability."""
+def _notices(spec, own, hands) -> Iterator[str]:
+    """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
     from wavesweep.spec.require import words_of
 
-    if job.asked.require:
-        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(job.asked.require.written())}"
-
-
-def _linear(axis) -> Iterator[str]:
-    """Yield the notice of a range that is searched and has a spacing or values."""
+    axis, required = own.asked.axis, own.asked.require
+    if required:
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(required.written())}"
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
     if axis.values:
         yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
+    yield from notices_of(own.grid)
+    yield from spans_held(spec, axis.path)
+    yield from hands.notices(own) if hands else ()
 
 
 def _facts(spec, hands, stages, certified, timings) -> dict:
@@ -189,15 +189,8 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     own = stages[0].job
-    notices = [
-        *_required(own),
-        *_linear(own.asked.axis),
-        *notices_of(own.grid),
-        *spans_held(spec, own.asked.axis.path),
-        *(hands.notices(own) if hands else ()),
-    ]
     swept = [own.asked.axis.path, *(axis.path for axis in own.grid.axes)]
-    facts = facts_of(spec, methods, counts, timings, notices, swept)
+    facts = facts_of(spec, methods, counts, timings, list(_notices(spec, own, hands)), swept)
     facts |= {"require": own.asked.require.written()} if own.asked.require else {}
     facts |= _limits_of_walls(spec, own.asked.axis.path, swept)
     return facts | (hands.facts() if hands else {})
