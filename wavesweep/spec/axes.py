@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from wavesweep.spec.checking import Mistakes, Rejected, check, show
 from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, STUDY_KEYS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
-
-MOST_MISTAKES = 20  # that are listed for one axis
 
 
 def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
@@ -68,7 +66,7 @@ def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mista
         found = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
         mistakes.refuse(next(iter(parts.values())), label, "a numeric key", found)
     elif "" in parts:
-        values = _values_of_list(label, key, parts[""], mistakes)
+        values = mistakes.check_list(key, parts[""], label, "a list of numbers or { start, stop, num }")
         if len(mistakes) == before:
             return Axis(name, key.path, tuple(values), min(values), max(values), key.structural, None, parts[""].place)
     else:
@@ -82,20 +80,6 @@ def axis_place(parts: Mapping[str, Leaf]) -> Place:
     """Return the place of the axis with these parts."""
     part, leaf = next(iter(parts.items()))
     return leaf.place.parent() if part else leaf.place
-
-
-def _values_of_list(label: str, key: Key, leaf: Leaf, mistakes: Mistakes) -> list:
-    if not isinstance(leaf.value, list) or not leaf.value:
-        mistakes.refuse(leaf, label, "a list of numbers or { start, stop, num }", show(leaf.value), of_key=False)
-        return []
-    values, before = [], len(mistakes)
-    for index, item in enumerate(leaf.value):
-        if len(mistakes) == before + MOST_MISTAKES:
-            rest = f"many wrong ones; the {len(leaf.value) - index} values from [{index}] on were not looked at"
-            mistakes.refuse(leaf, label, "numbers of this axis", rest, of_key=False)
-            break
-        values.append(mistakes.check(key, replace(leaf, value=item), f"{label}[{index}]"))
-    return values
 
 
 def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from wavesweep.errors import Mistake
@@ -9,6 +10,7 @@ from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
 
 LONGEST_SHOWN = 60
+MOST_MISTAKES = 20  # that are listed for one list
 LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes near this length
 
 
@@ -37,6 +39,22 @@ class Mistakes(list[Mistake]):
         except Rejected as error:
             self.refuse(leaf, path or key.path, error.expected, error.found, error.suggestion, of_key=False)
             return None
+
+    def check_list(
+        self, key: Key, leaf: Leaf, path: str, expected: str = "a list of numbers", count: int | None = None
+    ) -> list:
+        """Return the values of a list that is not empty, each as the key's own type, and add mistakes. count: of the values."""
+        if not isinstance(leaf.value, list) or not leaf.value or count not in (None, len(leaf.value)):
+            self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
+            return []
+        values, before = [], len(self)
+        for index, item in enumerate(leaf.value):
+            if len(self) == before + MOST_MISTAKES:
+                rest = f"many wrong ones; the {len(leaf.value) - index} values from [{index}] on were not looked at"
+                self.refuse(leaf, path, expected, rest, of_key=False)
+                break
+            values.append(self.check(key, replace(leaf, value=item), f"{path}[{index}]"))
+        return values
 
     def is_known(self, name: str, known: Collection[str], leaf: Leaf, path: str, found: str = "an unknown key") -> bool:
         """Return whether a name is known; one that is not is a mistake. path: of the key with this name."""

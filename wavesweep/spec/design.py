@@ -211,12 +211,10 @@ class _Reader:
 
     def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
         """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
-        items = [leaf.value] if count == 1 else leaf.value
-        if not isinstance(items, list) or not items or count not in (None, len(items)):
-            self.mistakes.refuse(leaf, path, f"a list of {f'{count} ' if count else ''}numbers", show(leaf.value))
-            return ()
-        places = [path if count == 1 else f"{path}[{index}]" for index in range(len(items))]
-        numbers = (self.mistakes.check(key, replace(leaf, value=item), at) for item, at in zip(items, places, strict=True))
+        if count == 1:
+            numbers = [self.mistakes.check(key, leaf, path)]
+        else:
+            numbers = self.mistakes.check_list(key, leaf, path, f"a list of {f'{count} ' if count else ''}numbers", count)
         return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
 
     def ratios(self) -> dict[str, tuple[str, str, tuple[float, ...]]]:

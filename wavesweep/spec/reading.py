@@ -119,26 +119,24 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
     """
     try:
         if passed := re.fullmatch(PASSED, os.fspath(path)):
-            return _within(_passed(int(passed[1] or 0), most), path, most)
-        # Without blocking: to open a named pipe waits for somebody who writes to it.
-        descriptor = os.open(path, READ)
-        try:
-            mode = os.fstat(descriptor).st_mode
-            if not stat.S_ISREG(mode):
-                raise UsageError(f"{path}: expected a file, found a {'folder' if stat.S_ISDIR(mode) else 'pipe or a device'}")
-            # Not by the size that the system names, which is 0 for files of /proc.
-            with os.fdopen(descriptor, "rb", closefd=False) as stream:
-                content = stream.read(most + 1)
-        finally:
-            os.close(descriptor)
+            content = _passed(int(passed[1] or 0), most)
+        else:
+            # Without blocking: to open a named pipe waits for somebody who writes to it.
+            descriptor = os.open(path, READ)
+            try:
+                mode = os.fstat(descriptor).st_mode
+                if not stat.S_ISREG(mode):
+                    what = "folder" if stat.S_ISDIR(mode) else "pipe or a device"
+                    raise UsageError(f"{path}: expected a file, found a {what}")
+                # Not by the size that the system names, which is 0 for files of /proc.
+                with os.fdopen(descriptor, "rb", closefd=False) as stream:
+                    content = stream.read(most + 1)
+            finally:
+                os.close(descriptor)
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
     except ValueError as error:  # a path that no file can have
         raise UsageError(f"{path!r}: cannot be read: {error}") from error
-    return _within(content, path, most)
-
-
-def _within(content: bytes, path: str | os.PathLike, most: int) -> bytes:
     if len(content) > most:
         raise UsageError(f"{path}: expected at most {most / 1e6:g} MB, found more")
     return content
