@@ -178,7 +178,7 @@ def doubts() -> str:
 
 def glossary() -> str:
     """The words of the field and of this program."""
-    return _rows(("word", "meaning"), [(word, each.meaning) for word, each in TERMS.items()])
+    return _rows(("word", "meaning"), TERMS.items())
 
 
 def messages() -> str:

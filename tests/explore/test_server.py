@@ -177,22 +177,8 @@ def test_a_process_of_another_user_is_answered_nothing(client, monkeypatch, fami
     assert opened(client.server, path)[0] == 303  # it has not used up the address
 
 
-def test_half_open_requests_keep_nobody_out(client, monkeypatch):
-    monkeypatch.setattr(module, "HURRY", 1e6)
-    port = client.server.server_address[1]
-    strangers = []
-    for _ in range(2 * module.STRANGERS):
-        strangers.append(socket.create_connection(("127.0.0.1", port), timeout=30))
-        strangers[-1].sendall(b"GET / HTTP/1.1\r\nHost: ")
-    assert client.send("GET", "")[0] == 200
-    assert strangers[0].recv(1) == b""  # the oldest is closed
-    assert len(client.server._strangers) <= module.STRANGERS
-    for each in strangers:
-        each.close()
-
-
 def test_a_request_that_never_ends_is_given_up(client, monkeypatch):
-    monkeypatch.setattr(module, "HURRY", 0.0)
+    monkeypatch.setattr(module.Handler, "timeout", 0.01)
     with socket.create_connection(("127.0.0.1", client.server.server_address[1]), timeout=30) as slow:
         slow.sendall(b"GET / HTTP/1.1\r\n")
         assert slow.recv(1) == b""

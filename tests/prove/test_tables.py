@@ -6,7 +6,7 @@ from stability.test_meeting import line
 import wavesweep
 from wavesweep.analyses import intervals as analysis
 from wavesweep.cli import main
-from wavesweep.results.verify import verify
+from wavesweep.results.verification import verify
 
 SPEC = """
 [rates]

@@ -10,7 +10,7 @@ from wavesweep.cli import main
 from wavesweep.errors import UsageError
 from wavesweep.results import publish
 from wavesweep.results import writing as writing_module
-from wavesweep.results.verify import verify
+from wavesweep.results.verification import verify
 from wavesweep.tables.table import Table
 
 SPEC = """

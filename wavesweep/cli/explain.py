@@ -62,12 +62,8 @@ def command(words: tuple[str, ...]) -> None:
 def entries() -> tuple[Entry, ...]:
     """All meanings of all words, those of one group together."""
     doubts = (Entry(word, "doubt", *doubt) for word, doubt in DOUBTS.items() if word)
-    said = (
-        Entry(word, group, each.meaning, each.advice)
-        for group, words in (("term", TERMS), ("message", MESSAGES))
-        for names, each in words.items()
-        for word in names.split(", ")
-    )
+    terms = (Entry(word, "term", meaning) for names, meaning in TERMS.items() for word in names.split(", "))
+    messages = (Entry(word, "message", *each) for names, each in MESSAGES.items() for word in names.split(", "))
     columns = [(field, tables) for field, tables in _columns().items()]
     own = (Entry(each.name, f"column of {_some(tables)}", _meaning(each), each.advice) for each, tables in columns)
     values = {
@@ -75,7 +71,7 @@ def entries() -> tuple[Entry, ...]:
         for each, _ in columns
         for word, meaning in each.values.items()
     }
-    return (*doubts, *said, *own, *values.values())
+    return (*doubts, *terms, *messages, *own, *values.values())
 
 
 def _columns() -> dict[Field, list[str]]:

@@ -48,7 +48,6 @@ def produce(
     from a loaded spec to the one whose digest the results carry.
     """
     from wavesweep import results, spec
-    from wavesweep.identification.points import facts_of_points
     from wavesweep.tables.table import digest_of
 
     started = time.perf_counter()
@@ -59,7 +58,11 @@ def produce(
         from wavesweep import plots
 
         plots.refuse_settings()
-    measured = facts_of_points(specs, kinds[0])
+    measured = {}
+    if any(each.measured for each in specs):
+        from wavesweep.identification.points import facts_of_points
+
+        measured = facts_of_points(specs, kinds[0])
     with alone(kinds, directory, options):
         # Before the work as well as after it: a refusal should not cost a long run.
         for kind in kinds if options.to_folder and not options.overwrite else ():

@@ -35,7 +35,7 @@ def command(directory: str, prove: int) -> int:
       wavesweep verify results/mine --prove
     """
     from wavesweep.cli.messages import printable, say, show_json
-    from wavesweep.results.verify import verify
+    from wavesweep.results.verification import verify
 
     found = verify(directory, prove=prove)
     if talk().as_json:

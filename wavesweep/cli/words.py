@@ -10,121 +10,57 @@ from typing import NamedTuple
 
 
 class Word(NamedTuple):
-    """What a word means, and what a user can do about it."""
+    """What a message means, and what a user can do about it."""
 
     meaning: str
-    advice: str = ""
+    advice: str
 
 
-TERMS: Mapping[str, Word] = MappingProxyType(
+TERMS: Mapping[str, str] = MappingProxyType(
     {
-        "admittance": Word(
-            "displacement of the device over the force of the hand (m/N), at the frequency of that force",
-        ),
-        "alias, image": Word(
-            "a frequency that a sampler cannot tell from another one",
-        ),
-        "avatar": Word(
-            "the point that represents the device in the slow environment",
-        ),
-        "certified": Word(
-            "proved: no crossing was missed, and rounding cannot change the statement",
-        ),
-        "channel": Word(
-            "the wave line with its filters, samplers and holds, from the user's side to the environments and back",
-        ),
-        "channel norm": Word(
-            "the largest factor by which the channel can amplify waves; passive up to 1",
-        ),
-        "counterexample": Word(
-            "numbers, or a pattern of frames, with which a loop is unstable although it was to be stable for all",
-        ),
-        "direct coupling": Word(
-            "the wall's force is computed from the device's position and velocity, without waves: `dc`, `dc-slow`",
-        ),
-        "doubt": Word(
-            "the one-word reason why a row is not certified",
-        ),
-        "drift, integrator mode": Word(
-            "a motion that nothing opposes, with an eigenvalue at exactly 1; set aside when stability is judged",
-        ),
-        "elapsed, nominal step": Word(
-            "the slow environment integrates over the time since its last frame, or always over the same time",
-        ),
-        "felt stiffness": Word(
-            "force over displacement that the hand meets when everything has come to rest (N/m)",
-        ),
-        "frame": Word(
-            "the time after which all rates are in step again, also called hyperperiod",
-        ),
-        "front": Word(
-            "the Pareto front of a search: designs none of which is better than another in every requirement",
-        ),
-        "hole": Word(
-            "a range of unstable values between two stable intervals",
-        ),
-        "impedance": Word(
-            "force of the controller over displacement of the device (N/m); not 1/admittance, which includes the device",
-        ),
-        "lifted system": Word(
-            "the loop from all inputs of a frame to all its outputs: one system with a single rate",
-        ),
-        "local model": Word(
-            "a simple wall at the fast rate, which answers at once while the slow one is computed",
-        ),
-        "monodromy matrix": Word(
-            "the matrix that takes the states from one frame to the next",
-        ),
-        "passive": Word(
-            "never gives out more energy than it took in",
-        ),
-        "port": Word(
-            "a place where power is exchanged, as force and velocity or as two waves",
-        ),
-        "prev": Word(
-            "in the wires of a drawn loop, `prev(BLOCK.PORT)` is a signal as it was before the tick: what a program reads that "
-            "has not yet computed the new value",
-        ),
-        "settled": Word(
-            "proof and counterexample are so close together that the gap between them does not matter",
-        ),
-        "slice, column": Word(
-            "one combination of the values of all axes other than the one along which intervals are computed",
-        ),
-        "spec": Word(
-            "the TOML file that describes the loop and the question",
-        ),
-        "spectral radius": Word(
-            "the largest modulus of an eigenvalue of the monodromy matrix; the loop is stable if it is below 1",
-        ),
-        "the spec's own": Word(
-            "the values that the spec sets, in contrast to those that a sweep or a search tries: the nominal design",
-        ),
-        "tick": Word(
-            "the period of the fast rate; all times are whole numbers of ticks",
-        ),
-        "unknown, varying": Word(
-            "of a number in `[for_all]`: constant but known only as a range; or different in every frame",
-        ),
-        "virtual coupling": Word(
-            "a spring and a damper between the device and its avatar, which limit what the hand can feel; `K_LM`, `B_LM` of "
-            "`dc-lm` act like one about the last sample",
-        ),
-        "wall": Word(
-            "the spring `K_VE` and the damper `B_VE` of the virtual environment",
-        ),
-        "wave variables": Word(
-            "two combinations of force and velocity whose squares are power, so that a delay generates no energy",
-        ),
-        "wave impedance": Word(
-            "the ratio of force to velocity in a wave (N·s/m): the damper that is felt until the answer is back",
-        ),
-        "wish": Word(
-            "a requirement or an objective in `[design.wish]`: a quantity to be made large or small, with or without a bound",
-        ),
-        "Z-width": Word(
-            "all walls that a design renders stably",
-        ),
+        "admittance": "displacement of the device over the force of the hand (m/N), at the frequency of that force",
+        "alias, image": "a frequency that a sampler cannot tell from another one",
+        "avatar": "the point that represents the device in the slow environment",
+        "certified": "proved: no crossing was missed, and rounding cannot change the statement",
+        "channel": "the wave line with its filters, samplers and holds, from the user's side to the environments and back",
+        "channel norm": "the largest factor by which the channel can amplify waves; passive up to 1",
+        "counterexample": "numbers, or a pattern of frames, with which a loop is unstable although it was to be stable for all",
+        "direct coupling": "the wall's force is computed from the device's position and velocity, without waves: `dc`, "
+        "`dc-slow`",
+        "doubt": "the one-word reason why a row is not certified",
+        "drift, integrator mode": "a motion that nothing opposes, with an eigenvalue at exactly 1; set aside when stability "
+        "is judged",
+        "elapsed, nominal step": "the slow environment integrates over the time since its last frame, or always over the "
+        "same time",
+        "felt stiffness": "force over displacement that the hand meets when everything has come to rest (N/m)",
+        "frame": "the time after which all rates are in step again, also called hyperperiod",
+        "front": "the Pareto front of a search: designs none of which is better than another in every requirement",
+        "hole": "a range of unstable values between two stable intervals",
+        "impedance": "force of the controller over displacement of the device (N/m); not 1/admittance, which includes the "
+        "device",
+        "lifted system": "the loop from all inputs of a frame to all its outputs: one system with a single rate",
+        "local model": "a simple wall at the fast rate, which answers at once while the slow one is computed",
+        "monodromy matrix": "the matrix that takes the states from one frame to the next",
+        "passive": "never gives out more energy than it took in",
+        "port": "a place where power is exchanged, as force and velocity or as two waves",
+        "prev": "in the wires of a drawn loop, `prev(BLOCK.PORT)` is a signal as it was before the tick: what a program "
+        "reads that has not yet computed the new value",
+        "settled": "proof and counterexample are so close together that the gap between them does not matter",
+        "slice, column": "one combination of the values of all axes other than the one along which intervals are computed",
+        "spec": "the TOML file that describes the loop and the question",
+        "spectral radius": "the largest modulus of an eigenvalue of the monodromy matrix; the loop is stable if it is below 1",
+        "the spec's own": "the values that the spec sets, in contrast to those that a sweep or a search tries: the nominal "
+        "design",
+        "tick": "the period of the fast rate; all times are whole numbers of ticks",
+        "unknown, varying": "of a number in `[for_all]`: constant but known only as a range; or different in every frame",
+        "virtual coupling": "a spring and a damper between the device and its avatar, which limit what the hand can feel; "
+        "`K_LM`, `B_LM` of `dc-lm` act like one about the last sample",
+        "wall": "the spring `K_VE` and the damper `B_VE` of the virtual environment",
+        "wave variables": "two combinations of force and velocity whose squares are power, so that a delay generates no energy",
+        "wave impedance": "the ratio of force to velocity in a wave (N·s/m): the damper that is felt until the answer is back",
+        "wish": "a requirement or an objective in `[design.wish]`: a quantity to be made large or small, with or without a "
+        "bound",
+        "Z-width": "all walls that a design renders stably",
     }
 )
 MESSAGES: Mapping[str, Word] = MappingProxyType(

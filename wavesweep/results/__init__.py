@@ -12,7 +12,6 @@ from wavesweep.results.folder import (
 )
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import add_figures
-from wavesweep.results.verify import Verification, verify
 from wavesweep.results.writing import publish, save, stream
 from wavesweep.tables.columns import fields, fields_of
 from wavesweep.tables.fields import Field
@@ -38,3 +37,11 @@ __all__ = [
     "stream",
     "verify",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name not in ("Verification", "verify"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from wavesweep.results import verification  # which no other command needs
+
+    return getattr(verification, name)

@@ -4,6 +4,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -190,22 +191,26 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     path = Path(path)
     if path.suffix not in (".csv", ".parquet"):
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
-    try:
-        table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
-        return _columns(table)
-    except unreadable() as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise
-        raise UsageError(
-            f"{path}: expected a whole table, found a file that cannot be read as one ({in_short(error)})"
-        ) from error
+    if path.suffix == ".parquet":
+        return _read_parquet(path)
+    import pyarrow.csv
+
+    with _as_table(path), _opened(path, "rb") as file:
+        return _columns(pyarrow.csv.read_csv(file, **_csv_options(path)))
 
 
-def unreadable() -> tuple[type[Exception], ...]:
-    """Give the errors that Arrow raises for a damaged file: its own, ValueErrors, and OSErrors without a number."""
+@contextmanager
+def _as_table(path: Path) -> Iterator[None]:
+    """Have one error for all that Arrow raises for a damaged file: its own, ValueErrors, and OSErrors without a number."""
     from pyarrow import ArrowException
 
-    return ArrowException, ValueError, OSError
+    try:
+        yield
+    except (ArrowException, ValueError, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        said = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise UsageError(f"{path}: expected a whole table, found a file that cannot be read as one ({said})") from error
 
 
 def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
@@ -244,21 +249,15 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     return kind, in_order(kind, columns, facts), facts
 
 
-def in_short(error: Exception) -> str:
-    """Give the first line of an error's text."""
-    return str(error).strip().partition("\n")[0] or type(error).__name__
-
-
 def schema_facts(path: Path) -> dict[str, Any]:
     """The facts in the schema of a Parquet file, or of the first part of a folder; empty if it has none."""
     import pyarrow.parquet
 
-    known: tuple[type[Exception], ...] = (TypeError, WavesweepError, *unreadable())
     try:
-        with _opened(parts_of(path)[0], "rb") as file:
+        with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
             text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
-        return dict(json.loads(text))
-    except known:
+            return dict(json.loads(text))
+    except (TypeError, OSError, WavesweepError):
         return {}
 
 
@@ -272,7 +271,7 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
     found: list[dict[str, np.ndarray]] = []
     before = 0
     for part in parts_of(path):
-        with _opened(part, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
+        with _as_table(part), _opened(part, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
             rows = file.metadata.num_rows
             start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
             if start < stop or not found:  # of the first part at least the columns
@@ -300,7 +299,7 @@ def rows_in(path: Path) -> int:
 
     rows = 0
     for part in parts_of(path):
-        with _opened(part, "rb") as file:
+        with _as_table(part), _opened(part, "rb") as file:
             rows += pyarrow.parquet.ParquetFile(file).metadata.num_rows
     return rows
 
@@ -325,36 +324,29 @@ def parts_of(path: Path) -> list[Path]:
     return [path / name for name in names]
 
 
-def _read_parquet(path: Path) -> Any:
+def _read_parquet(path: Path) -> dict[str, np.ndarray]:
     import pyarrow.parquet
 
     found, cells = [], 0
     for part in parts_of(path):
-        with _opened(part, "rb") as file:  # `read_table` would import pandas
+        with _as_table(part), _opened(part, "rb") as file:  # `read_table` would import pandas
             whole = pyarrow.parquet.ParquetFile(file)
             rows = whole.metadata.num_rows
             cells += rows * whole.metadata.num_columns
             if 8 * cells > memory():
                 raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows in {part.name}")
             found.append(whole.read())
-    return pyarrow.concat_tables(found)
+    return _columns(pyarrow.concat_tables(found))
 
 
 def csv_blocks(path: Path) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of a CSV in blocks of rows, as `read` gives them at once."""
     import pyarrow.csv
 
-    with _opened(path, "rb") as file:
+    with _as_table(path), _opened(path, "rb") as file:
         size = pyarrow.csv.ReadOptions(block_size=CSV_BLOCK)
         for block in pyarrow.csv.open_csv(file, read_options=size, **_csv_options(path)):
             yield _columns(pyarrow.Table.from_batches([block]))
-
-
-def _read_csv(path: Path) -> Any:
-    import pyarrow.csv
-
-    with _opened(path, "rb") as file:
-        return pyarrow.csv.read_csv(file, **_csv_options(path))
 
 
 def _csv_options(path: Path) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import os
 import re
-from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
@@ -26,7 +25,6 @@ from wavesweep.tables.fields import Field
 from wavesweep.tables.table import Table
 
 IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
-AHEAD = 2  # groups that threads turn into text and Parquet while the rows of the next one are gathered
 OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
 
 
@@ -159,28 +157,16 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
 
 
 def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts | None, csv: BinaryIO | None) -> None:
-    """Write the groups to the open files, in threads if there are several: Arrow leaves Python to the next group then."""
-    first, second = next(groups, None), next(groups, None)
-    if second is None:
-        for group in () if first is None else (first,):
-            if csv:
-                csv.write(csv_rows(group))
-            if parquet:
-                parquet.append(group)
-        return
+    """Write the groups to the open files, the CSV in this thread and Parquet in another one: Arrow lets both run at once."""
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(2) as of_csv, ThreadPoolExecutor(1) as of_parquet:
-        begun: deque = deque()
-        every: Iterable[Columns | None] = chain([first, second], groups, (None,) * AHEAD)
-        for each in every:
-            begun.append(each and (csv and of_csv.submit(csv_rows, each), parquet and of_parquet.submit(parquet.append, each)))
-            done = begun.popleft() if len(begun) > AHEAD else None
-            if done:
-                if csv:
-                    csv.write(done[0].result())
-                if parquet:
-                    done[1].result()
+    with ThreadPoolExecutor(1) as other:
+        for group in groups:
+            written = other.submit(parquet.append, group) if parquet else None
+            if csv:
+                csv.write(csv_rows(group))
+            if written:
+                written.result()
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:

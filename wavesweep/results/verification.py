@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.reproducibility import versions
-from wavesweep.results.files import GROUP_ROWS, csv_blocks, in_short, read_rows, rows_in, unreadable
+from wavesweep.results.files import GROUP_ROWS, csv_blocks, read_rows, rows_in
 from wavesweep.results.folder import PACKAGE
 from wavesweep.results.package import file_facts, loaded, packaged_facts
 from wavesweep.tables import HOMES, kind_named
@@ -20,6 +20,7 @@ from wavesweep.tables.kind import Again
 ROWS = 20
 SEED = 0
 CLOSE = 1e-9  # relative difference that counts as none if versions, or what is computed together, differ
+FAULTS = (WavesweepError, LookupError, TypeError, ValueError, AttributeError)  # of packages and schemas that were changed
 NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 
@@ -70,7 +71,7 @@ def _of_package(package: Path, rows: int, seed: int, prove: int, proved: list) -
         yield f"{package}: the files have the bytes and hashes of the package", False
     try:
         again = _again(package, facts)
-    except (WavesweepError, LookupError, TypeError, ValueError, AttributeError) as error:
+    except FAULTS as error:
         yield f"{package}: the spec in it makes no run: {error}", True
         return
     except OSError as error:  # of the table, which has the names of the specs
@@ -116,12 +117,10 @@ def _files(package: Path) -> Iterator[str]:
 
 def _between(csv: Path, parquet: Path) -> Iterator[str]:
     """Yield the first difference of the two tables, whatever their package says of them."""
-    of_schema = (LookupError, TypeError, AttributeError)
-    faults: tuple[type[Exception], ...] = (WavesweepError, *unreadable(), *of_schema)
     try:
         difference = _compared(parquet, csv_blocks(csv), exact=True)
-    except faults as error:
-        yield f"{csv.with_suffix('')}.*: a table cannot be read: {in_short(error)}"
+    except (*FAULTS, OSError) as error:
+        yield f"{csv.with_suffix('')}.*: a table cannot be read: {error}"
         return
     if difference:
         yield f"{parquet} and {csv.name}: {difference}"
@@ -135,11 +134,10 @@ def _again(package: Path, facts: Mapping[str, Any]) -> Again | None:
 
 def _stem(package: Path) -> str:
     """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
-    faults: tuple[type[Exception], ...] = (WavesweepError, *unreadable())
     try:
         column = read_rows(package.with_name(package.name.replace(PACKAGE, ".parquet")), 0, 1).get("spec", ["spec"])
-    except faults as error:
-        raise OSError(in_short(error)) from error
+    except WavesweepError as error:
+        raise OSError(str(error)) from error
     return str(column[0]) if len(column) else "spec"
 
 
@@ -149,7 +147,6 @@ def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
     if exact and again.some is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
-    known: tuple[type[Exception], ...] = (WavesweepError, *unreadable())
     try:
         if again.rows not in (0, there := rows_in(parquet)):  # before a foreign package has millions of them computed
             difference, extent = f"{there} rows and not {again.rows}", ""
@@ -159,8 +156,8 @@ def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed
         else:
             difference = _sampled(parquet, again.some, again.combinations, rows, seed, exact)
             extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
-    except known as error:
-        yield f"{parquet}: its rows cannot be held against new ones: {in_short(error)}", True
+    except (WavesweepError, ValueError, OSError) as error:
+        yield f"{parquet}: its rows cannot be held against new ones: {error}", True
         return
     if difference:
         yield f"{parquet}: computed again, {difference}", True
@@ -213,7 +210,6 @@ def _starts(parquet: Path) -> np.ndarray | None:
 
 def _proved_again(parquet: Path, again: Again, most: int, proved: list) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
-    known: tuple[type[Exception], ...] = (WavesweepError, KeyError, *unreadable())
     try:
         starts = _starts(parquet)
         if starts is None or len(starts) != again.combinations:
@@ -223,8 +219,8 @@ def _proved_again(parquet: Path, again: Again, most: int, proved: list) -> Itera
         picked, ends = certified[places].tolist(), np.append(starts, rows_in(parquet)).tolist()
         claims = ((number, read_rows(parquet, ends[number], ends[number + 1])) for number in picked)
         verdicts = list(again.prove(claims)) if again.prove else []
-    except known as error:
-        yield f"{parquet}: its rows cannot be proved again: {in_short(error)}", True
+    except (WavesweepError, KeyError, ValueError, OSError) as error:
+        yield f"{parquet}: its rows cannot be proved again: {error}", True
         return
     counts = {name: sum(each.verdict == name for each in verdicts) for name in ("whole", "ends", "unsettled", "refuted")}
     proved.append({"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts})
