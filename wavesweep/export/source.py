@@ -6,7 +6,7 @@ The device consists of the blocks whose inputs are always held over a tick: mass
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, product
+from itertools import product
 from textwrap import fill
 from typing import Any, NamedTuple
 
@@ -92,7 +92,9 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
         raise UsageError("export: expected an experiment with at least one tick for the vectors, found none")
     members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
     columns = {"tick": np.arange(count)}
-    columns |= {f"late_{g}": _lateness(each, count) for g, each in enumerate(march.results) if own.late}
+    for g, each in enumerate(march.results if own.late else ()):  # -1 if a result is lost, 0 if none is shown
+        late = [each.late[each.number(k)] if each.shown(k) and each.number(k) >= 0 else 0 for k in range(count)]
+        columns[f"late_{g}"] = np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)
     table = Table(dict(zip(found.paths, _identifiers([path.rpartition(".")[2] for path in found.paths]), strict=True)))
     own = own._replace(results=march.results if own.results else [], programs=[table.of(each) for each in own.programs])
     flags, values = _values(spec, own, members, entry)
@@ -201,13 +203,6 @@ def _lines(program: Program) -> list[Line]:
     return [*program.first, *program.second, *program.keeps]
 
 
-def _lateness(each: Results, count: int) -> np.ndarray:
-    """The ticks by which the result that is shown in each tick is late, -1 if it is lost, 0 if none is shown."""
-    numbers = [each.number(k) if each.shown(k) else -1 for k in range(count)]
-    late = [each.late[number] if number >= 0 else 0 for number in numbers]
-    return np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)
-
-
 def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
     """A name in C for each signal, no two the same; start: of all of them, which no word or macro of C has, as EOF or unix."""
     found: dict[str, None] = {}
@@ -260,7 +255,11 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str)
         "several": len(programs) > 1,
     }
     texts |= _signals(own, members) | _results(own) | _host(own, members, entry)
-    texts["sums"] = _sums(terms_of(spec))
+    sums = []  # what enters each output, a line for each term
+    for port, made in terms_of(spec).items():
+        sums.append(f" *   {port} = {made['sum']}")
+        sums += [f" *     {each['coefficient']:g} times {each['from']}" for each in made["terms"]]
+    texts["sums"] = "\n".join(sums)
     texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
     return flags, constants(numbers) | texts
 
@@ -278,15 +277,6 @@ def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]
         "computed_from_gains": "\n".join(table.lines),
         "constants": fill(", ".join(constants), 110, initial_indent=" *   ", subsequent_indent=" *   "),
     }
-
-
-def _sums(outputs: Mapping[str, Mapping[str, Any]]) -> str:
-    """What enters each output, a line for each term."""
-    lines = (
-        [f" *   {port} = {made['sum']}", *(f" *     {each['coefficient']:g} times {each['from']}" for each in made["terms"])]
-        for port, made in outputs.items()
-    )
-    return "\n".join(chain.from_iterable(lines))
 
 
 def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:

@@ -4,6 +4,7 @@ The force before the first row is not known, so the fit begins where it no longe
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 from operator import itemgetter
 
 import numpy as np
@@ -17,7 +18,6 @@ ONE_WAY = 0.98  # share of the motion in one direction above which friction acts
 RESTING = 10  # equal readings at the start of a log show a device held by friction
 START = 5  # rows from which the initial velocity is guessed
 PART = 5000  # samples of a long log from which rough numbers are found
-COARSE = 4000  # samples at most of the first search
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
 TONES = np.geomspace(0.2, 100, 16)  # natural frequencies tried first (Hz)
 NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
@@ -361,38 +361,34 @@ def _near(model, known, delay, friction, rows):
 
 def _first(model, rows):
     """Rough numbers: for each rate of decay and frequency tried, the other numbers follow linearly; then delays are tried."""
-    every = -(-len(rows.force) // COARSE)
-    whole = len(rows.force) // every * every
-    push, place, tick = rows.force[:whole].reshape(-1, every).mean(axis=1), rows.reading[:whole:every], rows.period * every
-    place = place[-(-rows.skip // every) :]
-    tones = [(2 * np.pi * tone) ** 2 for tone in TONES if tone < 0.3 / tick] if model.spring else [0.0]
-    held = (model.delay or 0.0) / every
-    tried = [_beginning(model, push, place, tick, rate, square, held) for square in tones for rate in RATES]
+    tones = [(2 * np.pi * tone) ** 2 for tone in TONES if tone < 0.3 / rows.period] if model.spring else [0.0]
+    best = None
+
+    def tried(rates, squares, lates):
+        found = (_beginning(model, rows, *each) for each in product(lates, squares, rates))
+        return min(filter(None, (best, *found)), default=None, key=itemgetter(0))
+
+    best = tried(RATES, tones, [model.delay or 0.0])
     if model.measured == "acceleration" and model.delay is None:  # which at another delay may show no mass at all
-        tried += [_beginning(model, push, place, tick, rate, tones[0], late / every) for late in SOONER for rate in RATES[::4]]
-    best = min(filter(None, tried), default=None, key=itemgetter(0))
+        best = tried(RATES[::4], tones[:1], SOONER)
     for near in (NEAR, NEAR**0.25) if best else ():  # values between those tried, and delays
-        rates, squares = (near * best[2], near * best[3]) if model.spring else (near * best[2], [0.0])
-        tried = [_beginning(model, push, place, tick, rate, square, best[4]) for square in squares for rate in rates]
-        best = min([best, *filter(None, tried)], key=itemgetter(0))
-        lates = [late / every for late in LATE] if model.delay is None else []
-        tried = [_beginning(model, push, place, tick, *best[2:4], late) for late in lates]
-        best = min([best, *filter(None, tried)], key=itemgetter(0))
+        best = tried(near * best[2], near * best[3] if model.spring else [0.0], [best[4]])
+        best = tried([best[2]], [best[3]], LATE if model.delay is None else [])
     if best is None:
         raise UsageError(NO_MASS)
     _, mass, rate, square, late, own = best
-    known = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late * every}
+    known = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late}
     known |= {"friction": 0.05 * np.std(rows.force)} | own
     return np.array([known[name] for name in model.names])
 
 
-def _beginning(model, push, place, tick, rate, square, late):
+def _beginning(model, rows, late, square, rate):
     """Squared error and numbers of the best mass and of what the log has of its own; None if the mass would be negative."""
     unit = {"mass": 1.0, "damping": rate, "stiffness": square, "friction": 0.0, "delay": late}
     own = [name for name in model.own if name not in model.without]
     with np.errstate(all="ignore"):
-        columns, moved = _columns(model, unit, own, push, tick, len(push) - len(place))
-    A = np.column_stack([moved, columns])
+        columns, moved = _columns(model, unit, own, rows.force, rows.period, rows.skip)
+    A, place = np.column_stack([moved, columns]), rows.reading[rows.skip :]
     size = np.linalg.norm(A, axis=0)
     if not np.isfinite(size).all() or not size.all():
         return None
