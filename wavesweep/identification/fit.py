@@ -281,7 +281,20 @@ def _begun(model, rows):
     if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
         others = [_near(model, known, each, shares[-1], rows) for each in LATE]
         best = min(best, *others, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
+    shift = np.array([name == "delay" for name in model.names])
+    while (
+        model.measured != "position" and shift.any() and not model.friction
+    ):  # each tick of delay may have a minimum of its own
+        others = [refined(model, best[1] + sign * shift, rows) for sign in (1, -1)]
+        before, best = best, min(best, *((_square(model, each, rows), each) for each in others), key=itemgetter(0))
+        if best is before:
+            break
     return best[1]
+
+
+def _square(model, theta, rows):
+    """The sum of squares of the residual."""
+    return float(np.sum(rows.residual(model, theta) ** 2))
 
 
 def _begun_with_load(model, rows):
@@ -318,7 +331,7 @@ def _begun_with_load(model, rows):
         begun |= model.numbers(np.array([(begun | {"delay": late}).get(name, 0.0) for name in model.names]))
         begun |= _own(model, begun, rows)
         theta = refined(model, np.array([begun[name] for name in model.names]), rows)
-        fits.append((float(np.sum(rows.residual(model, theta) ** 2)), theta))
+        fits.append((_square(model, theta, rows), theta))
     fits = sorted((each for each in fits if np.isfinite(each[0])), key=itemgetter(0))
     alone, at = (
         replace(alone, delay=model.delay),
@@ -326,7 +339,7 @@ def _begun_with_load(model, rows):
     )
     others = [error for error, theta in fits if np.abs(theta - fits[0][1])[at].max() > APART]
     one = refined(alone, np.array([known[name] for name in alone.names]), rows)
-    others.append(float(np.sum(rows.residual(alone, one) ** 2)))
+    others.append(_square(alone, one, rows))
     if not fits or min(others) < fits[0][0] * (1 + UNLIKELY / len(changes)):
         raise UsageError(NO_RESONANCE)
     return fits[0][1]
@@ -356,7 +369,7 @@ def _near(model, known, delay, friction, rows):
     theta = np.array([known[name] for name in model.names])
     if held != model and not model.friction:
         theta = refined(model, theta, rows)
-    return float(np.sum(rows.residual(model, theta) ** 2)), theta
+    return _square(model, theta, rows), theta
 
 
 def _first(model, rows):
