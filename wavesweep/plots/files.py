@@ -17,25 +17,23 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
 
     The same drawing gives the same bytes: there is no date in the file.
     """
+    from matplotlib.lines import Line2D
+
     with style():
         if path.suffix == ".png":
             path.write_bytes(png(canvas, about))
         elif path.suffix == ".svg":
             words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
-            for line in canvas.findobj(_of_many_marks):  # each of which would be an element: megabytes of them
-                line.set_rasterized(True)
+            for line in canvas.findobj(Line2D):  # each mark would be an element: megabytes of them
+                line.set_rasterized(line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_MARKS)
             canvas.savefig(path, format="svg", metadata=words, dpi=PRINTED)
         elif path.suffix == ".eps":
-            path.write_bytes(_eps(canvas, about))
+            file, title = BytesIO(), f"%%Title: {about['Title']}\n".encode("ascii", "replace")
+            canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
+            path.write_bytes(re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1))
         else:
             words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
             canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
-
-
-def _of_many_marks(part: Any) -> bool:
-    from matplotlib.lines import Line2D
-
-    return isinstance(part, Line2D) and part.get_linestyle() == "None" and len(part.get_xdata()) > MOST_MARKS
 
 
 def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
@@ -77,10 +75,3 @@ def png(canvas: Any, about: Mapping[str, str]) -> bytes:
         texts.add_text(name, text)
     palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
     return file.getvalue()
-
-
-def _eps(canvas: Any, about: Mapping[str, str]) -> bytes:
-    file = BytesIO()
-    canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
-    title = f"%%Title: {about['Title']}\n".encode("ascii", "replace")
-    return re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1)

@@ -16,7 +16,6 @@ from wavesweep.plots.members import (
     Member,
     damping_of,
     draw_bars,
-    draw_dots,
     member_curves,
     over_one_damping,
     specs_of,
@@ -155,8 +154,11 @@ def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Mem
             draw_felt(axes, region, member.look)
         if member.guarantee in GUARANTEES:
             draw_for_all(axes, x, member.rows, shown.span)
-        if member.joined:
-            draw_dots(axes, x, member, shown.span)
+        for end, limit in zip(("low", "high"), shown.span, strict=True) if member.joined else ():
+            far = np.abs(member.rows[end] - limit) > 0.01 * (shown.span[1] - shown.span[0])  # false where it is missing
+            if far.any():  # an empty line that is not clipped takes room below the panel
+                dots = member.rows[x][far], member.rows[end][far]
+                axes.plot(*dots, ".", color=member.look.colour, markersize=3.5, clip_on=False)
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
         more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
         low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)

@@ -1,6 +1,5 @@
 """The figure of the closed-loop poles over a number: a root locus in the plane of the frame."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ from wavesweep.plots.style import DOUBTFUL, GRID, ONE_COLUMN, family_map, figure
 from wavesweep.plots.words import assumption, label, symbol, unit
 from wavesweep.spec import Axis, Spec
 
-End = tuple[float, np.ndarray, float, bool]
 LOCUS = 300  # values of the number by default
 REACH = 1.5  # what is farther from 0 is not shown
 ROOM = 1.05  # about the unit circle, which is shown whole
@@ -18,23 +16,17 @@ STEP = 0.2  # between neighbouring values of the number, up to which a line join
 
 
 def locus_of(spec: Spec, axis: Axis) -> Any:
-    """The root locus of a spec over the values of an axis, with the ends of the stable intervals between them."""
-    from wavesweep.analyses.assumptions import assumes
-    from wavesweep.analyses.poles import ends_on_circle, poles_over
-
-    facts = {"spec": spec.tables(), "spec_name": spec.name, "assumes": assumes(spec, [axis.path])}
-    return root_locus(axis.name, *poles_over(spec, axis), ends_on_circle(spec, axis), facts)
-
-
-def root_locus(name: str, numbers: np.ndarray, z: np.ndarray, ends: Sequence[End], facts: Mapping[str, Any]) -> Any:
-    """Draw poles z per frame, coloured by the number `name`, the unit circle, and the ends of its stable intervals.
-
-    numbers, z: of each pole, `(poles,)`. ends: value, poles on the circle there, the strongest line of their
-    oscillation (Hz), and whether the end is certified.
+    """Draw the poles per frame of a spec over the values of an axis, which colours have, the unit circle, and the ends of the
+    stable intervals between them.
     """
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm, Normalize
 
+    from wavesweep.analyses.assumptions import assumes
+    from wavesweep.analyses.poles import ends_on_circle, poles_over
+
+    facts = {"spec": spec.tables(), "spec_name": spec.name, "assumes": assumes(spec, [axis.path])}
+    name, (numbers, z), ends = axis.name, poles_over(spec, axis), ends_on_circle(spec, axis)
     norm = (LogNorm if is_logarithmic(numbers) else Normalize)(numbers.min(), numbers.max())
     with figure(1.3 * ONE_COLUMN, 1.1 * ONE_COLUMN + 0.17 * (1 + len(ends))) as canvas:
         axes, turn = canvas.subplots(), np.exp(1j * np.linspace(0, 2 * np.pi, 721))

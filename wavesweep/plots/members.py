@@ -149,15 +149,6 @@ def member_curves(members: Sequence[Member], view: View, span: tuple[float, floa
     return curves
 
 
-def draw_dots(axes: Any, x: str, member: Member, span: tuple[float, float]) -> None:
-    """Dots at the values at which a guarantee is known."""
-    rows, near = where(member.rows, member.rows["intervals"] > 0), 0.01 * (span[1] - span[0])
-    for end, limit in zip(("low", "high"), span, strict=True):
-        shown = np.abs(rows[end] - limit) > near
-        if shown.any():  # an empty line that is not clipped takes room below the panel
-            axes.plot(rows[x][shown], rows[end][shown], ".", color=member.look.colour, markersize=3.5, clip_on=False)
-
-
 def draw_bars(axes: Any, members: Sequence[Member]) -> None:
     """Draw a bar per stable interval, a line of bars per member, named at the left.
 

@@ -49,11 +49,6 @@ class Again:
     prove: Callable[[Iterable[tuple[int, Columns]]], Iterator[ProvedAgain]] | None = None
 
 
-def _never(facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
-    del facts, name
-    return None
-
-
 @dataclass(frozen=True)
 class Kind:
     """One kind of table.
@@ -69,7 +64,7 @@ class Kind:
     tally: Callable[[Table], Tally]
     lines: Callable[[Numbers], Iterator[Line]]
     figure: str
-    again: Callable[[Mapping[str, Any], Callable[[], str]], Again | None] = field(default=_never, repr=False)
+    again: Callable[[Mapping[str, Any], Callable[[], str]], Again | None] = field(default=lambda *_: None, repr=False)
     study: Literal["sweep", "bode"] = "sweep"
     before: int = 0
 

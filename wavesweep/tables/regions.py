@@ -334,6 +334,10 @@ def region_of(curve: Curve, view: View) -> Region:
         bars = [(places[0], each) for each in curve.columns[places[0]][0]]
     edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
     gaps = [gap for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
+    # Columns that are known in part, half way to their neighbours.
+    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
+    half_known = [(left, right) for x, left, right in cells if curve.columns[x][1]]
     return Region(
         areas=[_outline(chain) for chain in chains if len(chain) > 1],
         unproved=[_outline(part) for chain in chains for part in _unproved(chain)],
@@ -341,7 +345,7 @@ def region_of(curve: Curve, view: View) -> Region:
         doubtful=_joined([line for line, certified in edges if not certified]),
         felt=_joined([line for chain in chains for line in _felt(chain)]),
         bars=bars,
-        unknown=[*_unknown_cells(curve, places, view), *gaps],
+        unknown=[*half_known, *gaps],
     )
 
 
@@ -402,11 +406,3 @@ def _unproved(chain: Chain) -> Iterator[Chain]:
             part = [*(part or [one]), other]
     if part:
         yield part
-
-
-def _unknown_cells(curve: Curve, places: Sequence[float], view: View) -> Iterator[tuple[float, float]]:
-    """The cells about the columns that are known in part, half way to their neighbours."""
-    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
-    for x, left, right in zip(places, [places[0], *middles], [*middles, places[-1]], strict=True):
-        if curve.columns[x][1]:
-            yield left, right
