@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.analyses import for_all as for_all_module
-from wavesweep.analyses.for_all import _text
+from wavesweep.analyses.for_all import text_of_part
 from wavesweep.analyses.loops import radii_of
 from wavesweep.analyses.unknown import Part
 from wavesweep.spec import load
@@ -260,7 +260,7 @@ def test_a_range_that_is_none_is_said(ranges, expected):
 
 
 def test_hands_are_not_asked_for_beside_ranges():
-    with pytest.raises(UsageError, match="without \\[for_all\\]"):
+    with pytest.raises(UsageError, match="passive alone beside"):
         intervals(load(FIG4 | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.12}}}), "K_VE", wavesweep_hands(), jobs=1)
 
 
@@ -291,9 +291,9 @@ def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one(
 
 def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
     frames = f"frames {', '.join(['16, 33'] * 40)}"
-    both = _text(Part(1.0, 2.0, {frames: None}, {"frames 3": None}))
+    both = text_of_part(Part(1.0, 2.0, {frames: None}, {"frames 3": None}))
     assert both.endswith(" ...; from: frames 3")
-    assert len(_text(Part(1.0, 2.0, None, {frames: None}))) <= 160
+    assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= 160
 
 
 def test_the_library_gives_the_rows_of_the_command():

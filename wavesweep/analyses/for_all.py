@@ -1,6 +1,6 @@
 """Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from textwrap import shorten
@@ -88,8 +88,11 @@ class ForAllGuarantee:
         return intervals_for_all(self.rules, loop, along, span)
 
 
-def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
-    """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty for a design alone."""
+def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> None:
+    """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty for a design alone.
+
+    cut: whether frames are cut open at the number.
+    """
     for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
     swept = [axis.name for axis in for_all.axes if axis.path == along]
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
@@ -109,7 +112,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str) -> None:
     ):
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
-    if rules.vary:
+    if rules.vary and cut:
         rules.family(Loops(drawing, dict(spec.values)), along)
 
 
@@ -121,11 +124,13 @@ def _has_parts(spec: Spec, axis: Axis) -> bool:
 def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
     """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
     loop = _Loop(rules, along, span, loop)
-    return _recorded(loop.varying() if rules.vary else loop.intervals(), loop.certified)
+    return recorded(loop.varying() if rules.vary else loop.intervals(), loop.certified)
 
 
 @dataclass(frozen=True, slots=True)
-class _Row:
+class Row:
+    """What is proved, and the part that nothing refutes, with the texts of its ends and of what is open."""
+
     low: float
     high: float
     part: Part
@@ -134,42 +139,48 @@ class _Row:
     left_open: str = ""
 
 
+def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -> list[Case]:
+    """Return a case for each combination of the numbers of [for_all] that have values, with the ranges of the others."""
+    drawing, values = loop
+    unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+    ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
+    listed = [axis for axis in unknown if axis.values or axis.structural]
+    cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
+    for each in product(*map(values_of_range, listed)):
+        fixed = dict(zip((axis.path for axis in listed), each, strict=True))
+        own = values | fixed
+        drawn = loop_drawing(own, (along, *gains)) if "controller.kind" in own else drawing
+        cases.append(Case(Loops(drawn, own), along, span, ranges, fixed))
+    return cases
+
+
 class _Loop:
     """One loop of a sweep with all numbers of [for_all]."""
 
     def __init__(self, rules: Rules, along: str, span: tuple[float, float], loop: Loops):
         self.rules, self.along, self.span, self.values = rules, along, span, loop.values
-        drawing, values = loop
-        unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
-        ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
-        listed = [axis for axis in unknown if axis.values or axis.structural]
-        self.cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
-        for each in product(*map(values_of_range, listed)):
-            fixed = dict(zip((axis.path for axis in listed), each, strict=True))
-            own = values | fixed
-            drawn = loop_drawing(own, (along, *gains)) if "controller.kind" in own else drawing
-            self.cases.append(Case(Loops(drawn, own), along, span, ranges, fixed))
+        self.cases = cases_of(rules, along, span, loop)
 
     @property
     def certified(self) -> bool:
         """Whether the search was."""
         return all(case.certified for case in self.cases)
 
-    def intervals(self) -> list[_Row]:
+    def intervals(self) -> list[Row]:
         """The rows of loops whose numbers are constant."""
         found = proofs(self.cases, self.span, NEAR)
         return [_row(part, *proved) for part, proved in found if proved]
 
-    def varying(self) -> list[_Row]:
+    def varying(self) -> list[Row]:
         """The rows of loops whose frames vary."""
         rows = []
         for part in searched(self.cases, self.span, narrow=False):
             own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
             if None not in own:
-                rows.append(_all_of(own))
+                rows.append(all_of(own))
         return [row for row in rows if row.low < row.high]
 
-    def _bracketed(self, case, about) -> _Row | None:
+    def _bracketed(self, case, about) -> Row | None:
         loop = Loops(case.loop.drawing, self.values | case.fixed)
         family = None if case.ranges else self.rules.family(loop, self.along)
         if family is None or drifts(family):
@@ -183,9 +194,9 @@ class _Loop:
             found.fails_from if texts[1] else found.high,
             *({**case.fixed, text: None} if text else None for text in texts),
         )
-        return _Row(found.low, found.high, part, found.settled, _text(part))
+        return Row(found.low, found.high, part, found.settled, text_of_part(part))
 
-    def _over_ranges(self, case, loop, about) -> _Row | None:
+    def _over_ranges(self, case, loop, about) -> Row | None:
         """The row of a case whose numbers have ranges, or whose drift depends on the number along which it lies."""
         found = bracketed_over(self.rules, loop, self.along, case.ranges, self.span, about)
         if found is None:
@@ -193,7 +204,7 @@ class _Loop:
         ends = [found.below, found.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
         part = Part(*(end.x if end.word else own for end, own in zip(ends, (found.low, found.high), strict=True)), *by)
-        return _Row(found.low, found.high, part, found.settled, _text(part), self._left_open(case, found.open))
+        return Row(found.low, found.high, part, found.settled, text_of_part(part), self._left_open(case, found.open))
 
     def _left_open(self, case, open_):
         """Which part of the numbers next to the proof was neither proved nor refuted, as a text."""
@@ -205,17 +216,19 @@ class _Loop:
         return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", TEXT, placeholder=" ...")
 
 
-def _row(part, low, high) -> _Row:
+def _row(part, low, high) -> Row:
     """The proof reaches over this much of a part, which is settled if that is near to its ends."""
-    near = [_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), _near(high, part.high)]
-    return _Row(low, high, part, all(near), _text(part))
+    near = [is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), is_near(high, part.high)]
+    return Row(low, high, part, all(near), text_of_part(part))
 
 
-def _near(one, other):
+def is_near(one: float, other: float) -> bool:
+    """Whether an end that is proved is so near to one that is refuted that it counts as settled."""
     return abs(one - other) <= SETTLED * max(abs(other), abs(one))
 
 
-def _text(part):
+def text_of_part(part: Part) -> str:
+    """What refutes the ends of a part."""
     ends = [("below", part.low_by), ("from", part.high_by)]
     texts = [(end, numbers_in_words(by)) for end, by in ends if by is not None]
     if len(texts) == 1:
@@ -229,16 +242,16 @@ def numbers_in_words(by: Mapping[str, object]) -> str:
     return ", ".join(name_of(path) if value is None else f"{name_of(path)} = {value:.6g}" for path, value in by.items())
 
 
-def _all_of(rows) -> _Row | None:
+def all_of(rows: Sequence[Row]) -> Row:
     """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
     low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
     below, above = max(rows, key=lambda row: row.part.low).part, min(rows, key=lambda row: row.part.high).part
-    part = Part(below.low, above.high, below.low_by, above.high_by)
+    part = Part(below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega)
     near = [
-        by is None or _near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
+        by is None or is_near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
     ]
     settled = all(near) and all(row.settled for row in (low, high))
-    return _Row(low.low, high.high, part, settled, _text(part), high.left_open or low.left_open)
+    return Row(low.low, high.high, part, settled, text_of_part(part), high.left_open or low.left_open)
 
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
@@ -322,7 +335,8 @@ def _decided(spec, rules, number, case):
     return said, pattern
 
 
-def _recorded(rows, certified):
+def recorded(rows: Sequence[Row], certified: bool) -> np.ndarray:
+    """Return the rows as records of FOR_ALL_RECORD."""
     records = np.zeros(max(1, len(rows)), FOR_ALL_RECORD)
     for name in FOR_ALL_RECORD.names:
         if FOR_ALL_RECORD[name].kind == "f":

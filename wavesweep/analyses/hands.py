@@ -6,10 +6,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from wavesweep.analyses import every_hand
+from wavesweep.analyses.for_all import refuse_unsuitable_ranges
 from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
 from wavesweep.analyses.loops import held_loop
 from wavesweep.analyses.passive_ranges import PassiveRanges, channel_ranges, hand_ranges, port_ranges
 from wavesweep.analyses.unknown import Case, proofs
+from wavesweep.analyses.varying import Rules
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.passive.any_hand import reads_velocity
 from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
@@ -155,9 +158,14 @@ class Hands:
             )
         spec = job.grid.spec
         spec.refuse_require("hands")
+        if spec.for_all and [each.kind for each in self.guarantees] != ["passive"]:
+            found = ", ".join(each.kind for each in self.guarantees)
+            raise UsageError(f"for hands: expected passive alone beside [for_all] or channels, found {found}")
         if missing := spec.without_hand() if spec.drawing else None:
             raise SpecError(missing)
         loop = held_loop(own_loop(spec, job.asked.axis.path))
+        if spec.for_all:
+            refuse_unsuitable_ranges(spec, job.asked.axis.path, cut=False)
         if self.replaced and loop.device is None:
             raise UsageError(
                 f"hand {self.replaced[0]}: expected a hand whose force acts on one block mass and on nothing else, and whose "
@@ -171,6 +179,8 @@ class Hands:
                 else f"hand passive: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
                 "the velocity can be anything at no cost in energy; take a block difference of the position"
             )
+        if spec.for_all:
+            every_hand.refuse(spec, Rules.of(spec), job.asked.axis.path)
 
     def without_operator(self, spec: Spec) -> Spec | None:
         """The spec for the free device; None if it has no operator anyway."""
@@ -180,6 +190,8 @@ class Hands:
     def notices(self, job: Job) -> Iterator[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
         spec = job.grid.spec
+        if spec.for_all:
+            yield "rows passive hold for all of [for_all], whatever the frames do; the others are of the spec's own numbers"
         if "passive" not in self.replaced or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
             return
         swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.asked.axis))

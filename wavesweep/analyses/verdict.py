@@ -6,7 +6,7 @@ from time import monotonic
 
 import numpy as np
 
-from wavesweep.analyses import for_all
+from wavesweep.analyses import every_hand, for_all
 from wavesweep.analyses.assumptions import assumes
 from wavesweep.analyses.feel import felt_at_rest
 from wavesweep.analyses.hardware import hardware_of
@@ -54,10 +54,13 @@ def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = N
 
     report: is called with the number of ranges that are done, and of all. limits: for each number of the loop the stable
     interval that its value lies in, see `limits`. delay: the number of ticks it may grow to; a drawn loop has no delay that a
-    spec would name. for_all: of a spec with [for_all], whether it is stable for all of it, see `for_all.verdict`. hardware: see
-    `hardware_of`. measured: of a spec with [measured], how far the design is from the points, see `measured.distances`.
+    spec would name. for_all: of a spec with [for_all], whether it is stable for all of it, see `for_all.verdict`; every_hand:
+    what hands need then, see `every_hand.damping`. hardware: see `hardware_of`. measured: of a spec with [measured], how
+    far the design is from the points, see `measured.distances`.
     """
-    points, found = read_points(spec), {"for_all": for_all.verdict(spec)} if spec.for_all else {}
+    points, found = read_points(spec), {}
+    if spec.for_all:
+        found |= {"for_all": for_all.verdict(spec), "every_hand": every_hand.damping(spec)}
     found |= {"limits": limits(spec, report), "delay": _delays(spec), "hardware": hardware_of(spec, stable=own["stable"])}
     stiffness = (own["felt"] or {}).get("stiffness")
     if "max_force" in found["hardware"] and own["stable"]:  # the depth to which the wall can be pressed

@@ -44,6 +44,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 
     if found.get("for_all"):
         yield 1, f"  {in_words(found['for_all'])}"
+        if of_hands := found.get("every_hand"):
+            yield 1.5, f"  {_every_hand(of_hands)}"
         yield 1, f"  {BELOW[found['for_all']['kind'] == 'for_all']}"
     yield from _limit_lines(spec, found)
     if found["delay"] and found["spectral_radius"] is not None:
@@ -64,6 +66,16 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         yield 6 if line.startswith(" ") else 1, f"  {line}"
     if found["assumes"] and not _favourable(found):
         yield 4, f"  assumes: {found['assumes']}"
+
+
+def _every_hand(found: Facts) -> str:
+    """What every passive hand needs of the device's damping while frames vary."""
+    needed, device = found["needed"], found["device"]
+    enough = "no damping is proved to suffice" if needed is None else f"{needed:.4g} N*s/m of damping suffice"
+    safe = needed is not None and needed <= device
+    refuted = found["refuted"] is not None and found["refuted"] > device
+    verdict = "stable" if safe else f"not stable with {found['by']}" if refuted else "not known"
+    return f"for every passive hand, whatever the frames do: {verdict}; {enough}, the device has {device:.4g}"
 
 
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:

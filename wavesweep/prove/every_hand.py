@@ -38,8 +38,8 @@ from wavesweep.stability.spectrum import is_stable
 BITS = 192
 MOST = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
-LONGEST, BEAM = 3, 8  # frames of a pattern, and how many of one length are made longer
-NEAR = 1e-4  # of what is proved, next to which no longer patterns are looked at
+LONGEST, TRIED = 3, 96  # frames of a pattern, and how many patterns of two and of three are looked at
+NEAR, LEAST = 1e-4, 0.01  # of what is proved and of so much (N*s/m), next to which no longer patterns are looked at
 ROOM = 1e-12  # of the damping, for the rounding of a product
 
 
@@ -103,9 +103,9 @@ class EveryHand:
         S = np.zeros((len(M), n + 1, n + 1))
         S[:, n, :] += rows[:, 0] / 2
         S[:, :, n] += rows[:, 0] / 2
-        edges, proved = self.graph.symbol, np.inf
+        edges, proved = self.graph.symbol, np.inf if n else float(ROOM - S.min() * self.period)
         follows = self.graph.target[:, None] == self.graph.source
-        for centre, damping in least_damping(M[edges], S[edges], follows):
+        for centre, damping in least_damping(M[edges], S[edges], follows) if n else ():
             if centre.norms.graph.is_complete(follows) and self._dissipates(centre.norms, damping):
                 proved = float(damping * self.period * (1 + ROOM * np.sign(damping)))
                 break
@@ -124,9 +124,9 @@ class EveryHand:
             found.sort(key=lambda each: -each[0])
             if found[0][0] > best[0]:
                 best = found[0][0], found[0][2], found[0][1]
-            if not best[0] < proved - NEAR * abs(proved) or not np.isfinite(proved):
+            if not best[0] < proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
-            beam = [word for *_, word in found[:BEAM]]
+            beam = [word for *_, word in found[: max(1, TRIED // len(self.words))]]
         return best
 
     def _may_follow(self, word, last):
@@ -226,15 +226,12 @@ def _after(first, second):
 
 
 def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
-    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that the force depends on, counted from their rest.
+    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force, counted from their rest.
 
     None if nothing rests alike in all of them, or if the stiffness k is negative.
     """
     there = np.array([[[not entry.is_zero() for entry in row] for row in tick.tolist()] for tick in ticks]).any(0)
-    live = there[FORCE]
-    while (more := live | there[live].any(0)).sum() > live.sum():
-        live = more
-    rest = [i for i in np.flatnonzero(live).tolist() if i > FORCE]
+    rest = [i for i in np.flatnonzero(_closed(there, there[FORCE])).tolist() if i > FORCE]
 
     def part(tick, rows, columns):
         return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
@@ -252,9 +249,19 @@ def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
         stiffness = k if stiffness is None else stiffness
         if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness) and not k < 0):
             return None
-        B = part(tick, rest, [PUSH]) * (1 / moves) - R
-        D = -tick[FORCE, PUSH] / moves - k / 2
-        A, C = own.tolist(), part(tick, [FORCE], rest).tolist()
-        M = [[*row, *last] for row, last in zip(A, B.tolist(), strict=True)]
-        found.append((arb_mat(len(rest), len(rest) + 1, [e for row in M for e in row]), arb_mat([[*(-e for e in C[0]), D]])))
-    return tuple(found)
+        B, C = part(tick, rest, [PUSH]) * (1 / moves) - R, part(tick, [FORCE], rest)
+        found.append([[*a, *b] for a, b in zip(own.tolist(), B.tolist(), strict=True)])
+        found[-1].append([*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2])
+    there = np.array([[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in found]).any(0)
+    moved = _closed(there[:, :-1].T, there[:, -1]) if rest else np.zeros(0, bool)
+    places = [*np.flatnonzero(moved).tolist(), len(rest)]
+    rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in found]
+    size = len(places) - 1, len(places)
+    return tuple((arb_mat(*size, [entry for row in each[:-1] for entry in row]), arb_mat(each[-1:])) for each in rows)
+
+
+def _closed(there, found):
+    """The places that are found, and those that these lead to, by entries that may not be 0."""
+    while (more := found | there[found].any(0)).sum() > found.sum():
+        found = more
+    return found

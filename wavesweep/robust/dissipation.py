@@ -14,14 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.monodromy.rounding import balance
 from wavesweep.robust.graph import Graph
 from wavesweep.robust.norms import Centre, find_norms, hessian_of, packed, unpacked
 
 CLOSE = 1e-7  # of the damping: distance from the optimum at which the program ends
 CENTRED = 0.5  # Newton decrement below which a point counts as the centre
 FASTER = 8.0  # factor of the weight of the damping from one centre to the next
+SWEEPS = 12  # over the states, for their units
 STEPS = 400  # of Newton's method
-RIDGE = 1e-13  # of the diagonal of the Hessian, against rounding
+RIDGE = 1e-11  # of the diagonal of the Hessian, against rounding
 SHORTEST = 1e-9  # part of a step below which rounding leaves no room
 SCALES = np.geomspace(1e-6, 1e6, 49)  # of the first energies, in the size of what is taken in
 
@@ -60,9 +62,18 @@ def least_damping(M: np.ndarray, S: np.ndarray, follows: np.ndarray) -> Iterator
     M: `[A B]` of each edge, `(edges, n, n + 1)`; S: `(edges, n + 1, n + 1)`; follows: `(edges, edges)`. The edges are the
     symbols of the graph of the energies. Accuracy: CLOSE, unless rounding ends the program earlier.
     """
-    centre, factor = find_norms(M[..., : M.shape[1]], follows)
+    n, size = M.shape[1], np.abs(S).sum(0)
+    size[:n] = np.abs(M).sum(0)
+    units = balance(size[None], SWEEPS)[1][0]
+    units = units[:n] / units[n]
+    M, S = M / units[:, None], S.copy()
+    M[..., :n] *= units
+    S[:, :n] *= units[:, None]
+    S[..., :n] *= units
+    centre, factor = find_norms(M[..., :n], follows)
     if factor == 1:
-        yield from reversed(_path(centre, M, S))
+        for each, damping in reversed(_path(centre, M, S)):
+            yield replace(each, basis=units[:, None] * each.basis, inverse=each.inverse / units), damping
 
 
 def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:

@@ -47,7 +47,9 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
 
     def blocks() -> Iterator[Columns]:
         for stage in stages:
-            yield from (_finished(block, stage.hand, hands, len(stages) > 1) for block in found.blocks(stage.hand))
+            yield from (
+                _finished(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all)) for block in found.blocks(stage.hand)
+            )
 
     return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
 
@@ -66,29 +68,28 @@ class Stage:
 
 def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
+    from wavesweep.analyses.every_hand import EveryHandGuarantee
     from wavesweep.analyses.intervals import job_of, method
+    from wavesweep.analyses.varying import Rules
 
     own = job_of(spec, along)
     how = method(own.asked)
-    if spec.for_all:
-        return [Stage("", own, how), _for_all(spec, own, hands)]
     if hands is None:
-        return [Stage("", own, how)]
+        return [Stage("", own, how), *([_for_all(spec, own)] if spec.for_all else [])]
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]
     if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees]
+    guarantees = [EveryHandGuarantee(Rules.of(spec))] if spec.for_all else hands.guarantees
+    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in guarantees]
 
 
-def _for_all(spec: Spec, own: Job, hands: Hands | None) -> Stage:
+def _for_all(spec: Spec, own: Job) -> Stage:
     """The stage of rows for all numbers of [for_all]."""
     from wavesweep.analyses.for_all import ForAllGuarantee, refuse_unsuitable_ranges
     from wavesweep.analyses.varying import Rules
 
-    if hands:
-        raise UsageError("for hands: expected a spec without [for_all] and channels, found one of them")
     spec.refuse_require("[for_all]")
     if own.asked.require:
         raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
@@ -107,11 +108,11 @@ def of_calls(own: Job) -> Columns:
     spec = own.grid.spec
     if spec.for_all:
         import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
-    stages = [Stage("", own, ""), *([_for_all(spec, own, None)] if spec.for_all else [])]
+    stages = [Stage("", own, ""), *([_for_all(spec, own)] if spec.for_all else [])]
     swept = {axis.path for axis in own.grid.axes}
     if wrong := [axis.name for axis in (spec.for_all.axes if spec.for_all else ()) if axis.path in swept]:
         raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
-    return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1) for each in stages)
+    return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1, bool(spec.for_all)) for each in stages)
 
 
 def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee) -> Job:
@@ -136,7 +137,7 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield _finished(block, stage.hand, hands, len(stages) > 1)
+        yield _finished(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all))
 
 
 def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
@@ -152,20 +153,19 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
         yield prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
 
 
-def _finished(block, word, hands, several) -> Columns:
+def _finished(block, word, hands, several, for_all) -> Columns:
     """The block in order, with a column that says whose its rows are if there are several kinds of rows, or hands."""
     if hands is None and not several:
         return KINDS[0].completed(block)
-    rows, whose, about = len(block["along"]), "guarantee", [each.name for each in (*FOR_ALL[1:], *LEFT_OPEN)]
-    if hands is not None:
-        whose, about = "hand", [each.name for each in ABOUT_ENDS]
+    rows, whose, about = len(block["along"]), "hand", [each.name for each in ABOUT_ENDS] if hands and hands.box else []
+    if hands is None or for_all:
+        whose, about = "hand" if hands else "guarantee", [each.name for each in (*FOR_ALL[1:], *LEFT_OPEN)]
     missing = dict.fromkeys(about, np.full(rows, np.nan)) | {"settled": block["certified"]}
-    if hands is None:
-        missing |= {name: np.full(rows, "", dtype=object) for name in ("counterexample", "left_open")}
+    missing |= {name: np.full(rows, "", dtype=object) for name in about if name in ("counterexample", "left_open")}
     found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
     found = missing | found | {whose: np.full(rows, word or "spec", dtype=object)}
-    found = {name: column for name, column in found.items() if name not in about or hands is None or hands.box}
-    return KINDS[2 if hands else 0].completed(found)
+    left_out = {each.name for each in (*ABOUT_ENDS, *LEFT_OPEN)} - {*about}
+    return KINDS[2 if hands else 0].completed({name: column for name, column in found.items() if name not in left_out})
 
 
 def _notices(spec, own, hands) -> Iterator[str]:

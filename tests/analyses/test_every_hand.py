@@ -1,0 +1,115 @@
+"""Intervals that hold for every passive hand, whatever the frames do: where they end, by what, and what is refused."""
+
+import numpy as np
+import pytest
+from support.held import damping_needed
+from support.specs import values_of
+
+from wavesweep.analyses.every_hand import damping
+from wavesweep.analyses.hands import hands_of
+from wavesweep.errors import UsageError
+from wavesweep.spec import load
+from wavesweep.tables.intervals import intervals, rows_again
+
+VARYING = {"rates.ratio": {"values": [4, 6], "varying": True}}
+DRAWN = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"k": 100, "n": 6, "d": 5},
+    "block": {
+        "handle": {"type": "mass", "mass": 0.1, "damping": "d"},
+        "speed": {"type": "difference"},
+        "wall": {"type": "hold", "every": "n"},
+        "late": {"type": "hold", "every": "n", "phase": 1},
+    },
+    "wire": {"handle.f": "f_h - late.y", "speed.u": "handle.x", "wall.u": "k*handle.x + 1*speed.y", "late.u": "wall.y"},
+    "ports": {"hand": {"force": "f_h", "displacement": "handle.x"}},
+    "for_all": {"n": {"values": [4, 6], "varying": True}},
+    "sweep": {"along": "k", "k": {"start": 0, "stop": 2000}},
+}
+
+
+def spec_of(kind="dc-slow", for_all=None, sweep=None, **more):
+    device = {"velocity": "difference", "damping": 5.0} | more
+    sweep = sweep or {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [1.0]}
+    environment = {"integration": "explicit", "delay": 1, "K_VE": 100.0, "B_VE": 1.0}
+    tables = {"controller": {"kind": kind}, "device": device, "environment": environment, "sweep": sweep}
+    return load(tables | {"for_all": VARYING | (for_all or {})})
+
+
+def passive(spec, along=None):
+    run = intervals(spec, along, hands_of("passive"))
+    rows = run.columns["hand"] == "passive"
+    return {name: column[rows].tolist() for name, column in run.columns.items()}
+
+
+def longest(K_VE, B_VE=1.0):
+    """The damping that the longest frame needs for ever."""
+    values = values_of("dc-slow", K_VE=K_VE, B_VE=B_VE, **{"rates.ratio": 6, "environment.delay": 1})
+    return float(damping_needed(values | {"device.velocity": "difference", "environment.integration": "explicit"}).damping)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("B_VE", [0.0, 1.0])
+def test_walls_end_where_the_longest_frame_needs_all_of_the_damping(B_VE):
+    spec = spec_of(sweep={"K_VE": {"start": 0, "stop": 2000}, "B_VE": [B_VE]})
+    rows = passive(spec, "K_VE")
+    assert (rows["low"], rows["certified"], rows["settled"]) == ([0.0], [True], [True])
+    assert longest(rows["high"][0], B_VE) < 5 < longest(rows["fails_from"][0], B_VE)
+    assert rows["fails_from"][0] < (1 + 2e-5) * rows["high"][0]
+    assert rows["counterexample"][0].startswith("frames 6, a h")
+    again = next(iter(rows_again(spec, "K_VE", hands_of("passive"), [1])))
+    assert again["high"].tolist() == rows["high"]
+
+
+def test_the_least_damping_of_the_device():
+    damped = {"along": "device.damping", "device.damping": {"start": 0, "stop": 20}, "K_VE": [50.0, 100.0]}
+    rows = passive(spec_of(sweep=damped))
+    np.testing.assert_allclose(rows["low"], [longest(50.0), longest(100.0)], rtol=2e-5)
+    assert rows["high"] == [20.0, 20.0]
+
+
+@pytest.mark.slow
+def test_a_drawn_loop_has_the_walls_of_the_one_that_it_draws():
+    drawn, built_in = passive(load(DRAWN), "k"), passive(spec_of(), "K_VE")
+    np.testing.assert_allclose([drawn["high"], drawn["fails_from"]], [built_in["high"], built_in["fails_from"]], rtol=2e-5)
+
+
+@pytest.mark.slow
+def test_ranges_of_the_device_count_at_their_least_damping_and_other_values_one_by_one():
+    ranges = {"device.mass": {"start": 0.05, "stop": 0.2}, "device.damping": {"start": 4, "stop": 6}}
+    rows = passive(spec_of(for_all={**ranges, "environment.delay": {"values": [0, 1]}}), "K_VE")
+    assert rows["counterexample"] == ["environment.delay = 0, frames 6, a hand that moves at 83.33 Hz"]
+    at_once = passive(spec_of(damping=4.0, for_all={"environment.delay": {"values": [0]}}), "K_VE")
+    assert rows["high"][0] == pytest.approx(at_once["high"][0], rel=2e-5)
+
+
+def test_the_verdict_has_the_damping_that_is_needed():
+    assert damping(spec_of())["needed"] == pytest.approx(longest(100.0), rel=1e-6)
+    short = damping(spec_of(damping=1.0))
+    assert short["device"] == 1.0 < short["refuted"]
+    assert short["by"].startswith("frames 6, a hand that moves at ")
+    assert damping(spec_of("pmw")) is None
+    assert damping(spec_of(velocity="exact")) is None
+
+
+@pytest.mark.parametrize(
+    ("spec", "words", "said"),
+    [
+        (spec_of("pmw"), "passive", "expected a wall without waves"),
+        (spec_of(), "port", "expected passive alone"),
+        (spec_of(velocity="exact"), "passive", "expected device.velocity"),
+        (
+            spec_of(for_all={"environment.B_VE": {"start": 0, "stop": 1}}, sweep={"K_VE": [1.0, 2.0]}),
+            "passive",
+            "ranges of the device",
+        ),
+        (
+            spec_of(sweep={"along": "rates.fast_hz", "rates.fast_hz": {"start": 500, "stop": 900}}),
+            "passive",
+            "along a number that",
+        ),
+    ],
+)
+def test_what_it_cannot_do_says_so(spec, words, said):
+    with pytest.raises(UsageError, match=said):
+        intervals(spec, None if spec.along else "K_VE", hands_of(words))
