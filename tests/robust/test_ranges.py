@@ -64,7 +64,7 @@ def scalar(*terms, rest=0.0):
 )
 def test_what_is_proved_over_a_box_holds_at_its_ends(matrix, form, holds):
     follows = np.ones((1, 1), bool)
-    assert shrink_over(form, Graph.least(follows), matrix, follows) == holds
+    assert shrink_over(form, Graph.least(follows), matrix, follows)[0] == holds
 
 
 def test_numbers_that_jump_from_frame_to_frame_do_not_count_as_constant_ones():
@@ -79,9 +79,9 @@ def test_numbers_that_jump_from_frame_to_frame_do_not_count_as_constant_ones():
     forms = np.zeros((4, 1, 2, 2))
     forms[0], forms[1] = np.eye(2), 0.3 * slope
     nothing = np.zeros((1, 2, 2))
-    assert shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)
+    assert shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)[0]
     forms[1] = 0
-    assert not shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)
+    assert not shrink_over(Polynomials(forms, nothing, 1, 3), Graph.least(follows), A, follows)[0]
 
 
 def marched_frames(kind, K, hand, lengths, b=10.0, B=1.0):

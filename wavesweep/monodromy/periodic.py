@@ -33,8 +33,10 @@ class Ticks:
         return replace(self, kind=np.roll(self.kind, -first))
 
 
-def ticks_of(drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False) -> Ticks:
-    """Connect the blocks that run in each tick.
+def ticks_of(
+    drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False, places=None
+) -> Ticks:
+    """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
 
     outputs: signals that every tick gives. alone: without the inputs. through: an input that remains, in the ticks that it
     reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in the
@@ -42,6 +44,9 @@ def ticks_of(drawn: MultirateLoop, outputs=(), alone: bool = False, through: str
     Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
     sets, kind = drawn.schedule()
+    if places is not None:
+        used, kind = np.unique(kind[places], return_inverse=True)
+        sets = [sets[each] for each in used]
     held = drawn.held(outputs) if held is None else held
     sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
     silent = sums | {name: {} for name in drawn.inputs}

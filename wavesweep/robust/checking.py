@@ -77,8 +77,11 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     return definite(F, SURELY * (R + UNIT * (2 * n + 8 + count) * terms))
 
 
-def shrink_over(forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray) -> bool:
-    """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed.
+def shrink_over(
+    forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray
+) -> tuple[bool, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed; and what
+    the slack consists of, see `_slack_over`.
 
     forms: `P_i(s)` at each node, symmetric, exact; A: the matrix of each symbol. Both for s from -1 to 1 in each number, which
     are constant in time.
@@ -89,17 +92,17 @@ def shrink_over(forms: Polynomials, graph: Graph, A: Polynomials, follows: np.nd
     each of which has to exceed the norms of all other terms and errors.
     """
     P = forms.terms
+    terms, errors, higher = slack = _slack_over(forms, graph, A)
     if not (graph.is_complete(follows) and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
-        return False
-    terms, errors, higher = slack_over(forms, graph, A)
+        return False, slack
     off = errors + higher
     low = terms[: len(monomials(A.numbers, 2)[0])]
     control = np.tensordot(_control(A.numbers), low, (1, 0))
     rounding = 4 * len(low) * UNIT * np.abs(low).sum(0)
-    return bool(np.isfinite(off).all()) and definite(control, np.broadcast_to(rounding, control.shape), off)
+    return bool(np.isfinite(off).all()) and definite(control, np.broadcast_to(rounding, control.shape), off), slack
 
 
-def slack_over(forms: Polynomials, graph: Graph, A: Polynomials) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _slack_over(forms: Polynomials, graph: Graph, A: Polynomials) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the terms of `G(s)` on each edge, `(monomials, edges, n, n)`, and bounds `(edges,)` on the norm of all errors and
     of the terms of degree three or more. G(0) is about 1, if F(0) is positive definite; infinite bounds otherwise.
     """

@@ -22,6 +22,7 @@ RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
 SAFE = 8.0  # times the largest size at the points of a rim
 SPARED = 1e-11  # of the size of the entries, for each number: coefficients that are left out
+MOST_FUNCTIONS, SAME = 200, 1e-13  # functions of which ticks are sums, and how well, relative to the size of an entry
 CLOSE = 1e-9  # largest error of an interpolant that is wanted, relative to the size of the entries
 
 Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -32,11 +33,13 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class TickSeries:
     """The ticks of a loop over a box of numbers, as Chebyshev series.
 
-    box: `(2, numbers)`; series: `(kinds, n_1, ..., n_numbers, n, n)` of `I + E`; error: `(kinds, n, n)`, bounds.
+    box: `(2, numbers)`; series: `(n_1, ..., n_numbers, functions)` of some entries of `I + E`, of which all entries are sums by
+    `weights`, `(functions, kinds, n, n)`; error: `(kinds, n, n)`, bounds.
     """
 
     box: np.ndarray
     series: np.ndarray
+    weights: np.ndarray
     error: np.ndarray
 
     @staticmethod
@@ -58,47 +61,74 @@ class TickSeries:
                 error += lebesgue * SAFE * _missed(evaluate, values, middle, half, counts, axis, count)
         for axis, count in enumerate(counts):
             values = along(to_series(count), values, 1 + axis)
-        return TickSeries(box, values, error)
+        whole = np.moveaxis(values, 0, -3).reshape(len(grid), -1)
+        few, weights, left = _few(whole)
+        few = few.reshape(*counts, -1)
+        return TickSeries(box, few, weights.reshape(-1, kinds, n, n), error + left.reshape(error.shape))
 
     def part(self, box: np.ndarray) -> TickSeries:
         """The series of a part of the box, without coefficients that hardly count there, which are part of the error."""
         middle, half, series = self.box.mean(0), (self.box[1] - self.box[0]) / 2, self.series
-        rounding = 16 * sum(series.shape[1:-2]) * UNIT * np.abs(series).sum(tuple(range(1, series.ndim - 2)))
+        nodes_of, sizes = tuple(range(series.ndim - 1)), np.abs(self.weights)
+        tail_sum = 16 * sum(series.shape[:-1]) * UNIT * np.abs(series).sum(nodes_of)
         for axis in np.flatnonzero((box != self.box).any(0)):
-            count = series.shape[1 + axis]
+            count = series.shape[axis]
             places = (box[:, axis].mean() - middle[axis] + (box[1, axis] - box[0, axis]) / 2 * nodes(count)) / half[axis]
             moved = to_series(count) @ np.polynomial.chebyshev.chebvander(np.clip(places, -1, 1), count - 1)
-            series = along(moved if box[0, axis] < box[1, axis] else moved[:1], series, 1 + axis)
-        size, error = np.abs(series), self.error + rounding
-        most = size.max(tuple(range(series.ndim - 2)))
-        for axis in range(1, series.ndim - 2):
-            others = tuple(other for other in range(1, series.ndim - 2) if other != axis)
-            tail = np.cumsum(size.sum(others)[:, ::-1], 1)[:, ::-1]  # of this degree and all above
-            needed = (tail > SPARED * (most + most @ most)).any((0, 2, 3))
+            series = along(moved if box[0, axis] < box[1, axis] else moved[:1], series, axis)
+        size = np.abs(series)
+        most = np.tensordot(size.max(nodes_of), sizes, 1).max(0)
+        with np.errstate(divide="ignore"):
+            spared = (SPARED * (most + most @ most) / sizes).min((1, 2, 3))
+        for axis in nodes_of:
+            others = tuple(other for other in nodes_of if other != axis)
+            tail = np.cumsum(size.sum(others)[::-1], 0)[::-1]  # of this degree and all above
+            needed = (tail > spared).any(1)
             kept = max(1, int(needed.sum()))
             if kept < needed.size:
-                error = error + tail[:, kept]
+                tail_sum = tail_sum + tail[kept]
                 series, size = (np.take(each, range(kept), axis) for each in (series, size))
-        return TickSeries(box, series, error)
+        return TickSeries(box, series, self.weights, self.error + np.tensordot(tail_sum, sizes, 1))
 
     def polynomials(self, order: int = ORDER) -> Polynomials:
         """The ticks in the box, as polynomials of a total degree in the numbers that are wide there."""
-        axes = np.flatnonzero(self.box[0] < self.box[1])
-        series = self.series.reshape(len(self.series), *(self.series.shape[1 + axis] for axis in axes), *self.series.shape[-2:])
-        order = order if axes.size else 0
+        axes, sizes = np.flatnonzero(self.box[0] < self.box[1]), np.abs(self.weights)
+        series = self.series.reshape(*(self.series.shape[axis] for axis in axes), -1)
+        order, nodes_of = order if axes.size else 0, tuple(range(axes.size))
         exponents = monomials(axes.size, order)[0]
-        degree = sum(np.ix_(*(np.arange(size) for size in series.shape[1:-2]))) if axes.size else np.zeros(())
-        low = np.where((degree <= order)[..., None, None], series, 0.0)
-        rest = np.abs(series - low).sum(tuple(range(1, 1 + axes.size)))
-        low = low[(slice(None), *(slice(order + 1) for _ in axes))]
-        for axis, size in enumerate(low.shape[1:-2]):
-            low = along(to_powers(size), low, 1 + axis)
-        terms = np.zeros((len(exponents), len(low), *low.shape[-2:]))
+        degree = sum(np.ix_(*(np.arange(size) for size in series.shape[:-1]))) if axes.size else np.zeros(())
+        low = np.where((degree <= order)[..., None], series, 0.0)
+        rest = np.abs(series - low).sum(nodes_of)
+        low = low[tuple(slice(order + 1) for _ in axes)]
+        for axis, size in enumerate(low.shape[:-1]):
+            low = along(to_powers(size), low, axis)
+        terms = np.zeros((len(exponents), series.shape[-1]))
         for i, each in enumerate(exponents.tolist()):
-            if all(power < size for power, size in zip(each, low.shape[1:-2], strict=True)):
-                terms[i] = low[(slice(None), *each)]
-        rounding = 8 * 2**order * UNIT * np.abs(series).sum(tuple(range(1, 1 + axes.size)))
-        return Polynomials(terms, rest + rounding + self.error, axes.size, order)
+            if all(power < size for power, size in zip(each, low.shape[:-1], strict=True)):
+                terms[i] = low[tuple(each)]
+        rounding = (8 * 2**order * np.abs(series).sum(nodes_of) + 2 * len(sizes) * np.abs(terms).sum(0)) * UNIT
+        error = self.error + np.tensordot(rest + rounding, sizes, 1)
+        return Polynomials(np.tensordot(terms, self.weights, 1), error, axes.size, order)
+
+
+def _few(whole):
+    """Some of the columns, the weights by which all are sums of these, and bounds on what is left, for each column.
+
+    Ticks of frames of many lengths differ in few functions of the numbers. The columns and weights are found from some random
+    sums of the rows; what they leave is summed up.
+    """
+    from scipy.linalg import qr, solve_triangular
+
+    size = np.abs(whole).sum(0)
+    scaled = whole / np.where(size > 0, size, 1.0)
+    sums = np.random.default_rng(0).normal(size=(min(len(whole), MOST_FUNCTIONS), len(whole))) @ scaled
+    R, order = qr(sums, mode="r", pivoting=True)
+    count = max(1, int((np.abs(np.diagonal(R)) > SAME * abs(R[0, 0])).sum()))
+    few, weights = order[:count], np.zeros((count, len(size)))
+    weights[:, order] = solve_triangular(R[:count, :count], R[:count])
+    weights = weights * size / np.where(size > 0, size, 1.0)[few, None]
+    left = np.abs(whole - whole[:, few] @ weights).sum(0)
+    return whole[:, few], weights, left + 2 * (count + 2) * UNIT * (size[few] @ np.abs(weights) + size)
 
 
 def _missed(evaluate, values, middle, half, counts, axis, count):
@@ -157,7 +187,7 @@ class FramesOver:
     @property
     def states(self) -> int:
         """The number of states, including those that every frame forgets."""
-        return self.series.series.shape[-1]
+        return self.series.weights.shape[-1]
 
     @staticmethod
     def of(evaluate: Evaluate, box: np.ndarray, rows, samples, symbols, units=None) -> FramesOver | int:

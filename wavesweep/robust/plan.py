@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -119,16 +120,18 @@ class Plan:
         def with_numbers(points):
             return self.values | {path: part.copy() for path, part in zip(paths, numbers_at(points).T, strict=True)}
 
-        def ticks_at(step, points=inside):
-            at_step = self.schedule.with_period(self.drawing, step)
-            return ticks_of(self.schedule.scheduled(assembled(at_step, with_numbers(points))), alone=True, terms=True)
+        def ticks_at(step, points=inside, places=None):
+            loop = assembled(self.schedule.with_period(self.drawing, step), with_numbers(points))
+            return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
         drift = self._drift(with_numbers(inside))
 
         def counted_at(points):
-            known = {step: ticks_at(step, points) for step in dict.fromkeys(step for step, _ in picked)}
-            maps = [known[step].maps[known[step].kind[place]] for step, place in picked]
+            maps = []
+            for step, some in groupby(picked, lambda each: each[0]):
+                ticks = ticks_at(step, points, [place for _, place in some])
+                maps += [ticks.maps[kind] for kind in ticks.kind]
             return counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
 
         drift = lasting(drift, counted_at, box)

@@ -8,10 +8,12 @@ part that is not proved is divided along the side that moves the slack most.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
+from itertools import count
 
 import numpy as np
 
-from wavesweep.robust.checking import shrink_over, slack_over
+from wavesweep.robust.checking import shrink_over
 from wavesweep.robust.loop_numbers import FramesOver
 from wavesweep.robust.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.robust.polynomials import Polynomials, monomials
@@ -23,7 +25,7 @@ MARGIN, SHARES = 3e-3, (0.2, 0.03)
 SEARCH = 4e9  # operations of one search for norms in the middle of a box
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
-FEWEST = 40  # boxes after the last proof, at whose middles words are searched
+FEWEST = 12  # parts of parts without norms, at whose middles words are searched
 EACH = 40  # times as long as it takes to multiply, what is done with each entry of the polynomials
 NARROW = 1e-6  # of a side, below which a box is not divided along it
 
@@ -35,16 +37,15 @@ FramesAt = Callable[[Box], "FramesOver | int"]
 class Covering:
     """What is known of a box, `(2, sides)`.
 
-    open: the parts that are not proved, as boxes. used: operations. point, word: a place at which the word grows, if one was
-    met. centre: norms of the last part that was proved.
+    open: the parts that are not proved, as boxes. end: all is proved up to this value of the first side. used: operations.
+    point, word: a place at which the word grows, if one was met.
     """
 
     open: tuple[Box, ...]
+    end: float
     used: float
-    boxes: int
     point: np.ndarray | None = None
     word: Word = ()
-    centre: Centre | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,61 +53,73 @@ class _Part:
     """A part of the box that is still to be proved.
 
     frames: of it, or of a box around it; known: polynomials of a box around it that are good enough, with that box; start:
-    norms of that.
+    norms of that; barren: how often no norms were found in a row, for it and for the boxes around it.
     """
 
     box: Box
     frames: FramesOver | None = None
     known: tuple[Box, Polynomials] | None = None
     start: Centre | None = None
+    barren: int = 0
 
 
-def cover(frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, start: Centre | None = None) -> Covering:
+def cover(
+    frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, patience: float = np.inf, up: bool = True
+) -> Covering:
     """Prove that all frames of a box shrink in every order, except in the parts that are left open.
 
-    work: operations after which this ends. start: norms to begin with, as those of a box next to this one. It also ends where a
-    word is met that grows.
+    The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
+    word is met that grows. work: operations after which it ends; patience: those after which it ends if it gets no further.
     """
-    queue, used, boxes, centre, barren = [_Part(box, start=start)], 0.0, 0, start, 0
-    while queue and used < work:
-        part, boxes = queue.pop(), boxes + 1
-        if part.frames is None:
-            frames = frames_at(part.box)
-            used += 10 * CALLS
-            if isinstance(frames, int):
-                queue += [replace(part, box=half) for half in _halves(part.box, frames)]
-                continue
-            part = replace(part, frames=frames)
-        if part.known is None:
-            part = replace(part, frames=part.frames.part(part.box))
-        A = _polynomials(part)
-        try:
-            found, spent = _forms(A, follows, part.start, work - used)
-        except np.linalg.LinAlgError:  # singular to rounding
-            found, spent = None, CALLS
+    number, queue, used, since, word = count(), [(0.0, 0, _Part(box))], 0.0, (None, 0.0), ()
+    while queue and used < work and used - since[1] < patience:
+        since = since if queue[0][0] == since[0] else (queue[0][0], used)
+        part = queue[0][-1]
+        parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]))
         used += spent
-        wide = np.flatnonzero(part.box[0] < part.box[1])
-        if found is None:
-            barren += 1
-            basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
-            if barren <= FEWEST and (words := growing(A.terms[0], follows, basis)):
-                return Covering((part.box, *(each.box for each in queue)), used, boxes, part.box.mean(0), words[0], centre)
-            moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
-        else:
-            proved, moves, keep, spent = _judged(A, found, follows)
-            used += spent
-            if proved:
-                centre, barren = found[0], 0
-                continue
-            part = replace(part, start=found[0])
-        known = (part.known or (part.box, A)) if keep else None
-        sizes = (part.box[1] - part.box[0])[wide]
-        moves = np.where(sizes > NARROW * (box[1] - box[0])[wide], moves, -1.0)
-        if not wide.size or moves.max() < 0:
-            queue.append(part)
+        if parts is None:
             break
-        queue += [replace(part, box=half, known=known) for half in _halves(part.box, int(wide[np.argmax(moves)]))[::-1]]
-    return Covering(tuple(each.box for each in queue), used, boxes, None, (), centre)
+        heappop(queue)
+        for each in parts:
+            heappush(queue, (each.box[0, 0] if up else -each.box[1, 0], -next(number), each))
+    end = float(queue[0][-1].box[1 - up, 0] if queue else box[int(up), 0])
+    return Covering(tuple(each.box for *_, each in queue), end, used, part.box.mean(0) if word else None, word)
+
+
+def _tried(frames_at, part, follows, work, narrow):
+    """The parts of a part that remain to be proved, None if it cannot be divided or a word grows; the work; and that word."""
+    box, used = part.box, 0.0
+    if part.frames is None:
+        frames = frames_at(box)
+        if isinstance(frames, int):
+            return [replace(part, box=half) for half in _halves(box, frames)], 10 * CALLS, ()
+        part, used = replace(part, frames=frames), 10 * CALLS
+    if part.known is None:
+        part = replace(part, frames=part.frames.part(box))
+    A = _polynomials(part)
+    try:
+        found, spent = _forms(A, follows, part.start, work)
+    except np.linalg.LinAlgError:  # singular to rounding
+        found, spent = None, CALLS
+    used += spent
+    wide = np.flatnonzero(box[0] < box[1])
+    if found is None:
+        basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
+        if part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
+            return None, used, words[0]
+        moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
+        part = replace(part, barren=part.barren + 1)
+    else:
+        proved, moves, keep, spent = _judged(A, found, follows)
+        used += spent
+        if proved:
+            return (), used, ()
+        part = replace(part, start=found[0], barren=0)
+    moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
+    if not wide.size or moves.max() < 0:
+        return None, used, ()
+    part = replace(part, known=(part.known or (box, A)) if keep else None)
+    return [replace(part, box=half) for half in _halves(box, int(wide[np.argmax(moves)]))[::-1]], used, ()
 
 
 def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray | None:
@@ -170,9 +183,9 @@ def _judged(A, found, follows):
     forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
     edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**3
-    if shrink_over(forms, centre.graph, seen, follows):
+    proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, follows)
+    if proved:
         return True, np.zeros(0), True, spent
-    terms, errors, higher = slack_over(forms, centre.graph, seen)
     size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))
     worst = np.argmax(np.nan_to_num(size[1:].sum(0) + errors + higher, nan=np.inf))
     moves = ((1 - 0.5**A.exponents) * size[:, worst, None]).sum(0)

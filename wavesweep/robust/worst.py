@@ -2,7 +2,7 @@
 and proved box by box."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 
@@ -18,12 +18,10 @@ TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative 
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
 SHRINK = 8  # halvings of the steps of the search for the worst point
 MOVED = 1e-4  # relative: a gain of the search below this ends it
-WORK = 3e11  # operations of the proofs: about a minute
+WORK = 5e11  # operations of the proofs: about a minute
 UPWARD = 0.7  # part of the work for the way to the upper end
-# Part of the rest of the way that a layer takes, the least one, and a rest that is taken at once.
-CLIMB, LEAST_CLIMB, LAST = 0.5, 0.1, 0.015
+PATIENCE = 0.3  # part of the work after which a proof ends that gets no further
 UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
-FALL = 8.0  # ratio of the ends of a layer towards the low end
 ROUNDS = 3  # of the search for refutations, after the proof has met one
 
 
@@ -40,8 +38,8 @@ class Refuted:
 class Bracket:
     """The numbers around a start that are proved for the whole box, low to high, NaN if none is; and the refuted ones.
 
-    open: the box that was left open next to `high`, as low and high ends of the number and of the others, and the share of its
-    layer that it is; None if nothing was left.
+    open: the box around what was left open next to `high`, or to `low`, as low and high ends of the number and of the others,
+    and its share of the others; None if nothing was left.
     """
 
     low: float
@@ -94,39 +92,24 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, kept, start, limit) for limit in limits)
     follows = loops.known(kept, loops.box.mean(0)).follows
-    spent, high, low, open_, centre, zero = 0.0, start, start, None, None, loops.zeros[0]
-    first = np.column_stack([[start / UNITS, start], loops.box]) if not zero else None
-    units = units_of(loops.frames_at, as_sides(first, loops.zeros), follows) if first is not None else None
-    loops = replace(loops, frames_at=partial(loops.frames_at, units=units))
-    goals = [_goal(above, limits[1], start), _goal(below, limits[0], start)]
-    layer, rounds = CLIMB, ROUNDS
-    while high < goals[0] and spent < UPWARD * work:
-        rest = goals[0] - high
-        further = goals[0] if rest <= LAST * abs(goals[0] - zero) else high + max(layer, LEAST_CLIMB) * rest
-        found = _layer(loops, follows, high, further, UPWARD * work - spent, centre)
-        spent, centre = spent + found.used, found.centre
+    units = None if loops.zeros[0] else units_of(loops.frames_at, _layer(loops, start / UNITS, start), follows)
+    frames_at, rounds = partial(loops.frames_at, units=units), ROUNDS
+    high, low, spent, open_ = start, start, 0.0, None
+    while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
+        found = cover(frames_at, _layer(loops, high, goal), follows, UPWARD * work - spent, PATIENCE * work)
+        spent, high = spent + found.used, float(as_numbers(found.end, loops.zeros[0]))
         if found.word and rounds:
             above, rounds = _met(loops, kept, found, start, above), rounds - 1
-            goals[0] = _goal(above, limits[1], start)
             continue
-        if found.open:
-            if found.word or layer <= LEAST_CLIMB or spent >= UPWARD * work:
-                open_ = _left(loops, found, high, further)
-                break
-            layer /= 2
-            continue
-        high = further
-    while low > goals[1] and spent < work:
-        further = max(goals[1], zero + (low - zero) / FALL)
-        found = _layer(loops, follows, further, low, work - spent, centre)
-        spent, centre = spent + found.used, found.centre
-        if found.open:
-            open_ = open_ or _left(loops, found, further, low)
-            break
-        low = further
+        open_ = _left(loops, found, 0)
+        break
+    goal = _goal(below, limits[0], start)
+    if start < high and goal < start:
+        found = cover(frames_at, _layer(loops, goal, start), follows, work - spent, PATIENCE * work, up=False)
+        low, open_ = float(as_numbers(found.end, loops.zeros[0])), open_ or _left(loops, found, 1)
     if high == low:
         return Bracket(np.nan, np.nan, below, above, False, open_)
-    near = [_near(low, below.x) if below.word else low <= goals[1], _near(high, above.x) if above.word else high == limits[1]]
+    near = [_near(low, below.x) if below.word else low <= goal, _near(high, above.x) if above.word else high >= limits[1]]
     return Bracket(low, high, below, above, all(near), open_)
 
 
@@ -141,19 +124,19 @@ def _goal(refuted, limit, start):
     return refuted.x + np.sign(start - refuted.x) * min(NEAR * TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2)
 
 
-def _layer(loops, follows, low, high, work, centre):
-    """The covering of all loops from a number to another."""
-    box = np.column_stack([[low, high], loops.box])
-    return cover(loops.frames_at, as_sides(box, loops.zeros), follows, work, centre)
+def _layer(loops, low, high):
+    """The sides of all loops from a number to another."""
+    return as_sides(np.column_stack([[low, high], loops.box]), loops.zeros)
 
 
-def _left(loops, found, low, high):
-    """The box around what a layer left open, as numbers, and its share of the layer."""
-    open_, whole = np.array(found.open), as_sides(np.column_stack([[low, high], loops.box]), loops.zeros)
-    wide = whole[0] < whole[1]
-    share = ((open_[:, 1] - open_[:, 0])[:, wide] / (whole[1] - whole[0])[wide]).prod(1).sum()
-    around = np.array([open_[:, 0].min(0), open_[:, 1].max(0)])
-    return as_numbers(around, loops.zeros), float(share)
+def _left(loops, found, end):
+    """The box around what holds a proof up on its way from below (end 0) or above (1), and its share of the other sides."""
+    if not found.open:
+        return None
+    open_, whole = np.array(found.open), as_sides(loops.box, loops.zeros[1:])
+    open_, wide = open_[open_[:, end, 0] == found.end], whole[0] < whole[1]
+    share = ((open_[:, 1] - open_[:, 0])[:, 1:][:, wide] / (whole[1] - whole[0])[wide]).prod(1).sum()
+    return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.zeros), float(share)
 
 
 def _worst(loops: Loops, kept: dict, start: float, limit: float) -> Refuted:
