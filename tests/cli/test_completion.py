@@ -158,7 +158,7 @@ def test_completion_loads_nothing_heavy(words):
     loaded = set(done.stderr.splitlines()[-1].split()[1:])
     assert "wavesweep.cli.completion" in loaded
     assert loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.sweep", "wavesweep.loops"} == set()
-    assert words or not loaded & {"wavesweep.cli.studies", "wavesweep.cli.bench"}
+    assert words or not loaded & {"wavesweep.cli.studies", "wavesweep.cli.programs"}
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -238,14 +237,15 @@ def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wa
 
 
 @pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
-def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec):
+def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec, monkeypatch):
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here")[0] == 0
-    held, released = threading.Event(), threading.Event()
+    held, waiting, released = (threading.Event() for _ in range(3))
+    monkeypatch.setattr("wavesweep.results.lock._holder", lambda _: waiting.set() or "")
 
     def hold():
         with results.at_work(["zwidth"], "here"):
             held.set()
-            time.sleep(0.5)
+            waiting.wait(300)
         released.set()
 
     other = threading.Thread(target=hold)

@@ -3,11 +3,11 @@
 import logging
 import os
 import pty
+import queue
 import re
 import select
 import sys
 import threading
-import time
 from contextlib import contextmanager
 
 import pytest
@@ -96,11 +96,12 @@ def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys):
     ]  # fmt: skip
 
 
-def test_a_run_without_a_report_says_that_it_is_at_work(monkeypatch, capsys):
+def test_a_run_without_a_report_says_that_it_is_at_work(monkeypatch):
+    said = queue.SimpleQueue()
     monkeypatch.setattr(messages, "FIRST_WORD", 0.01)
+    monkeypatch.setattr(messages, "say", said.put)
     with messages.progress(quiet=False):
-        time.sleep(0.1)
-    assert capsys.readouterr() == ("", "still at work on the first chunk\n")
+        assert said.get(timeout=300) == "still at work on the first chunk"
     monkeypatch.setattr(messages, "FIRST_WORD", 5.0)
     with messages.progress(quiet=False) as report:
         report(1, 4)

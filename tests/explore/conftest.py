@@ -51,7 +51,7 @@ class Client:
             headers["Origin"] = origin
         if body is not None:
             headers["Content-Type"] = kind
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=300)
         try:
             token = self.server.token if token is None else token
             connection.request(method, f"/{token}/{path}", body, headers)

@@ -18,7 +18,7 @@ from wavesweep.sweep import workers
 pytestmark = pytest.mark.slow
 
 KILLS = int(os.environ.get("WAVESWEEP_KILLS", "2"))
-PATIENCE = 120  # s for a chunk, on a machine that does much else
+PATIENCE = 300  # s for a chunk, on a machine that does much else
 SPEC = """
 [environment]
 integration = "explicit"
@@ -41,7 +41,7 @@ def start(tmp_path_factory):
 
 
 def finish(process):
-    said = process.communicate(timeout=60)[1]
+    said = process.communicate(timeout=300)[1]
     return process.returncode, said
 
 

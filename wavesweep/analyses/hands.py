@@ -167,9 +167,11 @@ class Hands:
         if spec.for_all:
             refuse_unsuitable_ranges(spec, job.asked.axis.path, cut=False)
         if self.replaced and loop.device is None:
+            late = f"a dead time in seconds ({', '.join(dead)}), " if (dead := loop.drawing.dead_times) else ""
+            late += "which may end between two ticks; give that block steps in place of seconds" if dead else "another one"
             raise UsageError(
                 f"hand {self.replaced[0]}: expected a hand whose force acts on one block mass and on nothing else, and whose "
-                "displacement is the position of that block, found another one"
+                f"displacement is the position of that block, found {late}"
             )
         if "passive" in self.replaced and reads_velocity(loop):
             raise UsageError(

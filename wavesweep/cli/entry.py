@@ -1,6 +1,7 @@
 """Entry point: the table of commands, and the one place in which errors become exit codes.
 
-A new command is a line in `COMMANDS` and a function of its name in a module of its name, or in `studies` if it computes tables.
+A new command is a line in `COMMANDS` and a function of its name in a module of its name, or in `studies` if it
+computes tables, and in `programs` if it takes no SPEC.
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ COMMANDS = MappingProxyType(
 )
 
 
+PROGRAMS = ("bench", "paper")
 STUDIES = ("zwidth", "stability-region", "bode", "compare", "simulate", "passivity", "why", "margins", "design")
 WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # commands for which --json has no meaning
 # Options that commands had, and what does the same now.
@@ -74,8 +76,9 @@ MOVED = MappingProxyType(
 def command_of(name: str) -> click.Command:
     """Import the command of that name."""
     own = name.replace("-", "_")
-    if name in STUDIES:
-        return getattr(import_module("wavesweep.cli.studies"), own)
+    for home, names in (("studies", STUDIES), ("programs", PROGRAMS)):
+        if name in names:
+            return getattr(import_module(f"wavesweep.cli.{home}"), own)
     return import_module(f"wavesweep.cli.{own}").command
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.cli.files import own_folder
-from wavesweep.cli.messages import Progress, progress, say, show_json, where
+from wavesweep.cli.messages import progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.cli.talk import talk
 from wavesweep.errors import UsageError
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
 FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
-LONG = 1_000_000  # rows, whose writing takes some seconds and has a bar of its own
 NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 MOST_CHANGES = 5  # of a spec that are listed
 
@@ -91,8 +90,8 @@ def _written(tables: Sequence[Table], directory: Path, options: Options) -> list
     rows = max(table.rows for table in tables)
     if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
         say(f"writing {rows:,} rows{' and the figure' if options.formats else ''}")
-    with progress(options.quiet or rows < LONG, "writing") as report:
-        finished = [_finish(table, directory, options, table is tables[0], report) for table in tables]
+    with progress(options.quiet, "writing"):
+        finished = [_finish(table, directory, options, table is tables[0]) for table in tables]
     if not options.to_folder and not options.quiet:
         for table in tables[1:]:
             say(f"the table {table.kind} is left out, since --out {options.out} takes one; --out DIR writes it")
@@ -258,15 +257,13 @@ class Finished(NamedTuple):
     paths: list[Path]
 
 
-def _finish(table: Table, directory: Path, options: Options, main: bool, report: Progress | None) -> Finished:
-    """Write a table to files, or to stdout if it is the main one, and summarise it. report: of the rows written."""
+def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
+    """Write a table to files, or to stdout if it is the main one, and summarise it."""
     from wavesweep import results
     from wavesweep.tables import kind_named
 
     kind, paths, notices = kind_named(table.kind), [], [str(notice) for notice in table.facts.get("notices", ())]
     tally = kind.tally(table)
-    if report and table.rows >= LONG:
-        table = table.watched(_moving(report, table.rows))
     if options.formats and (main or options.to_folder):
         from wavesweep.plots import drawn
 
@@ -288,15 +285,3 @@ def _finish(table: Table, directory: Path, options: Options, main: bool, report:
     warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
     numbers = tally.numbers(table.facts)
     return Finished(table.kind, notices, numbers, [*warnings, *kind.lines(numbers)], paths)
-
-
-def _moving(report: Progress, total: int) -> Callable[[Mapping[str, Any]], None]:
-    """A function that takes a block of rows, and reports how many there were."""
-    done = 0
-
-    def count(columns: Mapping[str, Any]) -> None:
-        nonlocal done
-        done += len(next(iter(columns.values())))
-        report(done, total)
-
-    return count
