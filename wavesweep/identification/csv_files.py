@@ -50,11 +50,6 @@ class Csv:
             raise UsageError(f"{self.path}: expected {expected} of numbers below the header, found {len(rows) or 'none'}")
         return rows
 
-    def texts(self, column: str) -> list[tuple[int, str]]:
-        """The line and the text of a column in each row."""
-        place, lines = self._place(column), csv.reader(self.body.splitlines())
-        return [(number, row[place].strip()) for number, row in enumerate(lines, start=2) if row]
-
     def _place(self, name):
         if self.names.count(name) > 1:
             raise UsageError(f"{self.path}:1: {name}: expected one column of this name, found {self.names.count(name)}")

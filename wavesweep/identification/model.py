@@ -16,7 +16,7 @@ is left open is 0. An accelerometer gives the mean over the tick before, as one 
 """
 
 from dataclasses import dataclass
-from math import copysign, exp, sqrt
+from math import copysign, exp, inf, sqrt
 
 import numpy as np
 from scipy.linalg import expm
@@ -237,7 +237,10 @@ def _through_rest(found, friction, v, x, pull, left):
         a = (net - copysign(friction, v or net) - damping * v) / mass
         jerk = -(damping * a + stiffness * v) / mass
         snap = -(damping * jerk + stiffness * a) / mass
-        stop = _root(v, a, jerk) if v else left
+        stop, square = left, a * a - 2 * jerk * v
+        if v:  # the first time at which v + a t + jerk t^2/2 is 0
+            below = copysign(sqrt(square), v) - a if square >= 0 else 0.0
+            stop = 2 * v / below if v * below > 0 else inf
         if v and stop < left:
             slope = a + stop * (jerk + stop * snap / 2)
             stop -= (v + stop * (a + stop * (jerk / 2 + stop * snap / 6))) / slope if slope else 0.0
@@ -247,16 +250,6 @@ def _through_rest(found, friction, v, x, pull, left):
             return v + t * (a + t * (jerk / 2 + t * snap / 6)), x
         v, left = 0.0, left - stop
     return v, x
-
-
-def _root(v, a, jerk):
-    """The first time at which v + a t + jerk t^2/2 is 0; infinite if there is none."""
-    square = a * a - 2 * jerk * v
-    if square < 0 or ((v > 0) == (a > 0) and (v > 0) == (jerk > 0)):
-        return float("inf")
-    below = -a + copysign(sqrt(square), v)
-    time = 2 * v / below if below else float("inf")
-    return time if time > 0 else float("inf")
 
 
 def euler(found, period):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,7 +94,8 @@ def read_walls(path: str | Path) -> Walls:
         if (column < 0).any():
             raise UsageError(f"{path}: {name}: expected numbers of at least 0, found {column.min():g}")
     if STABLE in file.names:
-        cells = file.texts(STABLE)
+        rows = enumerate(csv.reader(file.body.splitlines()), start=2)
+        cells = [(line, row[file.names.index(STABLE)].strip()) for line, row in rows if row]
         flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
         if None in flags:
             line, text = cells[flags.index(None)]

@@ -83,14 +83,14 @@ def identify(path: str, **asked: Unpack[Asked]) -> Table:
     if two and (asked.get("spring") or asked.get("friction")):
         hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
         raise UsageError(f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}")
+    model = Model(asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two)
     if is_response(path):
         if asked.get("columns") or asked.get("scales") or asked.get("resolution") is not None or asked.get("friction"):
             raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
-        model = Model(asked.get("spring", False), delay=asked.get("delay"), load=two)
         return _of_response(path, rate_hz, model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
-    return _of_log(path, asked)
+    return _of_log(path, asked, model)
 
 
 def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
@@ -150,21 +150,19 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
     }
 
 
-def _of_log(path: str, given: Asked) -> Table:
+def _of_log(path: str, given: Asked, model: Any) -> Table:
     from wavesweep.identification.log import MOTIONS, read_log, step_of
-    from wavesweep.identification.model import Model
     from wavesweep.identification.verdict import identified
 
     started = time.perf_counter()
     columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
-    spring, friction, delay = given.get("spring", False), given.get("friction", False), given.get("delay")
     constants = given.get("motor_constant")
     log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
     step = step_of(log.reading) if resolution is None else resolution
     if step and np.ptp(log.reading) < 3 * step:
         moved = np.ptp(log.reading) / step
         raise UsageError(f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}")
-    model = Model(spring, friction, delay, measured=log.measured, load=given.get("two_masses", False))
+    model = replace(model, measured=log.measured)
     if model.load and log.measured == "acceleration":
         raise UsageError(f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration")
     origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
@@ -175,7 +173,7 @@ def _of_log(path: str, given: Asked) -> Table:
     names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
     named = "time, {} and {} in s, {} and {}".format(*names, *units)
     _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
-    asked: dict[str, Any] = {"spring": spring, "friction": friction, "delay": delay, "resolution": resolution}
+    asked = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
     asked |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
     asked |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
