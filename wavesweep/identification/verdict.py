@@ -6,10 +6,9 @@ from itertools import dropwhile, takewhile
 from operator import itemgetter
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import gammaincc
 
-from wavesweep.identification.fit import Fit, at_an_instant, fitted, moves, refined, widened
+from wavesweep.identification.fit import Fit, at_an_instant, fitted, moves, refined, resonance, widened
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured
 
 SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
@@ -168,8 +167,11 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
         yield 0.0, _as_read(fit.model, measured(at_rest, "position", by, period)[:, None], period)
     lowest, highest = 3 / (len(force) * period), 0.4 / period
     pushing = late(force, round(found["delay"]))[skip:]
+    pushing = pushing - pushing[0]
     for tone in np.geomspace(lowest, highest, TONES):
-        yield float(tone), _as_read(fit.model, _ringing(pushing, float(tone), period, found["mass"]), period)
+        # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
+        mode = SWINGING / (1 - SWINGING) / found["mass"] * resonance(pushing, tone, RINGING, period, 0.0, "position")
+        yield float(tone), _as_read(fit.model, np.stack([mode, np.gradient(mode)], axis=1), period)
 
 
 def _as_read(model, changes, period):
@@ -177,16 +179,3 @@ def _as_read(model, changes, period):
     for _ in range(ORDER[model.measured]):
         changes = np.gradient(changes, period, axis=0)
     return changes
-
-
-def _ringing(force, tone, period, mass):
-    """What the swinging share of the mass adds to the position (m), and its change from tick to tick, `(ticks, 2)`.
-
-    With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
-    """
-    angle = 2 * np.pi * tone * period
-    pole = np.exp(angle * complex(-RINGING, 1.0))
-    past = [1.0, -2 * pole.real, abs(pole) ** 2]
-    static = SWINGING / (1 - SWINGING) / mass / (2 * np.pi * tone) ** 2
-    mode = lfilter([0.0, static * sum(past)], past, force - force[0])
-    return np.stack([mode, np.gradient(mode)], axis=1)

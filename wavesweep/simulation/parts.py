@@ -244,16 +244,14 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
     taken = [name for name, _, _ in drawing.inputs]
     wall, shares = _wall_of(drawing, terms, known) if drawing.wall else (None, {})
     beside = known | dict.fromkeys(wall.names if wall else (), 0.0)
-    wires, away = (
-        {port: (*_valued(each, numbers), *((share, FORCE) for share in shares.get(port, ()))) for port, each in terms.items()}
-        for numbers in (beside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0))
-    )
-    seen = {SEEN + name: _valued(some, known) for name, some in named.items() if name not in taken}
-    inside, wires, away = drawing.inside, wires | seen, away | seen
-    wires, away = (
-        {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sum_) for port, sum_ in each.items()}
-        for each in (wires, away)
-    )
+    inside, silent = drawing.inside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0)
+
+    def wired(numbers):
+        own = {port: (*_valued(each, numbers), *shares.get(port, ())) for port, each in terms.items()}
+        own |= {SEEN + name: _valued(some, known) for name, some in named.items() if name not in taken}
+        return {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in own[port]) for port in own}
+
+    wires, away = wired(beside), wired(silent)
     for name, each in product(waits, (wires, away)):
         _within_ticks(name, drawing, each)
     own = Loop(1.0 / rate, rate, parts, wires, away)
@@ -367,7 +365,7 @@ def _valued(terms, numbers) -> Sum:
 
 
 def _wall_of(drawing, terms, known):
-    """The wall, and the share of its force in each wire; None if its numbers do more than multiply signals in wires."""
+    """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires."""
     names, first, shares = drawing.wall, None, {}
     if any(name in names for _, some in drawing.couplings for _, tree in some for name, _ in names_in(tree)):
         return None, {}
@@ -397,7 +395,7 @@ def _wall_of(drawing, terms, known):
         share = lead / next(iter(first.values()))
         if [*found] != [*first] or any(abs(found[at] - share * first[at]) > SAME * abs(found[at]) for at in found):
             return None, {}
-        shares[port] = (share,)
+        shares[port] = ((share, FORCE),)
     if first is None:
         return None, {}
     depth, speed = (tuple((value, name) for (i, name), value in first.items() if i == at) for at in (0, 1))
