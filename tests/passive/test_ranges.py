@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from support.held import channel_norm, held, passive_walls, port_margin, scan
 
-from wavesweep.analyses.passive_ranges import _Ranges, channel_ranges
+from wavesweep.analyses.passive_ranges import _OneMap, _Ranges, channel_ranges
 from wavesweep.passive.over_ranges import port_maps
 
 ENCODER = {"device.velocity": "difference", "environment.integration": "explicit"}
@@ -73,7 +73,7 @@ def test_a_proof_refutes_a_finder_that_overlooks_a_hole(values):
     """The loop is passive between 17.4 and 19.1 Hz: of 1 to 20 Hz nothing is proved, and a value inside is found unasked."""
     kind, path, span, others = CASES["between"]
     loop = held(values(kind, **others), path)
-    asked = _Ranges(loop, path, span, (port_maps(loop, path, span),), [span])
+    asked = _Ranges(loop, path, span, (_OneMap(port_maps(loop, path, span)),), [span])
     part, against = asked._proved(*span)
     assert part is None
     assert not 17.4 < against < 19.1

@@ -10,7 +10,7 @@ from wavesweep.analyses import every_hand
 from wavesweep.analyses.for_all import refuse_unsuitable_ranges
 from wavesweep.analyses.interval_records import END_HANDS, HAND_RECORD
 from wavesweep.analyses.loops import held_loop
-from wavesweep.analyses.passive_ranges import PassiveRanges, channel_ranges, hand_ranges, port_ranges
+from wavesweep.analyses.passive_ranges import PassiveRanges, channel_ranges, hand_ranges, pair_ranges, port_ranges
 from wavesweep.analyses.unknown import Case, proofs
 from wavesweep.analyses.varying import Rules
 from wavesweep.errors import SpecError, UsageError
@@ -33,13 +33,15 @@ METHODS = {
     "box": "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
     "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else searched",
     "port": PASSIVE.format("the Hermitian part of the map from the held force to the displacement"),
+    "ports": PASSIVE.format("the Hermitian part of the map at both ports with weights of their frequencies, chosen box by box"),
     "channel": PASSIVE.format("what the channel's losses leave of the tolerance"),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Guarantee:
-    """What an interval is guaranteed for: the hands "passive" or "box" (those of `box`), "port", or "channel"; see `METHODS`.
+    """What an interval is guaranteed for: the hands "passive" or "box" (those of `box`), "port", "ports" or "channel"; see
+    `METHODS`.
 
     tolerance: J per J sent that the channel may add.
     """
@@ -75,7 +77,8 @@ class Guarantee:
             return _for_box(loop, along, span, self.box)
         if self.kind == "channel":
             return _from_ranges(channel_ranges(loop, along, span, self.tolerance), span)
-        return _from_ranges((port_ranges if self.kind == "port" else hand_ranges)(loop, along, span), span)
+        ranges = {"port": port_ranges, "ports": pair_ranges, "passive": hand_ranges}[self.kind]
+        return _from_ranges(ranges(loop, along, span), span)
 
 
 def _text(ends: tuple[float, float]) -> str:

@@ -17,12 +17,23 @@ from wavesweep.loops.domain import domain
 from wavesweep.passive.any_hand import runs_of
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.held_loop import HeldLoop
-from wavesweep.passive.over_ranges import Determinant, Maps, Witness, channel_maps, least, port_maps, reaction_maps
+from wavesweep.passive.over_ranges import (
+    ANGLES,
+    Covering,
+    Determinant,
+    Maps,
+    Witness,
+    begins,
+    channel_maps,
+    least,
+    port_maps,
+    reaction_maps,
+)
+from wavesweep.passive.two_ports import Pair, pairs_of
 from wavesweep.robust.boxes import positive
 from wavesweep.stability.spectrum import is_stable
 from wavesweep.sweep.grid import Loops
 
-ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
 TRIED = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame, for a worst angle
 POINTS = 20_000  # of number and angle that the proof of a panel may take
 FEW = 300  # values of the number that the proof of a piece of a gap may take
@@ -49,12 +60,21 @@ class PassiveRanges:
 
 def port_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
     """Where the hand's port is passive for forces that are held over a tick; see `port_margin`. loop: a single one."""
+    return _where_stable(loop, path, span, _OneMap(port_maps(loop, path, span)))
+
+
+def pair_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
+    """Where a loop with two ports is absolutely stable; see `passive.two_ports`. loop: a single one."""
+    return _where_stable(loop, path, span, Pair(pairs_of(loop, path, span)))
+
+
+def _where_stable(loop, path, span, way):
+    """The intervals in which a way is passive, within those of stability."""
     groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
     records = Search(path, span, groups, felt=False, checked=True).records()
+    known = bool(records["certified"].all())
     stable = [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]
-    maps = port_maps(loop, path, span)
-    whole = _Ranges(loop, path, span, (maps,), stable if records["certified"].all() else [])
-    return whole.answered(known=bool(records["certified"].all()))
+    return _Ranges(loop, path, span, (way,), stable if known else []).answered(known)
 
 
 def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float = 0.0) -> PassiveRanges:
@@ -63,27 +83,63 @@ def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float], hand_dampi
     loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
     any mass and stiffness, including nonlinear and time-varying ones.
     """
-    return _Ranges(loop, path, span, (reaction_maps(loop, path, span, hand_damping),), [span]).answered(known=True)
+    return _Ranges(loop, path, span, (_OneMap(reaction_maps(loop, path, span, hand_damping)),), [span]).answered(known=True)
 
 
 def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
     """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
     ways = ("whole",) if channel_of(loop.drawing, loop.changed({path: span[1]}).values).joined else ("outward", "inward")
-    maps = tuple(channel_maps(loop, path, way, 1 + tolerance) for way in ways)
+    maps = tuple(_OneMap(channel_maps(loop, path, way, 1 + tolerance)) for way in ways)
     return _Ranges(loop, path, span, maps, [span]).answered(known=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OneMap:
+    """Loops are passive along a number where they are stable and the Hermitian part of one map is positive at all angles."""
+
+    maps: Maps
+
+    def passive(self, p: np.ndarray) -> np.ndarray:
+        """Whether loops at values of the number are stable and no eigenvalue is negative, `(n,)`."""
+        lifted, _ = self.maps(p)
+        found = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
+        found[found] = is_stable(lifted.E[found])
+        found[found] = least(lifted.at(found)).value <= 0
+        return found
+
+    def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
+        """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof."""
+        if not begins(self.maps, (low + high) / 2, 1.0):
+            return None
+        open_ = []
+        for first, last in pairwise(ANGLES):
+            found = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
+            if found is None or len(found.unstable):
+                return None if found is None else float(found.unstable[0, 0])
+            open_ += [box[:, 0] for box in found.open]
+        return open_
+
+    def witness(self, low: float, high: float) -> Witness:
+        """What takes energy in the middle of two values."""
+        return Witness(self.maps, (low + high) / 2, self.angle((low + high) / 2))
+
+    def angle(self, p: float) -> float:
+        """An angle with about the smallest eigenvalue (rad per frame)."""
+        lifted, _ = self.maps(np.array([p]))
+        return float(TRIED[np.nanargmin(lifted.smallest(np.zeros(TRIED.size, int), TRIED))])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ranges:
     """What is asked: where loops are passive along a number.
 
-    ways: the maps whose Hermitian parts have to be positive. stable: intervals outside of which nothing is passive.
+    ways: what has to be passive. stable: intervals outside of which nothing is passive.
     """
 
     loop: HeldLoop
     path: str
     span: tuple[float, float]
-    ways: tuple[Maps, ...]
+    ways: tuple[_OneMap | Pair, ...]
     stable: list[tuple[float, float]]
 
     def answered(self, known: bool) -> PassiveRanges:
@@ -110,13 +166,9 @@ class _Ranges:
         return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
 
     def _passive(self, p):
-        """Whether loops at values of the number are stable and no eigenvalue is negative, `(n,)`."""
         found = np.ones(p.shape, bool)
         for way in self.ways:
-            lifted, _ = way(p)
-            found &= np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
-            found[found] = is_stable(lifted.E[found])
-            found[found] = least(lifted.at(found)).value <= 0
+            found[found] = way.passive(p[found])
         return found
 
     def _away(self, end: float, sign: int) -> float:
@@ -136,23 +188,11 @@ class _Ranges:
             return None, None
         open_ = []
         for way in self.ways:
-            if not self._begins(way, (low + high) / 2):
-                return None, None
-            for first, last in pairwise(ANGLES):
-                found = self._positive(Determinant(way), [[low, first], [high, last]], POINTS)
-                if found is None:
-                    return None, None
-                if len(found.unstable):
-                    return None, float(found.unstable[0, 0])
-                open_ += [box[:, 0] for box in found.open]
+            found = way.open_in(low, high, cover_of(self.loop, self.path))
+            if not isinstance(found, list):
+                return None, found
+            open_ += found
         return largest_free(low, high, open_), None
-
-    def _begins(self, way: Maps, p: float) -> bool:
-        """Whether the loop with this value is a passive one to begin with: stable, and all eigenvalues positive at an angle."""
-        lifted, _ = way(np.array([p]))
-        whole, size, _ = Witness(way, p, 1.0).hermitian(np.array([p]))
-        room = np.linalg.eigvalsh(whole[0])[0] - 1e-12 * size[0].max()
-        return bool(is_stable(lifted.E).all() and room > 0)
 
     def _refuted(self, low: float, high: float) -> tuple[bool, float | None]:
         """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
@@ -166,7 +206,7 @@ class _Ranges:
             p = (a + b) / 2
             if self._passive(np.array([p]))[0]:
                 return False, p
-            if any(self._takes(way, p, a, b) for way in self.ways):
+            if any(self._takes(way, a, b) for way in self.ways):
                 continue
             narrow = min(least, CLOSE * max(abs(a), abs(b)))
             if b - a > narrow:
@@ -175,27 +215,26 @@ class _Ranges:
                 return False, None
         return False, None
 
-    def _takes(self, way: Maps, p: float, low: float, high: float) -> bool:
-        """Whether all values of a piece are proved not to be passive, by what takes energy in its middle."""
-        witness = Witness(way, p, self._worst(way, p))
-        found = self._positive(witness, [[low], [high]], FEW)
+    def _takes(self, way, low: float, high: float) -> bool:
+        """Whether all values of a piece are proved not to be passive, by what takes energy there."""
+        found = cover_of(self.loop, self.path)(way.witness(low, high), [[low], [high]], FEW)
         return found is not None and not len(found.open)
-
-    def _worst(self, way: Maps, p: float) -> float:
-        """An angle with about the smallest eigenvalue."""
-        lifted, _ = way(np.array([p]))
-        return float(TRIED[np.nanargmin(lifted.smallest(np.zeros(TRIED.size, int), TRIED))])
 
     def _frequency(self, p: float) -> float:
         drawn = self.loop.changed({self.path: p}).drawn()
-        angle = max(self._worst(way, p) for way in self.ways)
+        angle = max(way.angle(p) for way in self.ways)
         return angle / float(np.real(drawn.period) * drawn.ticks)
 
-    def _positive(self, functions, box, most):
-        """The cover of a box; None if some loop of it has no solution."""
+
+def cover_of(loop: HeldLoop, path: str) -> Covering:
+    """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no solution has no cover."""
+
+    def cover(functions, box, most):
         bounds = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1)
         try:
-            bounds[:, 0] = domain(self.loop.drawing, self.loop.values, self.path, (box[0][0], box[1][0]))
+            bounds[:, 0] = domain(loop.drawing, loop.values, path, (box[0][0], box[1][0]))
             return positive(functions, box, bounds, most)
         except IllPosedLoopError:
             return None
+
+    return cover

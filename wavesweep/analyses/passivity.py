@@ -7,6 +7,7 @@ from itertools import islice
 import numpy as np
 
 from wavesweep.analyses.loops import held_loop, named_loops, port_at_hand
+from wavesweep.analyses.two_ports import LONGEST_PAIR, curve, pair_fields, pair_margin
 from wavesweep.errors import UsageError
 from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.passive.channel import channel_norm, has_waves, numbers_of_channel
@@ -26,6 +27,10 @@ PORT = np.dtype([
     ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
     ("stable", "?"), ("damping_needed", "<f8"),
 ])  # fmt: skip
+PAIR = np.dtype([
+    *PORT.descr, ("ports_margin", "<f8"), ("ports_omega", "<f8"), ("absolutely_stable", "?"), ("ports_certified", "?"),
+    ("counterexample", "<U160"),
+])  # fmt: skip
 CHANNEL = np.dtype([
     ("slice", "<i4"), ("channel_norm", "<f8"), ("channel_omega", "<f8"), ("channel_passive", "?"), ("certified", "?"),
 ])  # fmt: skip
@@ -39,16 +44,18 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     grid = make_grid(spec, axes, apart=False)
     refuse_rows("passivity", grid.size)
     resolved = resolve_all(grid)
-    port = Job(PORTS, grid, Chunks(grid.loops, 1, CHUNK, 1), resolved, PORT, {"records": "ports"})
+    pair = spec.drawing and spec.drawing.environment
+    port = Job(PORTS, grid, Chunks(grid.loops, 1, CHUNK, 1), resolved, PAIR if pair else PORT, {"records": "ports"})
     if spec.drawing:
         port_at_hand(spec)
     names = {axis.path: axis.name for axis in grid.loop_axes}
     for key, values in islice(resolved.items(), MOST_TRIED):
         ticks = loops_of(spec, values).drawn().ticks
-        if ticks > LONGEST:
+        if ticks > (LONGEST_PAIR if pair else LONGEST):
             at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
             at = at and f" for {at}; leave out these values"
-            raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}")
+            most = f"{LONGEST_PAIR} ticks for two ports" if pair else f"{LONGEST} ticks for passivity"
+            raise UsageError(f"expected a frame of at most {most}, found {ticks}{at}")
     if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)
@@ -77,7 +84,11 @@ def _port(loops):
     loop = held_loop(loops)
     with named_loops(loop.drawn()):
         found = port_margin(loop)
-        return found.margin, found.omega, found.passive, found.certified, found.stable, more_damping(loop, found)
+        columns = found.margin, found.omega, found.passive, found.certified, found.stable, more_damping(loop, found)
+        if not loop.drawing.environment:
+            return columns
+        pairs = [pair_margin(loop.at(at)) for at in range(found.margin.size)]
+        return *columns, *(np.array(column).reshape(loop.batch) for column in zip(*map(pair_fields, pairs), strict=True))
 
 
 def _channel(loops):
@@ -96,7 +107,17 @@ def blocks(run: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarr
     for combination in stretches(grid.size):
         slices = grid.slice_of(combination)
         _, port = gather(run.jobs["port"], run.stores["port"], slices)
-        yield grid.axis_columns(combination), {name: port[name] for name in PORT.names} | channel_columns(run, slices)
+        yield grid.axis_columns(combination), {name: port[name] for name in port.dtype.names} | channel_columns(run, slices)
+
+
+def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of the response of each loop with two ports over frequency; see `two_ports.curve`."""
+    grid = make_grid(spec, axes, apart=False)
+    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+        for at, member in enumerate(members.tolist()):
+            columns = curve(held_loop(loops).at(at))
+            axis = grid.axis_columns(np.array([member]))
+            yield {name: np.repeat(value, len(columns["frequency_hz"])) for name, value in axis.items()} | columns
 
 
 def channel_columns(run: Run, slices) -> dict[str, np.ndarray]:

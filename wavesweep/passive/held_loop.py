@@ -51,7 +51,7 @@ class HeldLoop:
     def with_hand(self) -> "HeldLoop":
         """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
         added = dict.fromkeys(HAND, 0.0)
-        drawing = self.drawing if self.drawing.reads.issuperset(HAND) else _with_hand(self.drawing, self.device)
+        drawing = self.drawing if self.drawing.reads.issuperset(HAND) else with_hand(self.drawing, self.device, HAND)
         return HeldLoop(drawing, {**added, **self.values})
 
     def drawn(self) -> MultirateLoop:
@@ -105,12 +105,14 @@ def _is_one(tree):
 
 
 @lru_cache(maxsize=64)
-def _with_hand(drawing, device):
+def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
+    """Return the drawing whose device has a further mass, damping and stiffness, the numbers with these paths."""
+    added = dict(zip(("mass", "damping", "stiffness"), paths, strict=True))
+
     def held(block):
         if block.name != device:
             return block
-        of_hand = {path.partition(".")[2]: ("name", path, 0) for path in HAND}
-        keys = tuple((name, ("+", tree, of_hand[name], 0) if name in of_hand else tree) for name, tree in block.keys)
-        return replace(block, keys=keys)
+        keys = ((name, ("+", tree, ("name", added[name], 0), 0) if name in added else tree) for name, tree in block.keys)
+        return replace(block, keys=tuple(keys))
 
     return replace(drawing, blocks=tuple(map(held, drawing.blocks)))

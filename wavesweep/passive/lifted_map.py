@@ -174,13 +174,17 @@ class LiftedMap:
 
         return self._measured(owner, theta, square)
 
+    def response(self, owner, theta) -> np.ndarray:
+        """Return the map of the loops `owner` at the angles `theta`, `(points, p, m)`."""
+        with np.errstate(all="ignore"):
+            A = on_circle(theta)[:, None, None] * np.eye(self.E.shape[-1]) - self.E[owner]
+            return self.T[owner] + self.O[owner] @ solve(A, self.G[owner] + 0j)
+
     def _measured(self, owner, theta, measure):
         owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
         found, step = np.full(owner.size, np.nan), max(1, MOST // max(1, self.T[0].size))
         for part in (slice(first, first + step) for first in range(0, owner.size, step)):
-            with np.errstate(all="ignore"):
-                A = on_circle(theta[part])[:, None, None] * np.eye(self.E.shape[-1]) - self.E[owner[part]]
-                H = self.T[owner[part]] + self.O[owner[part]] @ solve(A, self.G[owner[part]] + 0j)
+            H = self.response(owner[part], theta[part])
             good = np.isfinite(H).all((-1, -2))
             found[part][good] = measure(H[good])
         return found

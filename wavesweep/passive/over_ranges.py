@@ -12,6 +12,7 @@ reaches the circle: so all loops are passive if one of them is.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from wavesweep.passive.held_loop import HeldLoop, device_keys
 from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels, tick
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps
 from wavesweep.response.port import Ports, port_of
+from wavesweep.stability.spectrum import is_stable
 
 SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
@@ -35,25 +37,30 @@ SLACK, SURE = 1e-11, 1e-9  # of the mean eigenvalue: accuracy of the smallest on
 NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
 TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the sizes of their terms
 
+ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
+
+Covering = Callable[[object, list, int], Any]
+"""From functions, a box of numbers and a count of points to its `Cover` (see `robust.boxes`), None without a solution."""
+
 Maps = Callable[[np.ndarray], tuple[LiftedMap, np.ndarray]]
 """From values of a number `(n,)`, real or complex, to the maps of a frame, and their pivots `(n, k)` (see `Frames`)."""
 
 
 def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """The maps from the held force to the displacement at the hand along a number, apart at rest where a spring holds it."""
-    inner = np.array([span[0] or NEXT_TO_0 * span[1], span[1]])
-    drift, hand = loop.changed({path: inner}).drift((POSITION,)), Ports(loop.drawing.hand[0], POSITION)
+    drift = loop.changed({path: inner_numbers(span)}).drift((POSITION,))
+    hand = Ports(loop.drawing.hand[0], POSITION)
 
     def maps(p):
-        at = loop.changed({path: _away_from_0(p, span)})
+        at = loop.changed({path: away_from_0(p, span)})
         with np.errstate(all="ignore"):
             port = port_of(drawn := at.drawn(), hand, drift)
             ticks = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, p.shape)
             lifted = ticks.lifted(measured=False)
             lifted = lifted if port.position is None else apart_at_rest(lifted, port.position)
-        return lifted, _pivots(at, path, drawn, p.shape)
+        return lifted, pivots_of(at, path, drawn, p.shape)
 
-    return _remembered(maps)
+    return remembered(maps)
 
 
 def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float) -> Maps:
@@ -63,16 +70,16 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float], hand_dam
     """
 
     def maps(p):
-        at = loop.changed({path: _away_from_0(p, span)})
+        at = loop.changed({path: away_from_0(p, span)})
         drawn = at.drawn()
         with np.errstate(all="ignore"):
             ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], p.shape)
             lifted = settled(ticks.lifted(measured=False), x)
         paid = np.broadcast_to((device_keys(at)[1] + hand_damping) / drawn.period, p.shape)
         T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])
-        return replace(lifted, T=T), _pivots(at, path, drawn, p.shape)
+        return replace(lifted, T=T), pivots_of(at, path, drawn, p.shape)
 
-    return _remembered(maps)
+    return remembered(maps)
 
 
 def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
@@ -83,23 +90,28 @@ def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
         channel = channel_of(at.drawing, at.values)
         ticks = getattr(channel, way)
         flat = TickMaps.of(ticks.maps, ticks.kind, p.shape) if ticks.loops != p.size else ticks
-        return bounded_by(flat.lifted(measured=False), square), _pivots(at, path, at.drawn(), p.shape)
+        return bounded_by(flat.lifted(measured=False), square), pivots_of(at, path, at.drawn(), p.shape)
 
-    return _remembered(maps)
+    return remembered(maps)
 
 
-def _away_from_0(p, span):
+def inner_numbers(span) -> np.ndarray:
+    """The ends of a range, without 0."""
+    return np.array([span[0] or NEXT_TO_0 * span[1], span[1]])
+
+
+def away_from_0(p, span):
     """The number, but for values so near to 0 that rounding hides what they do."""
     return np.where(np.abs(p) < NEXT_TO_0 * span[1], NEXT_TO_0 * span[1], p)
 
 
-def _remembered(maps: Maps) -> Maps:
+def remembered(maps: Maps) -> Maps:
     """The same maps, which keep the last results: a proof asks for the same numbers at several angles."""
     known = lru_cache(maxsize=64)(lambda numbers, kind: maps(np.frombuffer(numbers, kind)))
     return lambda p: known(p.tobytes(), p.dtype.str)
 
 
-def _pivots(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
+def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
     """What has a zero where the maps are not analytic in the number, `(*shape, k)`."""
     pivot, _ = facts_of(ticks_of(drawn, alone=True).maps)
     return np.concatenate(
@@ -191,15 +203,24 @@ class Witness:
     def hermitian(self, numbers):
         """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms, and the pivots."""
         lifted, pivots = self.maps(numbers)
-        E, T, O, G, eye = lifted.E, lifted.T, lifted.O, lifted.G, np.eye(lifted.E.shape[-1])
-        whole, size = 0.0, 0.0
-        for angle, turned in ((self.theta, (0, 1, 2)), (-self.theta, (0, 2, 1))):
-            A = on_circle(np.array(angle)) * eye - E
-            back = inverse(A)
-            moved, terms = back @ G, np.abs(back) @ (np.abs(A) @ np.abs(back @ G) + np.abs(G))
-            whole = whole + (T + O @ moved).transpose(turned) / 2
-            size = size + (np.abs(T) + np.abs(O) @ terms).transpose(turned) / 2
-        return whole, size, pivots
+        (whole, size), (back, more) = (with_sizes(lifted, np.array([angle])) for angle in (self.theta, -self.theta))
+        return (whole + np.swapaxes(back, -1, -2)) / 2, (size + np.swapaxes(more, -1, -2)) / 2, pivots
+
+
+def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:
+    """The maps at angles, real or complex, `(loops, p, m)`, and the sizes of the terms of their entries."""
+    A = on_circle(theta)[:, None, None] * np.eye(lifted.E.shape[-1]) - lifted.E
+    back = inverse(A)
+    moved = back @ lifted.G
+    terms = np.abs(back) @ (np.abs(A) @ np.abs(moved) + np.abs(lifted.G))
+    return lifted.T + lifted.O @ moved, np.abs(lifted.T) + np.abs(lifted.O) @ terms
+
+
+def begins(maps: Maps, p: float, theta: float) -> bool:
+    """Whether the loop with a value is stable, and all eigenvalues of the Hermitian part are positive at an angle."""
+    lifted, _ = maps(np.array([p]))
+    whole, size, _ = Witness(maps, p, theta).hermitian(np.array([p]))
+    return bool(is_stable(lifted.E).all() and np.linalg.eigvalsh(whole[0])[0] > 1e-12 * size[0].max())
 
 
 def least(lifted: LiftedMap) -> Peak:

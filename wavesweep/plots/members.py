@@ -24,6 +24,7 @@ HANDS = {
     "box": (Look("#D55E00", LINES[2]), "hands of the box"),
     "passive": (Look("#009E73", LINES[3]), "every passive hand"),
     "port": (Look("#CC79A7", LINES[5]), "passive port"),
+    "ports": (Look("#000000", LINES[4]), "absolutely stable"),
     "channel": (Look("#E69F00", LINES[4]), "passive wave channel"),
     "spec": (Look("#0072B2", "-"), "nominal numbers"),
     "for_all": (Look("#D55E00", LINES[2]), "proved for all"),

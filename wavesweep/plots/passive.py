@@ -28,6 +28,7 @@ _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _PASSIVE, _COLOUR = {"color": "#CCECE3", "linewidth": 0}, distinct_colour(0)  # the shade, and the dots
 _UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
+_CURVES = 8  # of the index over frequency
 _NAME = 40  # letters of the name of a dot with those of its axes
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
@@ -142,6 +143,33 @@ def _legend(canvas: Any, panel: Any, shaded: str) -> None:
     handles, labels = panel.get_legend_handles_labels()
     handles, labels = [*handles, Patch(**_PASSIVE)], [*labels, shaded]
     canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)))
+
+
+def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity-ports` table: Llewellyn's index at the left, the margin at the right, a curve per combination."""
+    axes = [name for name in columns if name not in ("frequency_hz", "llewellyn", "damping_margin")]
+    starts = np.flatnonzero(np.diff(columns["frequency_hz"], prepend=np.inf) < 0)
+    curves = np.split(np.arange(columns["frequency_hz"].size), starts[1:])
+    shown = [curves[at] for at in np.unique(np.linspace(0, len(curves) - 1, _CURVES).astype(int))]
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
+        panels = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
+        for look, rows in zip(family_looks(len(shown)), shown, strict=True):
+            name = ", ".join(valued(axis, columns[axis][rows[0]], facts) for axis in axes)
+            for panel, values in zip(panels, ("llewellyn", "damping_margin"), strict=True):
+                style = {"color": look.colour, "linestyle": look.line, "linewidth": 1, "label": name or None}
+                panel.plot(columns["frequency_hz"][rows], columns[values][rows], **style)
+        for panel, limit, scale in zip(panels, (1.0, 0.0), ("log", "linear"), strict=True):
+            panel.set(xscale="log", yscale=scale, xlabel="frequency (Hz)", xlim=columns["frequency_hz"][[0, -1]])
+            panel.set_ylim(top=max(panel.get_ylim()[1], limit + 0.1))
+            panel.axhspan(limit, panel.get_ylim()[1], **_PASSIVE)
+            panel.grid(**GRID)
+        panels[0].set_ylabel("Llewellyn's index")
+        panels[1].set_ylabel(at_hand("damping in excess", "damping_margin", "N*s/m", facts))
+        _legend(canvas, panels[0], "absolutely stable")
+        note_below(
+            canvas, f"Shown: {len(shown)} of {len(curves)} combinations." if len(shown) < len(curves) else "", assumption(facts)
+        )
+    return canvas
 
 
 def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:

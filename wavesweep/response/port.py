@@ -24,17 +24,24 @@ class NoPositionError(UsageError):
 class Ports:
     """The hand's port of a drawn loop: the input `force` (N), and the signals of its position (m) and of the force against it.
 
-    reaction: empty if none is known; then the impedance is that of the whole port, force over position.
+    reaction: empty if none is known; then the impedance is that of the whole port, force over position. other: input and
+    position of a second port, of which no reaction is known.
     """
 
     force: str
     position: str
     reaction: str = ""
+    other: tuple[str, str] | None = None
+
+    @property
+    def forces(self) -> list[str]:
+        """The inputs of the ports."""
+        return [self.force, *(self.other or ())[:1]]
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """The outputs of the port."""
-        return (self.position, self.reaction) if self.reaction else (self.position,)
+        """The outputs of the ports."""
+        return (self.position, *(self.other or ())[1:], *([self.reaction] if self.reaction else ()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +54,8 @@ class Port:
     of the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs of
     the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a constant
     force does in the end, if the structure decides it (see `static`). between: the first output is a signal itself and not a
-    displacement; see `port_between`.
+    displacement; see `port_between`. Of two ports the maps go from both forces to both displacements, position has two rows
+    also if both drift, and drifts is the number of ways in which they do so.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -59,6 +67,7 @@ class Port:
     rate: float
     rest: object = None
     between: bool = False
+    drifts: int = 0
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -90,19 +99,20 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
     """
     drawn, drift = with_displacements(drawn, drift)
     ticks = ticks_of(drawn, ports.signals, terms=True)
-    reads = ticks.maps[0].C[..., :1, :]
-    if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
+    places = len(ports.forces)
+    reads = ticks.maps[0].C[..., :places, :]
+    if any(np.any(each.D[..., :places, :]) or np.any(each.C[..., :places, :] != reads) for each in ticks.maps):
         raise NoPositionError(f"[ports] hand: expected {OF_PLANT}, found {ports.position}")
     shifts = _Shifts.of(ticks, drift, reads)
     answers = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
     share = shifts.seen(answers) if ports.reaction else None
     moves = ports.reaction and shifts.move(answers)
-    force = drawn.inputs.index(ports.force)
+    force = [drawn.inputs.index(each) for each in ports.forces]
     maps, sizes = [], []
     for each in ticks.maps:
         for of_sizes, parts, found in ((False, (each.E, each.B, each.C, each.D), maps), (True, each.terms, sizes)):
             E, B, C, D = parts
-            B, D = B[..., force : force + 1], D[..., force : force + 1]
+            B, D = B[..., force], D[..., force]
             read = np.abs(reads) if of_sizes else reads
             with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
                 first = read @ E, read @ B
@@ -110,9 +120,11 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
             if moves:
                 along = np.abs(share) + np.abs(answers) @ shifts.dN / ENTRIES if of_sizes else share
                 rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, :]))
-            found.append(shifts.counted((E, B), rows, (each.E, each.B[..., force : force + 1]) if of_sizes else ()))
-    position = None if shifts.move(reads) else reads[..., shifts.kept]
-    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position))
+            found.append(shifts.counted((E, B), rows, (each.E, each.B[..., force]) if of_sizes else ()))
+    moving = shifts.move(reads)
+    position = None if moving and not ports.other else reads[..., shifts.kept]
+    drifts = int(np.linalg.matrix_rank(shifts.seen(reads), rtol=STILL).max()) if moving else 0
+    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position), drifts=drifts)
 
 
 def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrift) -> Port:

@@ -351,7 +351,8 @@ COLUMNS = frozenset(
         *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
         *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
         *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
-        *("channel_passive", "port_passive", "damping_needed", "from_input", "to_output", "unit"),
+        *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
+        *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
         *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
         *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
     )

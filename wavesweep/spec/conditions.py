@@ -110,11 +110,11 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
 
 
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-    """Yield path, expected and found text for each part of the hand's displacement that is known to be no such position."""
-    force, terms, _ = drawing.hand or ("", (), None)
+    """Yield path, expected and found text for each part of a port's displacement that is known to be no such position."""
     every, numbers = {block.name: block.every for block in drawing.blocks if not block.plant}, scalars(values)
     velocities = [f"{block.name}.v" for block in drawing.blocks if TYPES[block.type].body]
-    for signal, gain in terms:
+    ends = [(where, end) for where, end in (("hand", drawing.hand), ("environment", drawing.environment)) if end]
+    for where, force, signal, gain in ((where, end[0], *term) for where, end in ends for term in end[1]):
         name = signal.rpartition(".")[0] or signal
         if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
             continue  # a number that has a mistake itself
@@ -122,7 +122,7 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
         slow = f"{signal} changes every {runs:g} ticks only" if runs > 1 else ""
         found = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
         if found and _value(gain, numbers):
-            yield "ports.hand.displacement", OF_PLANT, found
+            yield f"ports.{where}.displacement", OF_PLANT, found
 
 
 def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:

@@ -31,6 +31,7 @@ TABLES = {
     "continuously, all others at a plant are held over a tick",
     "ports": "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
     "passivity and simulate; it turns if they are a torque and an angle; "
+    "environment = { force = NAME, displacement = expression }, a second port that passivity takes together with the hand's; "
     "wall = { stiffness = number, damping = number } for zwidth; "
     "inputs = { NAME = signal }, signals from outside that wires read, and outputs = { NAME = expression }, each perhaps "
     "{ signal = ..., unit = ... }, for bode, simulate and to_control",

@@ -20,6 +20,13 @@ STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")  # keys th
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
 SHARES = ("loss", "burst", "burst_end", "burst_loss")  # keys of a channel that say how often messages are lost
 
+ENVIRONMENT = ("environment.force", "environment.displacement")  # the input and the output that are a second port
+
+
+def path_of_port(side: str, name: str) -> str:
+    """Return the path of one of the inputs or outputs of [ports]."""
+    return f"ports.{name}" if name in ENVIRONMENT else f"ports.{side}.{name}"
+
 
 def _remembered(function):
     """Make a property of a drawing, computed once for all that are equal: a compiled loop is asked again and again."""
@@ -73,7 +80,7 @@ class Drawing:
         terms = [(f"wire.{port}", terms) for port, terms in (*self.wires, *self.couplings)]
         if self.hand:
             terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
-        terms += [(f"ports.outputs.{name}", some) for name, some, _ in self.outputs]
+        terms += [(path_of_port("outputs", name), some) for name, some, _ in self.outputs]
         yield from ((path, gain) for path, some in terms for _, gain in some)
 
     def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
@@ -93,6 +100,12 @@ class Drawing:
     def outside(self) -> tuple[str, ...]:
         """The signals from outside: the hand's force first, then those of the inputs."""
         return tuple(dict.fromkeys([*(self.hand or ())[:1], *(signal for _, signal, _ in self.inputs)]))
+
+    @property
+    def environment(self) -> tuple[str, Terms, None] | None:
+        """The port of the environment, in the form of that of the hand."""
+        force = [signal for name, signal, _ in self.inputs if name == ENVIRONMENT[0]]
+        return next(((force[0], terms, None) for name, terms, _ in self.outputs if force and name == ENVIRONMENT[1]), None)
 
     @property
     def signals(self) -> list[str]:

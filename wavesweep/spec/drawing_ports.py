@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from wavesweep.spec.block_types import COLUMNS, RUN_COLUMNS
 from wavesweep.spec.checking import nearest, show
+from wavesweep.spec.drawing import ENVIRONMENT, path_of_port
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.spec.drawn_block import DrawnBlock
 from wavesweep.spec.expressions import ONE, RESERVED, Terms
@@ -15,6 +16,7 @@ from wavesweep.spec.reading import Leaf
 PORTS = MappingProxyType(
     {
         "hand": ("force", "displacement", "reaction", "turns"),
+        "environment": ("force", "displacement"),
         "wall": ("stiffness", "damping"),
         "inputs": ("signal", "unit"),
         "outputs": ("signal", "unit"),
@@ -40,7 +42,7 @@ class PortReader(KeyReader):
             path, named = f"ports.{side}", side in NAMED
             if side not in PORTS:
                 place = leaf.place.under(leaf.place.path[:2])
-                self.refuse(place, path, "hand, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
+                self.refuse(place, path, "hand, environment, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
             elif not rest:
                 if leaf.value != {} or not named:
                     what = f"a table, NAME = {NAMED[side]}" if named else f"{{ {', '.join(PORTS[side])} }}"
@@ -51,13 +53,17 @@ class PortReader(KeyReader):
                     ports[side].setdefault(rest[0], {})[part] = leaf
             elif self.mistakes.is_known(rest[0], PORTS[side], leaf, f"{path}.{rest[0]}"):
                 ports[side][rest[0]] = leaf if len(rest) == 1 else Leaf({}, leaf.place.parent())
-        for side in ("hand", "wall"):
+        for side in ("hand", "environment", "wall"):
             missing = [part for part in PORTS[side] if part not in ports[side] and part not in OPTIONAL]
             if missing and ports[side]:
                 expected = f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
                 table = next(iter(ports[side].values())).place.parent()
                 self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
-        return {side: self.named(side, parts) if side in NAMED else parts for side, parts in ports.items()}
+        found = {side: self.named(side, parts) if side in NAMED else parts for side, parts in ports.items()}
+        for side, name in zip(NAMED, ENVIRONMENT, strict=True):  # the environment's port is an input and an output
+            if leaf := found["environment"].get(name.partition(".")[2]):
+                found[side][name], self.leaves[f"ports.{name}"] = {"signal": leaf}, leaf
+        return found
 
     def named(self, side: str, ports: dict[str, Parts]) -> dict[str, Parts]:
         """Check the names of inputs or outputs; return those that have a signal."""
@@ -77,14 +83,14 @@ class PortReader(KeyReader):
         hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
         inputs, outputs = [], []
         for name, parts in ports["inputs"].items():
-            path, leaf = f"ports.inputs.{name}", parts["signal"]
+            path, leaf = path_of_port("inputs", name), parts["signal"]
             fault = self.fault_from_outside(leaf.value)
             if fault or leaf.value in [signal for _, signal, _ in inputs]:
                 self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(leaf.value)} again")), of_key=False)
             else:
                 inputs.append((name, leaf.value, self.word(f"{path}.unit", parts.get("unit"))))
         for name, parts in ports["outputs"].items():
-            path = f"ports.outputs.{name}"
+            path = path_of_port("outputs", name)
             if name in ports["inputs"]:
                 self.refuse(parts["signal"], path, "another name than that of an input", show(name))
             terms = self.read_terms(path, parts["signal"])

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 
-from wavesweep.spec.drawing import RATE, Drawing, path_of
+from wavesweep.spec.drawing import RATE, Drawing, path_of, path_of_port
 from wavesweep.spec.drawn_block import keys_of_block
 from wavesweep.spec.expressions import sum_of
 from wavesweep.spec.sorting import Path
@@ -70,7 +70,7 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
             words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
             unit, description = (word.value if word else "" for word in words)
             tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
-    asked = [each for each in drawing.outputs if f"ports.outputs.{each[0]}" not in given.leaves]
+    asked = [each for each in drawing.outputs if path_of_port("outputs", each[0]) not in given.leaves]
     for name, terms, unit in asked:  # by [bode] or [simulate], see `Drawing.signals`
         tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
     return tables

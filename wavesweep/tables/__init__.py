@@ -25,6 +25,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
         "simulate-response": "simulation",
         "passivity": "passivity",
         "passivity-filters": "passivity",
+        "passivity-ports": "passivity",
         "passivity-along": "intervals",
         "why": "why",
         "margins": "margins",

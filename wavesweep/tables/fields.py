@@ -46,6 +46,7 @@ _VALUES = {
         "passive": "every passive hand, of any mass and stiffness, also if it moves within a tick",
         "box": "every hand between a fingertip and an arm, or in the ranges that --for-hands box:... gives",
         "port": "the hand's port is passive, if forces are held over a tick",
+        "ports": "every pair of linear passive terminations at both ports, if forces are held over a tick",
         "channel": "the wave channel adds at most the tolerance of the run to its waves",
     },
     "guarantee": {
@@ -94,7 +95,7 @@ _LINEAR = [
     replace(each, name=f"linear_{each.name}", description=f"{each.description}, of the linear loop")
     for each in (*_BODE[4:12], *_BODE[14:16])
 ]
-_ALONE = ("bode-ports", "passivity", "passivity-filters", "why", "margins", "identify", "identify-response")
+_ALONE = ("bode-ports", "passivity", "passivity-filters", "passivity-ports", "why", "margins", "identify", "identify-response")
 COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         **dict.fromkeys(("zwidth", "stability-region"), _INTERVALS),

@@ -33,6 +33,7 @@ HANDS = {
     "passive": Hand("stable with every passive hand", nowhere="nowhere stable with every passive hand"),
     "box": Hand("stable with every hand of the box", nowhere="nowhere stable with every hand of the box"),
     "port": Hand("hand's port passive, forces held over a tick", "passive", "nowhere passive"),
+    "ports": Hand("absolutely stable at both ports", "absolutely stable", "nowhere absolutely stable"),
     "channel": Hand("wave channel passive to within the tolerance", "passive", "nowhere passive"),
     "spec": Hand("the spec's own numbers"),
     "for_all": Hand("proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all]"),

@@ -63,9 +63,22 @@ def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: 
     from wavesweep.tables.intervals import intervals
 
     _refuse_tolerance(tolerance)
-    hands = hands_of(["port", *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])])
+    words = ["ports"] * bool(spec.drawing and spec.drawing.environment)
+    hands = hands_of(["port", *words, *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])])
     table = intervals(spec, along=along, hands=hands, **work)
     return replace(table, kind="passivity-along", facts={**table.facts, "along": along, "tolerance": tolerance})
+
+
+def over_frequency(spec: Spec) -> Table:
+    """Llewellyn's index and the damping that both ports could do without, over frequency, for every combination of the axes."""
+    from wavesweep.analyses.passivity import curves
+
+    started, axes = time.perf_counter(), tuple(axis for axis in spec.sweep if axis.values)
+    columns = joined(curves(spec, axes))
+    methods = {"ports": "least eigenvalue of the Hermitian part with balanced weights, at each frequency"}
+    counts = {"computed": columns["llewellyn"].size, "skipped": 0, "certified": 0}
+    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started}, (), [axis.path for axis in axes])
+    return Table.of("passivity-ports", columns, facts)
 
 
 def in_memory(spec: Spec, axes) -> Columns:
@@ -81,7 +94,7 @@ def _blocks(found: Run) -> Iterator[Columns]:
     from wavesweep.analyses.passivity import blocks
 
     for axes, columns in blocks(found):
-        known = {name: np.ascontiguousarray(columns[name]) for name in KINDS[0].names if name in columns}
+        known = {each.name: np.ascontiguousarray(columns[each.name]) for each in KINDS[0].fields if each.name in columns}
         yield axes | known
 
 
@@ -140,7 +153,9 @@ class PassivityTally:
         self._tolerance, self._slices = facts["tolerance"], facts["slices"]
         self._damped = "damping_needed" not in facts["methods"]  # otherwise it is not known
         self._counts: Counter[str] = Counter()
-        self._ranges: dict[str, list[float] | None] = dict.fromkeys(("channel_norm", "port_margin", "damping_needed"))
+        self._ranges: dict[str, list[float] | None] = dict.fromkeys(
+            ("channel_norm", "port_margin", "damping_needed", "ports_margin")
+        )
 
     def add(self, columns: Columns) -> None:
         needed, passive = columns["damping_needed"], columns["channel_passive"]
@@ -150,17 +165,20 @@ class PassivityTally:
             "channel_passive": passive,
             "port_passive": columns["port_passive"],
             "no_damping_is_enough": np.isnan(needed) & self._damped,
+            "absolutely_stable": columns.get("absolutely_stable", np.zeros(0)),
+            "ports_proved": columns.get("ports_certified", np.zeros(0)),
             "margin_unknown": np.isnan(columns["port_margin"]),
             "unstable": ~columns["stable"],
         }
         self._counts.update({name: int(each.sum()) for name, each in flags.items()})
-        values = {name: columns[name] for name in self._ranges} | {"damping_needed": needed[needed > 0]}
+        values = {name: columns.get(name, np.zeros(0)) for name in self._ranges} | {"damping_needed": needed[needed > 0]}
         for name, column in values.items():
             self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
 
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
-                 "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
+                 "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "absolutely_stable", "ports_proved",
+                 "ports_margin", "unstable", "slices")  # fmt: skip
         found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
         units = {"port_margin": at_port("m/N", facts), "damping_needed": at_port("N*s/m", facts)}
         return {name: found[name] for name in order} | {"units": units}
@@ -181,11 +199,25 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield f"further damping of the device that makes it passive: {needed} {unit}", False
     if found["no_damping_is_enough"]:
         yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
+    if found["ports_margin"]:
+        margin, unit = _span(found["ports_margin"], 6), found["units"]["damping_needed"]
+        yield f"both ports: absolutely stable in {found['absolutely_stable']} of {rows}; margin {margin} {unit}", False
+        if found["ports_proved"] < found["rows"]:
+            yield f"neither proved nor refuted at both ports: {count(found['rows'] - found['ports_proved'], 'row')}", True
     if found["unstable"]:
         yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
     slices = found["slices"]
     if slices["certified"] < slices["computed"]:
         yield f"{slices['computed'] - slices['certified']} of {slices['computed']} loops not certified", True
+
+
+def _index_numbers(columns: Columns, _: Mapping[str, Any]) -> Numbers:
+    worst = int(columns["llewellyn"].argmin())
+    return {"llewellyn": float(columns["llewellyn"][worst]), "frequency_hz": float(columns["frequency_hz"][worst])}
+
+
+def _index_lines(found: Numbers) -> Iterator[Line]:
+    yield f"Llewellyn's index: at least {found['llewellyn']:.6g} of those computed, at {found['frequency_hz']:.4g} Hz", False
 
 
 def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -241,5 +273,12 @@ KINDS = (
         _filter_lines,
         figure="passive.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
+    ),
+    Kind(
+        "passivity-ports",
+        lambda _: Whole(_index_numbers),
+        _index_lines,
+        figure="passive.passivity_ports",
+        again=from_spec(over_frequency),
     ),
 )

@@ -1,0 +1,309 @@
+"""Absolute stability of loops with two ports: stable with every pair of passive terminations, one at each port.
+
+H is the lifted map from the forces f at both ports, held over each tick of a frame, to the displacements y in the ticks. At an
+angle of the frame each port has one component for each of its M ticks, at the frequencies that alias to the same: the basis F.
+A linear termination that does not change in time acts on each component alone, by a number with a positive real part. So the
+loop is absolutely stable if it is stable and at each angle there are positive weights R, one per component, with
+
+    He(R Z R^-1) > 0,   Z = (F* H F)^-1.
+
+Conversely, if some displacements have a negative power in all components, passive terminations destabilise the loop; these are
+found at the best weights. If a frame has one tick, this is Llewellyn's criterion, `2 Re z11 Re z22 > |z12 z21| + Re(z12 z21)`.
+Source: F. B. Llewellyn, Some fundamental properties of transmission systems, Proc. IRE 40(3), 271-283, 1952; with scattering
+matrices and structured singular values J. E. Colgate, IEEE Transactions on Robotics and Automation 9(4), 365-374, 1993.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.loops.from_drawing import OUTPUT, POSITION
+from wavesweep.monodromy.circle import inverse, on_circle, solve
+from wavesweep.passive.held_loop import HeldLoop
+from wavesweep.passive.lifted_map import LiftedMap, TickMaps
+from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
+from wavesweep.response.port import Ports, port_of
+from wavesweep.spec.drawing import ENVIRONMENT
+from wavesweep.stability.spectrum import eigenvalues, is_stable
+
+OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
+STEPS, SETTLED = 40, 1e-9  # of balancing, and changes of the logarithms of weights that end it
+TINY = 1e-300
+NEAR_REST = 1e-4  # rad per frame: in place of 0, where forces that move nothing leave no impedance
+TRIED = np.concatenate([np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame
+ZOOMS, POINTS = 7, 9  # to a worst angle between those
+BOXES, MOST = 2000, 3000  # of a proof, and values of the number and the angle in each
+FINEST = 2e-5  # of an interval: narrower parts that are not proved stay open
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairMap:
+    """Loops with two ports over a frame.
+
+    h: what constant forces do at rest, the displacements or, if these are 0, the positions, `(loops, 2, 2)`. zeros: how many
+    pairs of forces move nothing at rest. There He(R H R^-1) has so many double zeros if the weights have the `ratio`.
+    """
+
+    lifted: LiftedMap
+    h: np.ndarray
+    zeros: int
+    pivots: np.ndarray
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """R1^2/R2^2 of the components at rest, NaN where any will do."""
+        return self.h[:, 1, 0] / self.h[:, 0, 1] if self.zeros else np.full(len(self.h), np.nan)
+
+
+Pairs = Callable[[np.ndarray], PairMap]
+"""From values of a number `(n,)`, real or complex, to the loops."""
+
+
+def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: float = 0.0) -> Pairs:
+    """Loops along a number, with so much damping (N*s/m) taken away at both ports: `f + damping y/T` in place of f."""
+    drift = loop.changed({path: inner_numbers(span)}).drift((POSITION, OTHER))
+    ports = Ports(loop.drawing.hand[0], POSITION, other=(loop.drawing.environment[0], OTHER))
+
+    def maps(p):
+        at = loop.changed({path: away_from_0(p, span)})
+        drawn, taken = at.drawn(), []
+        with np.errstate(all="ignore"):
+            port = port_of(drawn, ports, drift)
+            for E, B, C, D in port.maps:
+                back = inverse(np.ravel(drawn.period)[0] * np.eye(2) - damping * D) * damping
+                taken.append((E + B @ back @ C, B + B @ back @ D, C + D @ back @ C, D + D @ back @ D))
+            lifted = TickMaps.of(taken, port.kind, p.shape).lifted(measured=False)
+            sums = np.tile(np.eye(2), port.kind.size).T
+            moved = -solve(lifted.E, lifted.G @ sums)
+            h = sums.T @ (lifted.T @ sums + lifted.O @ moved) if port.drifts else port.position @ moved
+        return PairMap(lifted, h, 2 - port.drifts, pivots_of(at, path, drawn, p.shape))
+
+    return remembered(maps)
+
+
+def components(H: np.ndarray, theta: np.ndarray, sign: int = 1) -> np.ndarray:
+    """`F* H F`, maps of a frame between the components of both ports, `(points, 2 M, 2 M)`; sign: -1 for the conjugate basis.
+
+    theta: angles, real or complex, `(points,)`.
+    """
+    M = H.shape[-1] // 2
+    F = np.kron(np.exp(sign * 2j * np.pi / M * np.outer(range(M), range(M))) / M**0.5, np.eye(2))
+    return F.conj().T @ _turned(H, theta) @ F
+
+
+def _turned(H, theta):
+    """H between signals that turn back by the angle in a frame."""
+    M = H.shape[-1] // 2
+    turn = np.exp(1j * theta[:, None] * np.arange(M) / M).repeat(2, axis=1)
+    return H * (turn[:, None, :] / turn[:, :, None])
+
+
+def components_with_sizes(lifted: LiftedMap, theta: np.ndarray, sign: int) -> tuple[np.ndarray, np.ndarray]:
+    """`F* H F` at `sign` times the angles, in the basis or the conjugate one, and the sizes of the terms of its entries."""
+    H, size = with_sizes(lifted, sign * theta)
+    M = H.shape[-1] // 2
+    size = np.abs(_turned(size, sign * theta)).reshape(-1, M, 2, M, 2).sum((1, 3)) / M
+    return components(H, sign * theta, sign), np.tile(size, (1, M, M))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Worst:
+    """At some points: the damping (N per m in a tick) that can be taken away at both ports, `(points,)`, the logarithms of the
+    weights with which it can, and the components of displacements that bear no more, `(points, 2 M)` both."""
+
+    shunt: np.ndarray
+    log_w: np.ndarray
+    y: np.ndarray
+
+
+def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> Worst:
+    """The least eigenvalues of `He(R Z R^-1)` at the best weights, or given ones.
+
+    Weights that balance the rows and columns of Z are the best ones if the ports act on each other in one way only, as those of
+    single rates and of links do, and good ones otherwise (E. E. Osborne, Journal of the ACM 7(4), 338-345, 1960).
+    """
+    if log_w is None:
+        log_w, sizes = np.zeros(Z.shape[:2]), np.abs(Z) ** 2
+        sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = TINY
+        for _ in range(STEPS):
+            square = np.exp(2 * log_w)
+            step = np.log((square[:, None] @ sizes)[:, 0] / (sizes @ (1 / square)[:, :, None])[..., 0]) / 8 - log_w / 2
+            log_w += step
+            if np.abs(step).max(initial=0.0) < SETTLED:
+                break
+    R = np.exp(log_w)
+    S = R[:, :, None] * Z / R[:, None, :]
+    values, vectors = np.linalg.eigh((S + np.swapaxes(S.conj(), -1, -2)) / 2)
+    return Worst(values[:, 0], log_w, vectors[:, :, 0] / R)
+
+
+def least_shunt(pairs: Pairs, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least shunt over all angles (N per m in a tick), -inf of unstable loops, and its angle (rad per frame)."""
+    lifted = pairs(p).lifted
+    found, theta = np.full((2, len(p)), -np.inf)
+    stable = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
+    stable[stable] = is_stable(lifted.E[stable])
+    at = np.flatnonzero(stable)
+    own = np.clip(np.abs(np.angle(1 + eigenvalues(lifted.E[at])[0])), NEAR_REST, np.pi)
+    angles = np.sort(np.concatenate([np.broadcast_to(TRIED, (at.size, TRIED.size)), own], axis=-1))
+    for _ in range(1 + ZOOMS if at.size else 0):
+        Z = impedances(lifted, np.repeat(at, angles.shape[1]), angles.ravel())
+        shunt = worst(Z).shunt.reshape(angles.shape)
+        best = shunt.argmin(-1)[:, None]
+        found[at], theta[at] = (np.take_along_axis(each, best, -1)[:, 0] for each in (shunt, angles))
+        below, above = (np.take_along_axis(angles, np.clip(best + step, 0, angles.shape[1] - 1), -1) for step in (-1, 1))
+        angles = below + (above - below) * np.linspace(0, 1, POINTS)
+    return found, theta
+
+
+def impedances(lifted: LiftedMap, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Z of the loops `owner` at angles, `(points, 2 M, 2 M)`, in N per m in a tick."""
+    return inverse(components(lifted.response(owner, theta), theta))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """Loops with two ports along a number, of which absolute stability is asked; see `passive_ranges` for what asks."""
+
+    pairs: Pairs
+
+    def passive(self, p: np.ndarray) -> np.ndarray:
+        """Whether loops at values of the number are absolutely stable, `(n,)`."""
+        return least_shunt(self.pairs, p)[0] > 0
+
+    def angle(self, p: float) -> float:
+        """The angle that decides (rad per frame)."""
+        return float(least_shunt(self.pairs, np.array([p]))[1][0])
+
+    def witness(self, low: float, high: float) -> "PairWitness":
+        """What takes energy in all components between two values, about as the worst forces do at these and in the middle."""
+        p = np.array([low, (low + high) / 2, high])
+        lifted, theta = self.pairs(p).lifted, np.append(TRIED, self.angle(p[1]))
+        shunts = worst(impedances(lifted, np.ones(theta.size, int), theta)).shunt
+        theta = theta[np.argmin(shunts * theta)]  # next to rest powers are small, and would drown in rounding
+        Z = impedances(lifted, np.arange(3), np.full(3, theta))
+        force = (Z @ worst(Z).y[:, :, None])[..., 0]
+        force /= np.take_along_axis(force, np.abs(force[1:2]).argmax(-1, keepdims=True), -1)
+        slopes = np.stack([force[1], (force[2] - force[0]) / 2, (force[0] + force[2]) / 2 - force[1]])
+        return PairWitness(self.pairs, np.array([theta]), p, slopes)
+
+    def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
+        """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof.
+
+        The interval times the circle is divided into boxes, each with its own weights.
+        """
+        queue, open_ = [(low, high, *each) for each in pairwise(ANGLES)], []
+        if not is_stable(self.pairs(np.array([(low + high) / 2])).lifted.E).all():
+            return None
+        for _ in range(BOXES):
+            if not queue:
+                return open_
+            first, last, below, above = box = queue.pop()
+            p, theta = (first + last) / 2, (below + above) / 2
+            shunts, functions = self._weighted(box)
+            if functions is None:
+                return p
+            if shunts.min() > 0 and functions.positive(p, theta):
+                found = cover(functions, [[first, below or -above / 2], [last, above]], MOST)
+                if found is not None and not len(found.open) and not len(found.unstable):
+                    continue
+            drops = shunts[1, 1] - shunts[[0, 2], 1].min(), shunts[1, 1] - shunts[1, [0, 2]].min()
+            if drops[0] > drops[1] and last - first > FINEST * (high - low):
+                queue += [(first, p, below, above), (p, last, below, above)]
+            elif drops[0] <= drops[1] and above - below > NEAR_REST:
+                queue += [(first, last, below, theta), (first, last, theta, above)]
+            else:
+                open_.append(np.array([first, last]))
+        return None
+
+    def _weighted(self, box):
+        """The shunts that the weights of a box allow at nine points of it, and its function; None where no weights do."""
+        p, theta = np.linspace(*box[:2], 3), np.maximum(np.linspace(*box[2:], 3), NEAR_REST)
+        at, rest = self.pairs(p), box[2] == 0
+        Z = impedances(at.lifted, np.repeat(np.arange(3), 3), np.tile(theta, 3))
+        middle = worst(Z[3:4] if rest else Z[4:5])
+        log_w = np.repeat(weights(middle.log_w[0], at.ratio if rest else np.full(3, np.nan)), 3, axis=0)
+        function = PairDeterminant(self.pairs, middle.log_w[0], rest)
+        return worst(Z, log_w).shunt.reshape(3, 3), function if middle.shunt[0] > 0 else None
+
+
+def weights(log_w: np.ndarray, ratio: np.ndarray) -> np.ndarray:
+    """Logarithms of weights for each of some loops, `(loops, 2 M)`; those of the components at rest have the ratio if known."""
+    found = np.broadcast_to(log_w, (len(ratio), len(log_w))).astype(np.result_type(ratio, float))
+    half = np.where(np.isnan(ratio), log_w[0] - log_w[1], np.log(ratio) / 2) / 2
+    found[:, 0], found[:, 1] = log_w[:2].sum() / 2 + half, log_w[:2].sum() / 2 - half
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairDeterminant:
+    """`det He(R H R^-1) |det(w - E)|^2` over number and angle, for the same weights; see `Functions` in `robust.boxes`.
+
+    rest: the weights have the ratio at rest, and the zeros there are divided out.
+    """
+
+    pairs: Pairs
+    log_w: np.ndarray
+    rest: bool
+
+    def units(self, middle) -> None:
+        """There are none."""
+
+    def values(self, x, units):  # noqa: ARG002
+        """Phase, logarithm, error and pivots at points `(n, 2)`."""
+        whole, size, lifted, at, which = self.hermitian(x[:, 0], x[:, 1])
+        steps = on_circle(np.stack([x[:, 1], -x[:, 1]]))
+        parts = [(whole, size)] + [(A, np.abs(A)) for A in steps[..., None, None] * np.eye(lifted.E.shape[-1]) - lifted.E]
+        found = [np.linalg.slogdet(part) for part, _ in parts]
+        # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
+        error = sum(TERMS * (np.abs(np.swapaxes(inverse(part), -1, -2)) * terms).sum((-1, -2)) for part, terms in parts)
+        zeros = (steps[0] * steps[1]) ** (self.rest * at.zeros)
+        phase = np.prod([sign for sign, _ in found], axis=0) * np.abs(zeros) / zeros
+        return phase[None], (sum(log for _, log in found) - np.log(np.abs(zeros)))[None], error[None], at.pivots[which]
+
+    def positive(self, p: float, theta: float) -> bool:
+        """Whether all eigenvalues of the Hermitian part are positive at a point."""
+        whole, size, *_ = self.hermitian(np.array([p]), np.array([theta]))
+        return bool(np.linalg.eigvalsh(whole[0])[0] > 1e-12 * size.max())
+
+    def hermitian(self, numbers, theta):
+        """The Hermitian part, continued to complex numbers and angles, the sizes of its terms, the maps at the points, and the
+        loops of different numbers with the index of each point in them."""
+        unique, which = np.unique(numbers, return_inverse=True)
+        at = self.pairs(unique if unique.imag.any() else unique.real)
+        ratio = at.ratio if self.rest else np.full(unique.shape, np.nan)
+        R, lifted = np.exp(weights(self.log_w, ratio))[which], at.lifted.at(which)
+        scale = R[:, :, None] / R[:, None, :]
+        (whole, size), (back, more) = (components_with_sizes(lifted, theta, sign) for sign in (1, -1))
+        whole, size = scale * whole + np.swapaxes(scale * back, -1, -2), np.abs(scale) * size
+        size += np.swapaxes(np.abs(scale) * more, -1, -2)
+        return whole / 2, size / 2, lifted, at, which
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairWitness:
+    """What takes energy in all components at one angle, as functions of the number: `-Re f* H f` of each, for forces f.
+
+    theta: `(1,)`. span: low, middle and high. force: `(3, 2 M)`, in their components the coefficients of the powers of
+    `2 (p - middle)/(high - low)`.
+    """
+
+    pairs: Pairs
+    theta: np.ndarray
+    span: np.ndarray
+    force: np.ndarray
+
+    def units(self, middle) -> None:
+        """There are none."""
+
+    def values(self, x, units):  # noqa: ARG002
+        """Phase, logarithm, error and pivots at points `(n, 1)`."""
+        at = self.pairs(x[:, 0])
+        (H, size), (back, more) = (components_with_sizes(at.lifted, self.theta, sign) for sign in (1, -1))
+        powers = ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3)
+        f, g = ((powers @ each)[..., None] for each in (self.force, self.force.conj()))
+        value = -(g * (H @ f) + f * (back @ g))[..., 0].T / 2
+        error = TERMS * (np.abs(f) * ((size + more) / 2 @ np.abs(f)))[..., 0].T / np.abs(value)
+        return value / np.abs(value), np.log(np.abs(value)), error, at.pivots
