@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 
 from wavesweep.analyses.loops import held_loop, named_loops, port_at_hand
-from wavesweep.analyses.two_ports import LONGEST_PAIR, curve, pair_fields, pair_margin
+from wavesweep.analyses.two_ports import curve, pair_fields, pair_margin
 from wavesweep.errors import UsageError
 from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.passive.channel import channel_norm, has_waves, numbers_of_channel
@@ -51,11 +51,10 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     names = {axis.path: axis.name for axis in grid.loop_axes}
     for key, values in islice(resolved.items(), MOST_TRIED):
         ticks = loops_of(spec, values).drawn().ticks
-        if ticks > (LONGEST_PAIR if pair else LONGEST):
+        if ticks > LONGEST:
             at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
             at = at and f" for {at}; leave out these values"
-            most = f"{LONGEST_PAIR} ticks for two ports" if pair else f"{LONGEST} ticks for passivity"
-            raise UsageError(f"expected a frame of at most {most}, found {ticks}{at}")
+            raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}")
     if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)

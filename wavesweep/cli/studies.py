@@ -220,9 +220,13 @@ def passivity(spec: str, options: Options, filters: bool, tolerance: float, alon
     At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
     necessary: see zwidth --for-hands passive.
 
-    With --along NAME the table is passivity-along: the stable intervals of that number, those with a passive port and those
-    with a passive channel, one row each. The column hand says which; certified is 1 if every value of the interval is proved
-    to be passive, and those just outside are proved not to be.
+    A drawn loop with a second port, [ports] environment, is absolutely stable if it is stable with every pair of passive
+    terminations: ports_margin is the damping that both ports may lose, and a second table, passivity-ports, has Llewellyn's
+    index over frequency.
+
+    With --along NAME the table is passivity-along: the stable intervals of that number, those with a passive port, those that
+    are absolutely stable, and those with a passive channel, one row each. The column hand says which; certified is 1 if every
+    value of the interval is proved to be so, and those just outside are proved not to be.
 
     \b
     Examples:

@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import OUTPUT, POSITION
 from wavesweep.monodromy.circle import inverse, on_circle, solve
 from wavesweep.passive.held_loop import HeldLoop
@@ -29,13 +30,14 @@ from wavesweep.spec.drawing import ENVIRONMENT
 from wavesweep.stability.spectrum import eigenvalues, is_stable
 
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
+LONGEST = 100  # ticks of a frame
 STEPS, SETTLED = 40, 1e-9  # of balancing, and changes of the logarithms of weights that end it
 TINY = 1e-300
 NEAR_REST = 1e-4  # rad per frame: in place of 0, where forces that move nothing leave no impedance
 TRIED = np.concatenate([np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame
 ZOOMS, POINTS = 7, 9  # to a worst angle between those
-BOXES, MOST = 2000, 3000  # of a proof, and values of the number and the angle in each
-FINEST = 2e-5  # of an interval: narrower parts that are not proved stay open
+BOXES, MOST = 1000, 400  # of a proof, and values of the number and the angle in each
+FINEST = 4e-5  # of an interval: narrower parts that are not proved stay open
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +54,20 @@ class PairMap:
     pivots: np.ndarray
 
     @property
+    def still(self) -> np.ndarray:
+        """The forces that move nothing at rest, orthonormal and constant over a frame, `(loops, 2 M, zeros)`."""
+        M, one = self.lifted.T.shape[-1] // 2, np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None]
+        pair = one / np.sqrt((one**2).sum(1, keepdims=True)) if self.zeros == 1 else np.broadcast_to(np.eye(2), self.h.shape)
+        return np.tile(pair[:, :, : self.zeros], (1, M, 1)) * M**-0.5
+
+    def apart(self) -> LiftedMap:
+        """The map from forces that are multiplied by `1/(1/z - 1)` in the direction of those that move nothing at rest."""
+        (E, T, O, G), e = ((lifted := self.lifted).E, lifted.T, lifted.O, lifted.G), self.still
+        across, r = np.swapaxes(e, -1, -2), -solve(E, G @ e)
+        P = np.eye(T.shape[-1]) - e @ across
+        return LiftedMap(E, T @ P + O @ r @ across, O, G @ P + (r + E @ r) @ across)
+
+    @property
     def ratio(self) -> np.ndarray:
         """R1^2/R2^2 of the components at rest, NaN where any will do."""
         return self.h[:, 1, 0] / self.h[:, 0, 1] if self.zeros else np.full(len(self.h), np.nan)
@@ -65,6 +81,9 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
     """Loops along a number, with so much damping (N*s/m) taken away at both ports: `f + damping y/T` in place of f."""
     drift = loop.changed({path: inner_numbers(span)}).drift((POSITION, OTHER))
     ports = Ports(loop.drawing.hand[0], POSITION, other=(loop.drawing.environment[0], OTHER))
+
+    if (ticks := loop.drawn().ticks) > LONGEST:
+        raise UsageError(f"expected a frame of at most {LONGEST} ticks for two ports, found {ticks}")
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
@@ -83,29 +102,20 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
     return remembered(maps)
 
 
-def components(H: np.ndarray, theta: np.ndarray, sign: int = 1) -> np.ndarray:
-    """`F* H F`, maps of a frame between the components of both ports, `(points, 2 M, 2 M)`; sign: -1 for the conjugate basis.
-
-    theta: angles, real or complex, `(points,)`.
-    """
-    M = H.shape[-1] // 2
+def basis(theta: np.ndarray, M: int, sign: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """F at `sign` times the angles, real or complex, and its inverse, `(points, 2 M, 2 M)` both; the conjugate for -1."""
     F = np.kron(np.exp(sign * 2j * np.pi / M * np.outer(range(M), range(M))) / M**0.5, np.eye(2))
-    return F.conj().T @ _turned(H, theta) @ F
-
-
-def _turned(H, theta):
-    """H between signals that turn back by the angle in a frame."""
-    M = H.shape[-1] // 2
-    turn = np.exp(1j * theta[:, None] * np.arange(M) / M).repeat(2, axis=1)
-    return H * (turn[:, None, :] / turn[:, :, None])
+    turn = np.exp(sign * 1j / M * theta[:, None] * np.arange(M)).repeat(2, axis=1)
+    return turn[:, :, None] * F, F.conj().T / turn[:, None, :]
 
 
 def components_with_sizes(lifted: LiftedMap, theta: np.ndarray, sign: int) -> tuple[np.ndarray, np.ndarray]:
-    """`F* H F` at `sign` times the angles, in the basis or the conjugate one, and the sizes of the terms of its entries."""
+    """`F^-1 H F` at `sign` times the angles, see `basis`, and the sizes of the terms of its entries."""
     H, size = with_sizes(lifted, sign * theta)
     M = H.shape[-1] // 2
-    size = np.abs(_turned(size, sign * theta)).reshape(-1, M, 2, M, 2).sum((1, 3)) / M
-    return components(H, sign * theta, sign), np.tile(size, (1, M, M))
+    F, back = basis(theta, M, sign)
+    across = np.abs(back).max((-1, -2))[:, None, None] * size * np.abs(F).max((-1, -2))[:, None, None]
+    return back @ H @ F, np.tile(across.reshape(-1, M, 2, M, 2).sum((1, 3)), (1, M, M))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,7 +170,8 @@ def least_shunt(pairs: Pairs, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def impedances(lifted: LiftedMap, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
     """Z of the loops `owner` at angles, `(points, 2 M, 2 M)`, in N per m in a tick."""
-    return inverse(components(lifted.response(owner, theta), theta))
+    F, back = basis(theta, lifted.T.shape[-1] // 2)
+    return inverse(back @ lifted.response(owner, theta) @ F)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,18 +186,22 @@ class Pair:
 
     def angle(self, p: float) -> float:
         """The angle that decides (rad per frame)."""
-        return float(least_shunt(self.pairs, np.array([p]))[1][0])
+        (theta,) = least_shunt(self.pairs, np.array([p]))[1]
+        return 0.0 if theta == NEAR_REST else float(theta)
 
     def witness(self, low: float, high: float) -> "PairWitness":
         """What takes energy in all components between two values, about as the worst forces do at these and in the middle."""
         p = np.array([low, (low + high) / 2, high])
-        lifted, theta = self.pairs(p).lifted, np.append(TRIED, self.angle(p[1]))
-        shunts = worst(impedances(lifted, np.ones(theta.size, int), theta)).shunt
-        theta = theta[np.argmin(shunts * theta)]  # next to rest powers are small, and would drown in rounding
+        lifted, theta = (at := self.pairs(p)).lifted, np.append(TRIED, least_shunt(self.pairs, p[1:2])[1])
+        found = worst(impedances(lifted, np.ones(theta.size, int), theta))
+        share = (np.abs(found.y * np.exp(found.log_w)) ** 2).min(-1)  # of a component in the power, which may drown in rounding
+        theta = theta[np.argmin(found.shunt * share)]
         Z = impedances(lifted, np.arange(3), np.full(3, theta))
-        force = (Z @ worst(Z).y[:, :, None])[..., 0]
-        force /= np.take_along_axis(force, np.abs(force[1:2]).argmax(-1, keepdims=True), -1)
-        slopes = np.stack([force[1], (force[2] - force[0]) / 2, (force[0] + force[2]) / 2 - force[1]])
+        y = worst(Z).y[:, :, None]
+        y /= np.take_along_axis(y, np.abs(y[1:2]).argmax(1, keepdims=True), 1)
+        e, force = at.still, basis(np.full(3, theta), Z.shape[-1] // 2)[0] @ Z @ y
+        force += e @ (np.swapaxes(e, -1, -2) @ force) * (on_circle(-theta) - 1)
+        slopes = np.stack([force[1], (force[2] - force[0]) / 2, (force[0] + force[2]) / 2 - force[1]])[..., 0]
         return PairWitness(self.pairs, np.array([theta]), p, slopes)
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
@@ -284,10 +299,10 @@ class PairDeterminant:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairWitness:
-    """What takes energy in all components at one angle, as functions of the number: `-Re f* H f` of each, for forces f.
+    """What takes energy in all components at one angle, as functions of the number: `-Re f* y` of each, for forces f.
 
-    theta: `(1,)`. span: low, middle and high. force: `(3, 2 M)`, in their components the coefficients of the powers of
-    `2 (p - middle)/(high - low)`.
+    theta: `(1,)`. span: low, middle and high. force: `(3, 2 M)`, coefficients of the powers of `2 (p - middle)/(high - low)` in
+    the forces of `PairMap.apart`: next to rest all others drown in rounding.
     """
 
     pairs: Pairs
@@ -301,9 +316,16 @@ class PairWitness:
     def values(self, x, units):  # noqa: ARG002
         """Phase, logarithm, error and pivots at points `(n, 1)`."""
         at = self.pairs(x[:, 0])
-        (H, size), (back, more) = (components_with_sizes(at.lifted, self.theta, sign) for sign in (1, -1))
-        powers = ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3)
-        f, g = ((powers @ each)[..., None] for each in (self.force, self.force.conj()))
-        value = -(g * (H @ f) + f * (back @ g))[..., 0].T / 2
-        error = TERMS * (np.abs(f) * ((size + more) / 2 @ np.abs(f)))[..., 0].T / np.abs(value)
+        apart, e = at.apart(), at.still
+        powers, parts = ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3), []
+        for sign, force in ((1, self.force), (-1, self.force.conj())):
+            H, size = with_sizes(apart, sign * self.theta)
+            f = (powers @ force)[:, :, None]
+            _, back = basis(self.theta, f.shape[1] // 2, sign)
+            y, rough = back @ H @ f, np.abs(back) @ size @ np.abs(f)
+            step = e @ (np.swapaxes(e, -1, -2) @ f) * (1 / on_circle(-sign * self.theta) - 1)
+            parts.append((back @ (f + step), y, np.abs(back) @ (np.abs(f) + np.abs(step)), rough))
+        (f, y, size, rough), (g, v, *_) = parts
+        value = -(g * y + f * v)[..., 0].T / 2
+        error = TERMS * (np.abs(f) * rough + np.abs(y) * size)[..., 0].T / np.abs(value)
         return value / np.abs(value), np.log(np.abs(value)), error, at.pivots

@@ -101,8 +101,9 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
     ticks = ticks_of(drawn, ports.signals, terms=True)
     places = len(ports.forces)
     reads = ticks.maps[0].C[..., :places, :]
-    if any(np.any(each.D[..., :places, :]) or np.any(each.C[..., :places, :] != reads) for each in ticks.maps):
-        raise NoPositionError(f"[ports] hand: expected {OF_PLANT}, found {ports.position}")
+    for at, position in enumerate(ports.signals[:places]):
+        if any(np.any(each.D[..., at, :]) or np.any(each.C[..., at, :] != reads[..., at, :]) for each in ticks.maps):
+            raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
     shifts = _Shifts.of(ticks, drift, reads)
     answers = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
     share = shifts.seen(answers) if ports.reaction else None

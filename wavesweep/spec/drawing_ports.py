@@ -60,10 +60,14 @@ class PortReader(KeyReader):
                 table = next(iter(ports[side].values())).place.parent()
                 self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
         found = {side: self.named(side, parts) if side in NAMED else parts for side, parts in ports.items()}
-        for side, name in zip(NAMED, ENVIRONMENT, strict=True):  # the environment's port is an input and an output
-            if leaf := found["environment"].get(name.partition(".")[2]):
-                found[side][name], self.leaves[f"ports.{name}"] = {"signal": leaf}, leaf
-        return found
+        return self.with_environment(found)
+
+    def with_environment(self, ports: Ports) -> Ports:
+        """Add the environment's force to the inputs and its displacement to the outputs."""
+        for side, name in zip(NAMED, ENVIRONMENT, strict=True):
+            if leaf := ports["environment"].get(name.partition(".")[2]):
+                ports[side][name], self.leaves[f"ports.{name}"] = {"signal": leaf}, leaf
+        return ports
 
     def named(self, side: str, ports: dict[str, Parts]) -> dict[str, Parts]:
         """Check the names of inputs or outputs; return those that have a signal."""
