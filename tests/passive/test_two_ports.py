@@ -77,7 +77,7 @@ def test_the_counterexample_is_unstable_by_the_loops_own_poles():
 
 
 def test_arms_whose_positions_both_return():
-    """A spring holds the leader, and the follower follows it: no constant forces move anything on, and two zeros are at rest."""
+    """A spring holds the leader, and the follower follows it: no constant forces move anything on."""
     tables = wavesweep.load(SPEC, ["n=1", "late=0", "g=0.5"]).tables()
     tables["block"]["leader"]["stiffness"] = 100.0
     found = pair_margin(held_loop(own_loop(wavesweep.load(tables))))

@@ -1,4 +1,4 @@
-"""The teleoperator of sweeps/examples/two-channel.toml by hand, with terminations of springs, masses and dampers at both ports."""
+"""The teleoperator of sweeps/examples/two-channel.toml by hand, with springs, masses and dampers at both ports."""
 
 import numpy as np
 from scipy.linalg import expm, inv
@@ -36,10 +36,8 @@ def termination(rng, parts):
 
     whole = part()
     for _ in range(parts):
-        if rng.random() < 0.6:
-            whole = side_by_side(whole, part())
-        else:
-            whole = inverse(side_by_side(inverse(whole), inverse(part())))
+        in_series = inverse(side_by_side(inverse(whole), inverse(other := part())))
+        whole = side_by_side(whole, other) if rng.random() < 0.6 else in_series
     return whole
 
 
