@@ -48,8 +48,10 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
     rest = re.match(r"[^#]*", here[column - 1 :])[0].strip() or "the end of the line"
     expected = next((expected for words, expected in _WORDS if what.startswith(words)), "")
     if any(word in what for word in ("overwrite", "duplicate", "twice", "mutate")):
-        column = len(here) - len(here.lstrip()) + 1
-        expected, rest = "each key and each table once", f"{here.strip()} a second time"
+        inner = re.search(r"'([^']+)'", what)
+        twice = inner[1] if inner else here.partition("=")[0].strip()
+        column = here.rfind(twice, 0, column) + 1 or column
+        expected, rest = "each key and each table once", f"{twice} a second time"
     elif len(here) <= LONGEST_LINE:
         for pattern, better in _SLIPS:
             spans = (slip.span(slip.lastindex or 0) for slip in re.finditer(pattern, here))
