@@ -90,6 +90,9 @@ def test_the_verdict_has_the_damping_that_is_needed():
     assert short["by"].startswith("frames 6, a hand that moves at ")
     assert damping(spec_of("pmw")) is None
     assert damping(spec_of(velocity="exact")) is None
+    felt = DRAWN | {"wire": DRAWN["wire"] | {"wall.u": "k*handle.x + 1*handle.v"}}
+    assert damping(load(DRAWN)) is not None
+    assert damping(load(felt)) is None
 
 
 @pytest.mark.parametrize(

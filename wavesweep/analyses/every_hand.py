@@ -12,15 +12,17 @@ from itertools import product
 import numpy as np
 
 from wavesweep.analyses.for_all import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
+from wavesweep.analyses.loops import held_loop
 from wavesweep.analyses.unknown import Case, Part
 from wavesweep.analyses.varying import Rules, text_of
 from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import scalar_place
+from wavesweep.passive.any_hand import reads_velocity
 from wavesweep.passive.channel import has_waves
 from wavesweep.passive.held_loop import HAND, HeldLoop, device_keys, device_of
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing, name_of
-from wavesweep.spec.expressions import degree, names_in
+from wavesweep.spec.expressions import degree
 from wavesweep.sweep.grid import Loops, own_loop
 
 STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for
@@ -56,13 +58,15 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
         raise UsageError("for hands: expected a spec without channels, found some")
     if has_waves(drawing):
         raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
+    if drawing.dead_times:
+        raise UsageError(REFUSED.format("delays in ticks", f"seconds of {', '.join(drawing.dead_times)}"))
     margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, values))[0], along)
-    ruled, device, name = margin.ruled, margin.device_damping, name_of(along)
-    read = {name for _, tree in ruled.trees() for name, _ in names_in(tree)}
+    ruled, device = margin.ruled, margin.device_damping
     for axis in margin.case.ranges:
-        if axis.path not in HAND and (name_of(axis.path) in read or degree(device, name_of(axis.path)) > 1):
+        if axis.path not in HAND and (axis.path in ruled.reads or degree(device, name_of(axis.path)) > 1):
             raise UsageError(REFUSED.format("ranges of the device's mass and damping alone, and values of others", axis.name))
-    if along and (degree(device, name) > 1 or (name in read and not _acts_once(ruled, name))):
+    name = name_of(along)
+    if along and (degree(device, name) > 1 or (along in ruled.reads and not _acts_once(ruled, name))):
         raise UsageError(
             REFUSED.format("intervals along a number that multiplies what it does not act on itself, such as K_VE", name)
         )
@@ -86,7 +90,7 @@ def damping(spec: Spec) -> dict[str, object] | None:
     not known), the device's own, and the counterexample. None for loops of which nothing is said."""
     rules = Rules.of(spec)
     loop = Loops(own_loop(spec).drawing, dict(spec.values))
-    if not rules.vary or device_of(loop.drawing) is None or spec.values.get("device.velocity") == "exact":
+    if not rules.vary or device_of(loop.drawing) is None or reads_velocity(held_loop(loop)):
         return None
     try:
         refuse(spec, rules, "")

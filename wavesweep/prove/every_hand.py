@@ -83,12 +83,10 @@ class EveryHand:
             rows, samples, symbols, follows = plan.written(index)
             joined: dict[tuple[int, ...], int] = {}
             words = tuple(_timed([*row, sample], maps, joined) for row, sample in zip(rows, samples, strict=True))
-            ticks = [reduce(_after, (maps[each] for each in some)) for some in joined]
-            kinds = _from_rest(ticks)
-            graph = automaton(words, follows)
+            kinds = _from_rest([reduce(_after, (maps[each] for each in some)) for some in joined])
         if kinds is None:
             return None
-        n = kinds[0][0].nrows()
+        graph, n = automaton(words, follows), kinds[0][0].nrows()
         if (most := graph.nodes * n * (n + 1) // 2) > MOST:
             raise UsageError(
                 f"hand passive while frames vary: expected at most {MOST} unknown numbers of stored energies, found {most}; "
@@ -119,30 +117,24 @@ class EveryHand:
         n, best, beam = M.shape[1], (-np.inf, (), np.nan), [()]
         maps = [(A[:, :n] - np.eye(n), A[:, n:], row[:, :n], row[:, n:]) for A, row in zip(M, rows, strict=True)]
         for _ in range(LONGEST):
-            longer = [(*first, last) for first in beam for last in range(len(self.words)) if self._may_follow(first, last)]
-            found = [(*self._needed_by(word, maps), word) for word in longer]
-            found.sort(key=lambda each: -each[0])
-            if found[0][0] > best[0]:
-                best = found[0][0], found[0][2], found[0][1]
-            if not best[0] < proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
+            longer = [(*first, last) for first in beam for last in range(len(self.words))]
+            longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]
+            found = sorted((self._needed_by(word, maps) for word in longer), key=lambda each: -each[0])
+            best = max(best, found[0], key=lambda each: each[0])
+            if best[0] >= proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
-            beam = [word for *_, word in found[: max(1, TRIED // len(self.words))]]
+            beam = [word for _, word, _ in found[: max(1, TRIED // len(self.words))]]
         return best
 
-    def _may_follow(self, word, last):
-        return not word or bool(self.follows[word[-1], last])
-
     def _needed_by(self, word, maps):
-        """The damping that a pattern needs which is repeated for ever, -infinite if it is not known, and the frequency."""
-        if not self._may_follow(word, word[0]):
-            return -np.inf, np.nan
+        """The damping that a repeated pattern needs, -infinite if it is not known, the pattern, and the frequency."""
         ticks = TickMaps.of(maps, np.concatenate([self.words[symbol] for symbol in word]), ())
-        lifted, n = ticks.lifted(), maps[0][0].shape[-1]
-        if n and not is_stable(lifted.E)[0]:
-            return -np.inf, np.nan
+        lifted = ticks.lifted()
+        if not self.follows[word[-1], word[0]] or (lifted.E.size and not is_stable(lifted.E)[0]):
+            return -np.inf, word, np.nan
         peak = peak_of(ticks, lifted, np.array([self.period]), np.zeros(1))
         value = float(peak.value[0]) if peak.certified[0] else -np.inf
-        return value, float(peak.theta[0] / (self.period * ticks.kind.size))
+        return value, word, float(peak.theta[0] / (self.period * ticks.kind.size))
 
     def _dissipates(self, norms: Norms, damping: float) -> bool:
         """Whether F is positive definite on every edge, and each P as well: elimination meets positive pivots alone."""
