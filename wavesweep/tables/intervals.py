@@ -68,9 +68,7 @@ class Stage:
 
 def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
-    from wavesweep.analyses.every_hand import EveryHandGuarantee
     from wavesweep.analyses.intervals import job_of, method
-    from wavesweep.analyses.varying import Rules
 
     own = job_of(spec, along)
     how = method(own.asked)
@@ -81,7 +79,12 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     stages = [Stage("free" if free is None else "operator", own, how)]
     if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    guarantees = [EveryHandGuarantee(Rules.of(spec))] if spec.for_all else hands.guarantees
+    guarantees = hands.guarantees
+    if spec.for_all:
+        from wavesweep.analyses.every_hand import EveryHandGuarantee
+        from wavesweep.analyses.varying import Rules
+
+        guarantees = [EveryHandGuarantee(Rules.of(spec))]
     return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in guarantees]
 
 
