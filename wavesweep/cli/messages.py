@@ -118,9 +118,12 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
                 shown = {"file": sys.stderr, "show_pos": True, "label": doing, "item_show_func": lambda text: text}
                 width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
                 bars.append(opened.enter_context(click.progressbar(length=total, width=width, **shown)))
-                bars.append(_Rate(done) if room > rates else None)
-            bar, rate = bars
-            bar.update(done - bar.pos, rate.text(done, certified) if rate else "")
+                bars.append((done, time.monotonic(), room > rates))
+            bar, (first, started, shown) = bars
+            seconds = time.monotonic() - started
+            said = [f"{(done - first) / seconds:,.0f}/s"] if seconds > 1 and done > first else []  # without a checkpoint's
+            said += [] if certified is None else [f"{certified:,} certified"]
+            bar.update(done - bar.pos, "  ".join(said) * shown)
 
     return move
 
@@ -160,19 +163,6 @@ class Murmur:
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
-
-
-class _Rate:
-    """Slices per second since the first report, without those from a checkpoint."""
-
-    def __init__(self, done: int) -> None:
-        self._first, self._started = done, time.monotonic()
-
-    def text(self, done: int, certified: int | None) -> str:
-        seconds = time.monotonic() - self._started
-        rate = f"{(done - self._first) / seconds:,.0f}/s" if seconds > 1 and done > self._first else ""
-        proved = "" if certified is None else f"{certified:,} certified"
-        return "  ".join(part for part in (rate, proved) if part)
 
 
 def where(paths: Iterable[Path], seconds: float) -> str:

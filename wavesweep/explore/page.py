@@ -8,10 +8,8 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from html import escape
 from importlib.resources import files
-from itertools import islice, product
+from itertools import product
 from math import prod
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -262,24 +260,17 @@ def _table(title, table):
     from wavesweep.plots import drawn
 
     table = drawn(table)
-    with TemporaryDirectory() as folder:
-        figure, text = Path(folder, "figure.svg"), Path(folder, "table.csv")
-        with text.open("wb") as file:
-            results.stream(table, file)  # the picture is drawn from the rows that it sees here
-        table.figure(figure)
-        picture = base64.b64encode(figure.read_bytes()).decode()
-        with text.open(encoding="utf-8") as file:
-            lines = [line.rstrip("\n") for line in islice(file, MOST_ROWS + 1)]
-            rows = len(lines) - 1 + sum(1 for _ in file)
+    csv, figure = results.pictured(table)
+    lines = csv.decode().rstrip("\n").split("\n")
     fields = results.fields_of(table.kind, next(iter(table.blocks())), table.facts)
     return {
         "title": title,
         "kind": table.kind,
         "units": [field.unit for field in fields],
-        "csv": "\n".join(lines),
-        "rows": rows,
+        "csv": "\n".join(lines[: MOST_ROWS + 1]),
+        "rows": len(lines) - 1,
         "facts": table.facts,
-        "figure": f"data:image/svg+xml;base64,{picture}",
+        "figure": f"data:image/svg+xml;base64,{base64.b64encode(figure.encode()).decode()}",
     }
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from hashlib import file_digest
-from pathlib import Path
+from hashlib import sha256
 from shlex import quote
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.errors import WavesweepError
@@ -146,16 +144,9 @@ def _found(title: str, table: Table, command: str) -> Found:
 
     kind, notices = kind_named(table.kind), [(str(each), False) for each in table.facts.get("notices", ())]
     tally = kind.tally(table)
-    watched = drawn(table, lambda text: notices.append((text, False))).watched(tally.add)
-    with TemporaryDirectory() as folder:
-        svg, csv = Path(folder, "figure.svg"), Path(folder, "table.csv")
-        with csv.open("wb") as file:
-            results.stream(watched, file)  # the figure is drawn from the rows that it sees here
-        with csv.open("rb") as file:
-            sha256 = file_digest(file, "sha256").hexdigest()
-        watched.figure(svg)
-        picture = svg.read_text(encoding="utf-8")
-    return Found(title, table, (*kind.lines(tally.numbers(table.facts)), *notices), picture, command, sha256)
+    csv, svg = results.pictured(drawn(table, lambda text: notices.append((text, False))).watched(tally.add))
+    lines = (*kind.lines(tally.numbers(table.facts)), *notices)
+    return Found(title, table, lines, svg, command, sha256(csv).hexdigest())
 
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:

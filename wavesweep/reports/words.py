@@ -20,20 +20,10 @@ if TYPE_CHECKING:
 MOST_VALUES = 6  # of an axis that are named
 MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one the rows with the largest and the least end
 BEYOND = (1e-3, 1e-6, 1e-9)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
-HEADS = {
-    "high": "to",
-    "low_hz": "limited at",
-    "high_hz": "and at",
-    "fails_below": "refuted below",
-    "fails_from": "refuted from",
-}
-HEADS |= {"guarantee": "for", "hand": "for"}
-WHOSE = {
-    "spec": "its own numbers",
-    "for_all": "all of [for_all]",
-    "passive": "every passive hand",
-    "box": "every hand of the box",
-}
+HEADS = {"guarantee": "for", "hand": "for", "high": "to", "low_hz": "limited at", "high_hz": "and at"}
+HEADS |= {"fails_below": "refuted below", "fails_from": "refuted from"}
+WHOSE = {"spec": "its own numbers", "for_all": "all of [for_all]"}
+WHOSE |= {"passive": "every passive hand", "box": "every hand of the box"}
 WHOSE |= {"free": "a free device", "operator": "the spec's operator", "port": "a passive port"}
 OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
 

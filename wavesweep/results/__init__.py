@@ -12,7 +12,7 @@ from wavesweep.results.folder import (
 )
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import add_figures
-from wavesweep.results.writing import publish, save, stream
+from wavesweep.results.writing import pictured, publish, save, stream
 from wavesweep.tables.columns import fields, fields_of
 from wavesweep.tables.fields import Field
 
@@ -26,6 +26,7 @@ __all__ = [
     "existing_facts",
     "fields",
     "fields_of",
+    "pictured",
     "place_of",
     "publish",
     "read",

@@ -158,11 +158,11 @@ def _text(value: str) -> Any:
     return _array(np.array([value], object))[0]
 
 
-def _cast(array: Any) -> Any:
+def _cast(array: Any, kind: str = "string") -> Any:
     import pyarrow
     from pyarrow._compute import CastOptions
 
-    return _call("cast", array, options=CastOptions.safe(pyarrow.string()))
+    return _call("cast", array, options=CastOptions.safe(getattr(pyarrow, kind)()))
 
 
 def _joined(pieces: list[Any], between: str) -> Any:
@@ -374,50 +374,38 @@ def _numpy(column: Any) -> np.ndarray:
         import pandas  # noqa: F401 - here a Ctrl-C is not dropped
 
         return column.to_numpy()
-    return np.concatenate([np.empty(0, _NUMPY[kind]), *(_values(chunk, _NUMPY[kind]) for chunk in column.chunks)])
-
-
-def _values(chunk: Any, kind: type) -> np.ndarray:
-    """The values of an array of Arrow; those that are missing are NaN."""
-    whole, (valid, values) = slice(chunk.offset, chunk.offset + len(chunk)), chunk.buffers()
-    if not len(chunk):
-        return np.empty(0, kind)
-
-    def bits(buffer: Any) -> np.ndarray:
-        return np.unpackbits(np.frombuffer(buffer, np.uint8), count=whole.stop, bitorder="little")[whole].astype(bool)
-
-    if kind is np.bool_:
-        return bits(values)
-    found: np.ndarray = np.frombuffer(values, kind, whole.stop)[whole]
-    return np.where(bits(valid), found, np.nan) if chunk.null_count else found
+    if kind == "bool":
+        column = _cast(column, "uint8")
+    elif column.null_count:
+        column = _call("coalesce", column, _made("float64", 1, None, np.array([np.nan]))[0])
+    held = np.uint8 if kind == "bool" else _NUMPY[kind]
+    chunks = (np.frombuffer(each.buffers()[1], held, each.offset + len(each))[each.offset :] for each in column.chunks if each)
+    return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
 
 
 def _types() -> dict[str, Any]:
     import pyarrow
 
-    number, integer, boolean, string = pyarrow.float64(), pyarrow.int64(), pyarrow.bool_(), pyarrow.string()
-    return {"number": number, "integer": integer, "boolean": boolean, "string": string}
+    return {"number": pyarrow.float64(), "integer": pyarrow.int64(), "boolean": pyarrow.bool_(), "string": pyarrow.string()}
 
 
 def _array(column: np.ndarray) -> Any:
     """Wrap a column's memory. `pyarrow.array` would do, but imports pandas, which costs more than a small run takes."""
-    import pyarrow
-
     if column.dtype == np.float64:
         missing = np.isnan(column)
-        return _made(pyarrow.float64(), len(column), _bits(~missing) if missing.any() else None, column)
+        return _made("float64", len(column), _bits(~missing) if missing.any() else None, column)
     if column.dtype == np.int64:
-        return _made(pyarrow.int64(), len(column), None, column)
+        return _made("int64", len(column), None, column)
     if column.dtype == np.bool_:
-        return _made(pyarrow.bool_(), len(column), None, _bits(column))
-    return _made(pyarrow.string(), len(column), None, *_encoded(column.tolist()))
+        return _made("bool_", len(column), None, _bits(column))
+    return _made("string", len(column), None, *_encoded(column.tolist()))
 
 
-def _made(kind: Any, length: int, *buffers: Any) -> Any:
+def _made(kind: str, length: int, *buffers: Any) -> Any:
     import pyarrow
 
     wrapped = [None if buffer is None else pyarrow.py_buffer(buffer) for buffer in buffers]
-    return pyarrow.Array.from_buffers(kind, length, wrapped)
+    return pyarrow.Array.from_buffers(getattr(pyarrow, kind)(), length, wrapped)
 
 
 def _encoded(values: list) -> tuple[np.ndarray, bytes]:

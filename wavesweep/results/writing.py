@@ -8,7 +8,7 @@ from itertools import chain
 from numbers import Integral
 from pathlib import Path
 from shutil import copyfileobj
-from tempfile import SpooledTemporaryFile
+from tempfile import SpooledTemporaryFile, TemporaryDirectory
 from typing import Any, BinaryIO
 
 from wavesweep.arguments import boolean
@@ -146,6 +146,16 @@ def stream(table: Table, out: BinaryIO) -> None:
         whole.seek(0)
         copyfileobj(whole, out)
     out.flush()
+
+
+def pictured(table: Table) -> tuple[bytes, str]:
+    """Give the CSV of a table that has a figure, and the figure as SVG, which is drawn from the rows of the CSV."""
+    from io import BytesIO
+
+    stream(table, text := BytesIO())
+    with TemporaryDirectory() as folder:
+        table.figure(figure := Path(folder, "figure.svg"))
+        return text.getvalue(), figure.read_text(encoding="utf-8")
 
 
 def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:

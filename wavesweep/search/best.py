@@ -106,11 +106,6 @@ def chosen(rows: int) -> list[int]:
     return sorted({round(each) for each in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
 
 
-def spec_of(spec: Spec, row: dict[str, object]) -> Spec:
-    """Return the spec with the numbers of a row of the table."""
-    return spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary})
-
-
 def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """Return the spec of a design as text.
 
@@ -118,7 +113,8 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps. It sweeps no number that the search chose,
     but for the one that a drawn loop is looked along, and keeps the experiment of [simulate].
     """
-    design, tables = spec.design, spec_of(spec, row).tables()
+    design = spec.design
+    tables = spec.with_values({axis.name: row[axis.name] for axis in design.vary}).tables()
     walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
     varied = {axis.path for axis in design.vary} - {axis.path for axis in spec.sweep if axis.name == spec.along}
     left_out = {axis.name for axis in spec.sweep if axis.path in varied}
