@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.analyses.broken_loops import GAIN, broken_at, with_gain
+from wavesweep.analyses.broken_loops import GAIN, broken_at, with_block, with_gain
 from wavesweep.analyses.for_all import NEAR, SETTLED, numbers_in_words, refuse_unsuitable_ranges, values_of_range
 from wavesweep.analyses.open_loops import ANY
 from wavesweep.analyses.unknown import drift_over, frames_over
@@ -80,6 +80,7 @@ def refused(spec: Spec) -> str:
 
 def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all numbers of its [for_all]."""
+    spec, cut = with_block(spec, cut)
     axes = spec.for_all.unknown
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]

@@ -11,7 +11,7 @@ from wavesweep.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.monodromy.open_ticks import OpenTicks
 from wavesweep.passive.lifted_margins import LiftedLoop
 from wavesweep.passive.loop_margins import BrokenLoop
-from wavesweep.spec import Spec
+from wavesweep.spec import Spec, load
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.drawing import Drawing, path_of
 from wavesweep.spec.drawn_block import DrawnBlock
@@ -22,11 +22,16 @@ BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec c
 
 
 def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
-    """Break the spec's own loop at a signal, "block.port". Errors: UsageError for a signal at which that is not possible."""
+    """Break the spec's own loop at a signal, "block.port" or a name in [signals].
+
+    Errors: UsageError for a signal at which that is not possible.
+    """
+    named = spec.tables().get("signals", {})
+    spec, signal = with_block(spec, signal)
     loop = own_loop(spec)
     times = _times_per_frame(loop)
     if signal not in times:
-        hint = nearest(signal, times)
+        hint = nearest(signal, [*times, *named])
         raise UsageError(
             f"cut: expected an output of a block that some wire reads ({', '.join(times) or 'this loop has none'}), found "
             f"{signal!r}" + (f"; did you mean `{hint}`?" if hint else "")
@@ -42,6 +47,24 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
     found = open_loops(loop, GAIN) if times[signal] == 1 else None
     return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
+
+
+def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
+    """The spec with a name in [signals] as the output of a block, and that output; another signal as it is.
+
+    The block is a gain of 1, which runs when the only block that reads it does, else in every tick.
+    """
+    tables = spec.tables()
+    named, block = tables.get("signals", {}), f"cut_at_{signal}"
+    if signal not in named:
+        return spec, signal
+    tables["wire"] |= {f"{block}.u": named[signal]}
+    named[signal], tables["block"][block] = f"{block}.y", {"type": "gain"}
+    wires = load(tables).drawing.wires
+    readers = {port.rpartition(".")[0] for port, terms in wires if f"{block}.y" in dict(terms)}
+    own = tables["block"].get(readers.pop(), {}) if len(readers) == 1 else {}
+    tables["block"][block] |= {key: own[key] for key in ("every", "phase") if key in own}
+    return load(tables), f"{block}.y"
 
 
 def cuts_of(spec: Spec) -> list[str]:

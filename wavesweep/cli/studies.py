@@ -287,8 +287,8 @@ def why(spec: str, options: Options, along: str | None) -> None:
     "--cut",
     metavar="SIGNAL",
     default="",
-    help="The signal at which the loop is broken, BLOCK.PORT: an output of a block that a wire reads [default: the only one "
-    "that acts on the plant, the actuator's].",
+    help="The signal at which the loop is broken: an output of a block that a wire reads, BLOCK.PORT, or a name in [signals] "
+    "[default: the only one that acts on the plant, the actuator's].",
 )
 @run_options()
 def margins(spec: str, options: Options, cut: str) -> None:

@@ -145,10 +145,11 @@ def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple
 
 def _closed_step(spec: Spec, cut: str) -> Step | None:
     """The response of T = L/(1 + L) to a step; None of a loop that comes to rest too slowly, or not at all."""
+    from wavesweep.analyses.broken_loops import with_block
     from wavesweep.analyses.steps import step_at
 
     try:
-        step = step_at(spec, cut)
+        step = step_at(*with_block(spec, cut))
     except UsageError:
         return None
     return replace(step, value=-step.value, final=-step.final)
