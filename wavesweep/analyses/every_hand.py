@@ -28,7 +28,7 @@ from wavesweep.sweep.grid import Loops, own_loop
 STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for
 CLOSE = 1e-5  # of an end, or of the range, how near the last value on its other side is
 LARGE = 1e9  # N*s/m: more than anything is short of
-SLOW = 1e-3  # rad per tick: a heavy hand
+SLOW = 1e-3  # rad per tick, below which the motion is the same in each repetition of a pattern
 REFUSED = "hand passive while frames vary ([for_all]): expected {}, found {}"
 
 
@@ -137,7 +137,7 @@ class _Margin:
         if not needed.word:
             return ""
         loop, omega = next(each for each in self.known.values() if each[1] is needed)[0], needed.omega
-        moves = "a heavy hand" if omega * loop.period < SLOW else f"a hand that moves at {omega / (2 * np.pi):.4g} Hz"
+        moves = "a hand that moves alike in each repetition" if omega * loop.period < SLOW else f"a hand that moves at {omega / (2 * np.pi):.4g} Hz"
         return f"{text_of(loop, needed.word)}, {moves}"
 
 
