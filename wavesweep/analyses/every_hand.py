@@ -137,8 +137,9 @@ class _Margin:
         if not needed.word:
             return ""
         loop, omega = next(each for each in self.known.values() if each[1] is needed)[0], needed.omega
-        moves = "a hand that moves alike in each repetition" if omega * loop.period < SLOW else f"a hand that moves at {omega / (2 * np.pi):.4g} Hz"
-        return f"{text_of(loop, needed.word)}, {moves}"
+        alike = omega * loop.period < SLOW
+        moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
+        return f"{text_of(loop, needed.word)}, a hand that moves {moves}"
 
 
 def _row(margin: _Margin, case: Case, span) -> Row | None:
