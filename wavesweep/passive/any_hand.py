@@ -15,7 +15,6 @@ from wavesweep.response.linear_systems import solved
 from wavesweep.stability.spectrum import is_stable
 
 SLACK = 1e-10  # of the damping and of 1 N*s/m: no frequency needs more than so much more
-SURE = 1e-7  # of the same, for rounding, with room
 LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on
 
 
@@ -32,10 +31,6 @@ class DampingNeeded:
     omega: np.ndarray
     responsive: np.ndarray
     certified: np.ndarray
-
-    def suffices(self, damping) -> np.ndarray:
-        """Whether `damping` (N*s/m) of device and hand together makes the loop stable with every passive hand."""
-        return self.responsive & self.certified & (damping > self.damping + SURE * (1 + np.abs(self.damping)))
 
 
 def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
