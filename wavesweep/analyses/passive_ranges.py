@@ -23,7 +23,6 @@ from wavesweep.passive.over_ranges import (
     Determinant,
     Maps,
     Witness,
-    begins,
     channel_maps,
     least,
     port_maps,
@@ -109,9 +108,10 @@ class _OneMap:
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
         """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof."""
-        if not begins(self.maps, (low + high) / 2, 1.0):
+        middle, open_ = np.array([(low + high) / 2]), []
+        whole, size, _ = Witness(self.maps, middle[0], 1.0).hermitian(middle)
+        if not is_stable(self.maps(middle)[0].E).all() or np.linalg.eigvalsh(whole[0])[0] <= 1e-12 * size[0].max():
             return None
-        open_ = []
         for first, last in pairwise(ANGLES):
             found = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
             if found is None or len(found.unstable):

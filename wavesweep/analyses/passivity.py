@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 
 from wavesweep.analyses.loops import held_loop, named_loops, port_at_hand
-from wavesweep.analyses.two_ports import curve, pair_fields, pair_margin
+from wavesweep.analyses.two_ports import curve, pair_margin
 from wavesweep.errors import UsageError
 from wavesweep.loops.domain import refuse_unsuitable
 from wavesweep.passive.channel import channel_norm, has_waves, numbers_of_channel
@@ -87,7 +87,7 @@ def _port(loops):
         if not loop.drawing.environment:
             return columns
         pairs = [pair_margin(loop.at(at)) for at in range(found.margin.size)]
-        return *columns, *(np.array(column).reshape(loop.batch) for column in zip(*map(pair_fields, pairs), strict=True))
+        return *columns, *(np.array(column).reshape(loop.batch) for column in zip(*pairs, strict=True))
 
 
 def _channel(loops):

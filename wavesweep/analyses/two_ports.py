@@ -1,6 +1,7 @@
 """Two ports of loops without further ranges: margins with their proof, Llewellyn's index, and terminations that destabilise."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,22 +21,19 @@ GENERATIONS, BRED, KEPT, SHRINK, BEYOND = 14, 200, 20, 1.35, 1e-7  # of that sea
 CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
 
 
-@dataclass(frozen=True, slots=True)
-class PairMargin:
-    """damping: N*s/m that can be taken away at both ports, NaN of an unstable loop; if negative, the loop is stable with all
-    terminations that have so much each, and not with all passive ones. omega: the frequency that decides, rad/s. certified:
-    it is proved for all frequencies with CLOSE less, and refuted with CLOSE more. counterexample: terminations, in words.
+class PairMargin(NamedTuple):
+    """Two ports of a loop, as the columns of its row.
+
+    damping: N*s/m that both ports may lose, NaN of an unstable loop; if negative, the loop is stable with all terminations that
+    have so much each. omega: the frequency that decides, rad/s. stable: with every pair of passive terminations. certified:
+    that is proved or refuted for all frequencies, and the damping proved but for CLOSE. counterexample: terminations, in words.
     """
 
     damping: float
     omega: float
-    certified: bool
+    stable: bool = False
+    certified: bool = False
     counterexample: str = ""
-
-    @property
-    def stable(self) -> bool:
-        """Whether the loop is stable with every pair of passive terminations."""
-        return self.damping > 0
 
 
 def pair_margin(loop: HeldLoop) -> PairMargin:
@@ -45,7 +43,7 @@ def pair_margin(loop: HeldLoop) -> PairMargin:
     pairs = pairs_of(loop, "", ALONE)
     (shunt,), (theta,) = least_shunt(pairs, np.zeros(1))
     if shunt == -np.inf:
-        return PairMargin(np.nan, np.nan, False)
+        return PairMargin(np.nan, np.nan)
     damping = float(shunt) * period
     less = pairs_of(loop, "", ALONE, damping - CLOSE * abs(damping))
     certified, words = Pair(less).open_in(0.0, 0.0, cover) == [], ""
@@ -54,12 +52,7 @@ def pair_margin(loop: HeldLoop) -> PairMargin:
         certified &= bool(((sign.real > 0) & (np.finfo(float).eps * error < 1)).all())
         words = counterexample(loop)
     omega = 0.0 if theta == NEAR_REST else float(theta) / (period * drawn.ticks)
-    return PairMargin(damping, omega, certified, words)
-
-
-def pair_fields(found: PairMargin) -> tuple:
-    """Its values in the order of the columns of a table."""
-    return found.damping, found.omega, found.stable, found.certified, found.counterexample
+    return PairMargin(damping, omega, damping > 0, certified, words)
 
 
 def curve(loop: HeldLoop) -> dict[str, np.ndarray]:

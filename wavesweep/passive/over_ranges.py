@@ -29,7 +29,6 @@ from wavesweep.passive.held_loop import HeldLoop, device_keys
 from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels, tick
 from wavesweep.passive.lifted_map import LiftedMap, TickMaps
 from wavesweep.response.port import Ports, port_of
-from wavesweep.stability.spectrum import is_stable
 
 SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
@@ -214,13 +213,6 @@ def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:
     moved = back @ lifted.G
     terms = np.abs(back) @ (np.abs(A) @ np.abs(moved) + np.abs(lifted.G))
     return lifted.T + lifted.O @ moved, np.abs(lifted.T) + np.abs(lifted.O) @ terms
-
-
-def begins(maps: Maps, p: float, theta: float) -> bool:
-    """Whether the loop with a value is stable, and all eigenvalues of the Hermitian part are positive at an angle."""
-    lifted, _ = maps(np.array([p]))
-    whole, size, _ = Witness(maps, p, theta).hermitian(np.array([p]))
-    return bool(is_stable(lifted.E).all() and np.linalg.eigvalsh(whole[0])[0] > 1e-12 * size[0].max())
 
 
 def least(lifted: LiftedMap) -> Peak:
