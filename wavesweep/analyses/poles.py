@@ -6,11 +6,10 @@ import numpy as np
 
 from wavesweep.analyses.intervals import job_over
 from wavesweep.analyses.lines import lines_in_loops
-from wavesweep.analyses.loops import drift_of, frames, named_loops, refuse_singular
+from wavesweep.analyses.loops import drift_of, frames, refuse_singular
 from wavesweep.columns import Columns
-from wavesweep.monodromy.drift import closed_frame
 from wavesweep.spec import Axis, Spec
-from wavesweep.stability.modes import Modes, modes_of
+from wavesweep.stability.modes import modes_of
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.sweep.grid import drawn_groups, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
@@ -28,7 +27,12 @@ def poles(spec: Spec) -> Columns:
 
     Errors: SpecError for a loop without a solution.
     """
-    (delta, shares), names, period = own_modes(spec)
+    loop = own_loop(spec)
+    refuse_singular(spec, loop.drawing)
+    drawn, drift = loop.drawn(), drift_of(loop)
+    E, labels, period = frames(loop, drift), drawn.labels(), float(drawn.period * drawn.ticks)
+    names = [labels[drift.states[index]] for index in drift.kept]
+    delta, shares = modes_of(E[: len(names), : len(names)])
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.log1p(delta) / period
         columns = {
@@ -41,7 +45,7 @@ def poles(spec: Spec) -> Columns:
             "damping_ratio": damping_ratio(delta),
             "time_constant_s": -1 / s.real,
         }
-        hz = lines_in_loops(own_loop(spec), np.log1p(delta)[:, None])
+        hz = lines_in_loops(loop, np.log1p(delta)[:, None])
     columns |= {"states": np.array([", ".join(leading(names, each)) for each in shares], object)}
     return columns | {"shown_hz": hz[:, 0], "second_hz": hz[:, 1]}
 
@@ -85,18 +89,6 @@ def ends_on_circle(spec: Spec, axis: Axis) -> list[tuple[float, np.ndarray, floa
                 z = poles_over(spec, replace(axis, values=(float(value),)))[1]
                 found.append((float(value), z[np.abs(np.abs(z) - 1) <= ON_CIRCLE], float(hz), bool(certified)))
     return sorted((each for each in found if each[1].size), key=lambda each: each[0])  # what drifts there is left out
-
-
-def own_modes(spec: Spec) -> tuple[Modes, list[str], float]:
-    """The modes of the spec's own loop, the names of its states, and the period of its frame (s)."""
-    loop = own_loop(spec)
-    refuse_singular(spec, loop.drawing)
-    drawn, drift = loop.drawn(), drift_of(loop)
-    with named_loops(drawn), np.errstate(all="ignore"):
-        E, kept = closed_frame(drawn, drift), len(drift.kept)
-    labels = drawn.labels()
-    names = [labels[drift.states[index]] for index in drift.kept]
-    return modes_of(E[:kept, :kept]), names, float(drawn.period * drawn.ticks)
 
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:

@@ -42,7 +42,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     best = {name: int(np.argmax(size)) for name, size in sizes.items()}
     values = {name: {wish: plain(columns[wish][row]) for wish in wishes} for name, row in best.items()}
     bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
-    return {
+    found = {
         "designs": len(columns["certified"]),
         "certified": int(columns["certified"].sum()),
         "bounds_hold_between": int(columns["holds"].sum()),
@@ -58,7 +58,13 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "near": {wish.name: int((np.abs(wish.margin(columns[wish.name])) < THIN).sum()) for wish in bounded},
         "free": [name for name in wishes if name not in {wish.name for wish in bounded}],
         "runners_up": [each | {"margins": margins_of(each["wishes"], facts)} for each in facts.get("runners_up", ())],
-    } | _box(columns)
+    }
+    if BOX in columns:  # how many designs keep all their walls with every hand of a box, how many of these are proved
+        wall, kept = columns["z_width"], columns[BOX] >= columns["z_width"]
+        share = np.divide(columns[BOX], wall, out=np.ones(len(wall)), where=wall > 0)
+        proved = int((kept & columns[SETTLED]).sum())
+        found["box"] = {"kept": int(kept.sum()), "settled": proved, "least": float(share.min())}
+    return found
 
 
 def wish_of(name: str, facts: Mapping[str, Any]) -> Wish:
@@ -70,17 +76,6 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
     """Return the margins of a design's wishes to their bounds, as shares of these; values: of the wishes."""
     bounded = (wish for name in values if (wish := wish_of(name, facts)).bound is not None)
     return {wish.name: float(wish.margin(values[wish.name])) for wish in bounded if values[wish.name] is not None}
-
-
-def _box(columns):
-    """How many designs keep all their walls with every hand of a box, how many of these are proved, and the least share."""
-    if BOX not in columns:
-        return {}
-    wall, left = columns["z_width"], columns[BOX]
-    kept = left >= wall
-    share = np.divide(left, wall, out=np.ones(len(wall)), where=wall > 0)
-    settled = kept & columns[SETTLED]
-    return {"box": {"kept": int(kept.sum()), "settled": int(settled.sum()), "least": float(share.min())}}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
