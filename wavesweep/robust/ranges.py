@@ -26,7 +26,7 @@ SEARCH = 4e9  # operations of one search for norms in the middle of a box
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 FEWEST = 12  # parts of parts without norms, at whose middles words are searched
-EACH = 40  # times as long as it takes to multiply, what is done with each entry of the polynomials
+EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROW = 1e-6  # of a side, below which a box is not divided along it
 
 Box = np.ndarray
@@ -63,17 +63,14 @@ class _Part:
     barren: int = 0
 
 
-def cover(
-    frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, patience: float = np.inf, up: bool = True
-) -> Covering:
+def cover(frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, up: bool = True) -> Covering:
     """Prove that all frames of a box shrink in every order, except in the parts that are left open.
 
     The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
-    word is met that grows. work: operations after which it ends; patience: those after which it ends if it gets no further.
+    word is met that grows. work: operations after which it ends.
     """
-    number, queue, used, since, word = count(), [(0.0, 0, _Part(box))], 0.0, (None, 0.0), ()
-    while queue and used < work and used - since[1] < patience:
-        since = since if queue[0][0] == since[0] else (queue[0][0], used)
+    number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
+    while queue and used < work:
         part = queue[0][-1]
         parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]))
         used += spent
@@ -182,7 +179,7 @@ def _judged(A, found, follows):
     P[0], P[1 : 1 + A.numbers] = centre.P, slopes
     forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
     edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
-    spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**3
+    spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
     proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, follows)
     if proved:
         return True, np.zeros(0), True, spent

@@ -18,9 +18,10 @@ TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative 
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
 SHRINK = 8  # halvings of the steps of the search for the worst point
 MOVED = 1e-4  # relative: a gain of the search below this ends it
-WORK = 5e11  # operations of the proofs: about a minute
-UPWARD = 0.7  # part of the work for the way to the upper end
-PATIENCE = 0.3  # part of the work after which a proof ends that gets no further
+WORK = 6e11  # operations of the proofs: about a minute
+UPWARD = 0.65  # part of the work for the way to the upper end
+PART = 0.4  # of the way to the refuted number, at which a proof is begun
+ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
 UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
 ROUNDS = 3  # of the search for refutations, after the proof has met one
 
@@ -92,24 +93,31 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, kept, start, limit) for limit in limits)
     follows = loops.known(kept, loops.box.mean(0)).follows
-    units = None if loops.zeros[0] else units_of(loops.frames_at, _layer(loops, start / UNITS, start), follows)
-    frames_at, rounds = partial(loops.frames_at, units=units), ROUNDS
-    high, low, spent, open_ = start, start, 0.0, None
+    zero, rounds, spent, open_ = loops.zeros[0], ROUNDS, 0.0, None
+    if above.word:
+        start = max(start, zero + PART * (above.x - zero))
+    high = low = start
+
+    def proved(low, high, most, up):
+        ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
+        units = None if zero else units_of(loops.frames_at, _layer(loops, *ends), follows)
+        found = cover(partial(loops.frames_at, units=units), _layer(loops, low, high), follows, most - spent, up)
+        return found, float(as_numbers(found.end - ROUNDED if up else found.end + ROUNDED, zero)), spent + found.used
+
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
-        found = cover(frames_at, _layer(loops, high, goal), follows, UPWARD * work - spent, PATIENCE * work)
-        spent, high = spent + found.used, float(as_numbers(found.end, loops.zeros[0]))
-        if found.word and rounds:
-            above, rounds = _met(loops, kept, found, start, above), rounds - 1
-            continue
-        open_ = _left(loops, found, 0)
-        break
+        found, end, spent = proved(high, goal, UPWARD * work, True)
+        high = max(high, end)
+        if not (found.word and rounds):
+            open_ = _left(loops, found, 0)
+            break
+        above, rounds = _met(loops, kept, found, start, above), rounds - 1
     goal = _goal(below, limits[0], start)
     if start < high and goal < start:
-        found = cover(frames_at, _layer(loops, goal, start), follows, work - spent, PATIENCE * work, up=False)
-        low, open_ = float(as_numbers(found.end, loops.zeros[0])), open_ or _left(loops, found, 1)
+        found, end, spent = proved(goal, start, work, False)
+        low, open_ = min(low, end), open_ or _left(loops, found, 1)
     if high == low:
         return Bracket(np.nan, np.nan, below, above, False, open_)
-    near = [_near(low, below.x) if below.word else low <= goal, _near(high, above.x) if above.word else high >= limits[1]]
+    near = [_near(low, below.x if below.word else limits[0]), _near(high, above.x if above.word else limits[1])]
     return Bracket(low, high, below, above, all(near), open_)
 
 
