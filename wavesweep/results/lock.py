@@ -46,29 +46,25 @@ def _acquired(kind: str, directory: Path, wait: bool, say: Callable[[str], None]
     path = directory / f".{kind}.lock"
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise UsageError(f"{path}: expected a lock file or none, found something else; move it away")
-    lock = FileLock(path)
+    lock, holder = FileLock(path), path.with_suffix(".holder")
     try:
         lock.acquire(blocking=False)
     except Timeout as error:
-        busy = f"{directory}: another run is at work on {kind} here{_holder(path)}"
+        busy = f"{directory}: another run is at work on {kind} here{_name_in(holder)}"
         if not wait:
             raise WavesweepError(f"{busy}; give --wait to wait for it, or another --out") from error
         say(f"{busy}; waiting for it")
         lock.acquire()
     with suppress(OSError):  # the name is for people alone
         since = time.strftime("%Y-%m-%d %H:%M:%S")
-        _holders_file(path).write_text(f"process {os.getpid()} on {socket.gethostname()}, since {since}", encoding="utf-8")
+        holder.write_text(f"process {os.getpid()} on {socket.gethostname()}, since {since}", encoding="utf-8")
     return lock
 
 
-def _holders_file(lock: Path) -> Path:
-    return lock.with_suffix(".holder")
-
-
-def _holder(lock: Path) -> str:
-    """The name of the holder, in brackets; empty if it is not there yet."""
+def _name_in(holder: Path) -> str:
+    """The name of the holder of a lock, in brackets; empty if it is not there yet."""
     try:
-        return f" ({_holders_file(lock).read_text(encoding='utf-8')})"
+        return f" ({holder.read_text(encoding='utf-8')})"
     except (OSError, ValueError):
         return ""
 
@@ -76,7 +72,7 @@ def _holder(lock: Path) -> str:
 def _release(lock: Any) -> None:
     """Remove the files of a lock while it is still held, so that they are nobody else's, and release it."""
     path = Path(lock.lock_file)
-    for file in (_holders_file(path), path):
+    for file in (path.with_suffix(".holder"), path):
         with suppress(OSError):  # on Windows the lock's own file cannot go before the lock does
             file.unlink()
     lock.release()
