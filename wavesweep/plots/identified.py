@@ -75,9 +75,10 @@ def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
 def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
     """The numbers that were found below the panels, and above them a warning if the model does not explain what was read."""
-    from wavesweep.tables.identify import spoken
+    from wavesweep.tables.device_spec import spoken
 
-    numbers = (f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in ("mass", "damping"))
+    names = ("mass", "load_mass", "coupling_stiffness") if "load_mass" in facts["parameters"] else ("mass", "damping")
+    numbers = (f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in names)
     note_below(canvas, as_it_stands(", ".join(numbers).replace("*", "·")))
     warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {what}")
 
