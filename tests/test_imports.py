@@ -123,6 +123,7 @@ def test_a_small_run_loads_neither_pandas_nor_scipy_and_check_no_matplotlib(tmp_
     loaded = loaded_by(f"from wavesweep.cli import main\nassert main({arguments!r}) == 0")
     assert {"numpy", "pyarrow.parquet"} <= loaded
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
+    assert not {name for name in loaded if name.startswith(("wavesweep.robust", "wavesweep.prove"))}
     # Arrow would import pandas where the exception of a signal is dropped.
     for suffix in ("csv", "parquet"):
         written = str(tmp_path / "out" / f"zwidth.{suffix}")
