@@ -326,7 +326,7 @@ class Loop:
         import control
 
         from wavesweep.analyses.loops import loop_at_hand
-        from wavesweep.response.lifted import displacements, held_over_frame, positions
+        from wavesweep.response.lifted import held_over_frame, over_frame
 
         drawing = self.spec.drawing
         if output is None:
@@ -344,7 +344,7 @@ class Loop:
             return control.ss(*parts, period, inputs=names, outputs=list(shown.values()))
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
-        E, B, C, D = (positions if output == "position" else displacements)(port, ticks)
+        E, B, C, D = over_frame(port, ticks, positions=output == "position")
         inputs, outputs = ([f"{name}[{i}]" for i in range(ticks)] for name in ("f_h", "x" if output == "position" else "dx"))
         return control.ss(np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs)
 

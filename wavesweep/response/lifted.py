@@ -295,20 +295,17 @@ def _with_position(port):
     return replace(port, maps=found[0], sizes=found[1])
 
 
-def displacements(port: Port, ticks: int) -> tuple[np.ndarray, ...]:
+def over_frame(port: Port, ticks: int, *, positions: bool) -> tuple[np.ndarray, ...]:
     """Return E, B, C and D of one loop over a frame, from the forces of its ticks (N) to the displacements in them (m).
 
-    ticks: in a frame, if the loop's own is a single one. No drift is among the states.
+    ticks: in a frame, if the loop's own is a single one. positions: to those at the starts of the ticks instead; one that
+    drifts is then among the states.
     """
-    return _over_frame(port, ticks, slice(1))
-
-
-def positions(port: Port, ticks: int) -> tuple[np.ndarray, ...]:
-    """Return E, B, C and D of one loop over a frame, from the forces of its ticks (N) to the positions at their starts (m).
-
-    ticks: as for `displacements`. A position that drifts is among the states.
-    """
-    return _over_frame(_with_position(port), ticks, slice(-1, None))
+    port, row = (_with_position(port), slice(-1, None)) if positions else (port, slice(1))
+    maps, sizes = (tuple((E, B, C[row], D[row]) for E, B, C, D in parts) for parts in (port.maps, port.sizes))
+    kind = np.tile(port.kind, ticks // port.kind.size)
+    frame = Stretch.of(replace(port, kind=kind, maps=maps, sizes=sizes)).showing(slice(None))
+    return frame.E[0], frame.left[0], frame.seen[0][0], frame.whole()
 
 
 def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[str, ...]) -> tuple[np.ndarray, ...]:
@@ -324,11 +321,3 @@ def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[
         A, B = A + each.E @ A, B + each.E @ B + each.B[:, columns]
     seen = reached((first.C != 0).any(0), A != 0)
     return A[np.ix_(seen, seen)], B[seen], first.C[:, seen], first.D[:, columns]
-
-
-def _over_frame(port, ticks, row):
-    """E, B, C and D over a frame, with one of the port's outputs."""
-    maps, sizes = (tuple((E, B, C[row], D[row]) for E, B, C, D in parts) for parts in (port.maps, port.sizes))
-    kind = np.tile(port.kind, ticks // port.kind.size)
-    frame = Stretch.of(replace(port, kind=kind, maps=maps, sizes=sizes)).showing(slice(None))
-    return frame.E[0], frame.left[0], frame.seen[0][0], frame.whole()
