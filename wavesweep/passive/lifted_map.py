@@ -109,16 +109,17 @@ def _flat(part, batch):
 
 def read(maps) -> np.ndarray:
     """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
-    return _closure([E for E, *_ in maps], np.logical_or.reduce([_there(C).any(0) for _, _, C, _ in maps]))
+    return closure([E for E, *_ in maps], np.logical_or.reduce([_there(C).any(0) for _, _, C, _ in maps]))
 
 
 def reached(maps) -> np.ndarray:
     """Whether each state depends on the inputs of some tick, `(n,)`."""
     transposed = [np.swapaxes(E, -1, -2) for E, *_ in maps]
-    return _closure(transposed, np.logical_or.reduce([_there(B).any(-1) for _, B, *_ in maps]))
+    return closure(transposed, np.logical_or.reduce([_there(B).any(-1) for _, B, *_ in maps]))
 
 
-def _closure(changes, found):
+def closure(changes, found) -> np.ndarray:
+    """The states that are found, and those that these read by the changes of some tick, `(n,)`."""
     reads = np.logical_or.reduce([_there(E) for E in changes])
     while (more := found | reads[found].any(0)).sum() > found.sum():
         found = more

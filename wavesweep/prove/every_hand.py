@@ -24,7 +24,7 @@ from wavesweep.errors import UsageError
 from wavesweep.loops.from_drawing import rate_of
 from wavesweep.passive.any_hand import peak_of
 from wavesweep.passive.held_loop import device_of
-from wavesweep.passive.lifted_map import TickMaps
+from wavesweep.passive.lifted_map import TickMaps, closure
 from wavesweep.prove.columns import precision
 from wavesweep.prove.ticks import Loop
 from wavesweep.robust.checking import Norms
@@ -223,7 +223,7 @@ def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
     None if nothing rests alike in all of them, or if the stiffness k is negative.
     """
     there = np.array([[[not entry.is_zero() for entry in row] for row in tick.tolist()] for tick in ticks]).any(0)
-    rest = [i for i in np.flatnonzero(_closed(there, there[FORCE])).tolist() if i > FORCE]
+    rest = [i for i in np.flatnonzero(closure([there], there[FORCE])).tolist() if i > FORCE]
 
     def part(tick, rows, columns):
         return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
@@ -245,15 +245,8 @@ def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
         found.append([[*a, *b] for a, b in zip(own.tolist(), B.tolist(), strict=True)])
         found[-1].append([*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2])
     there = np.array([[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in found]).any(0)
-    moved = _closed(there[:, :-1].T, there[:, -1]) if rest else np.zeros(0, bool)
+    moved = closure([there[:, :-1].T], there[:, -1]) if rest else np.zeros(0, bool)
     places = [*np.flatnonzero(moved).tolist(), len(rest)]
     rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in found]
     size = len(places) - 1, len(places)
     return tuple((arb_mat(*size, [entry for row in each[:-1] for entry in row]), arb_mat(each[-1:])) for each in rows)
-
-
-def _closed(there, found):
-    """The places that are found, and those that these lead to, by entries that may not be 0."""
-    while (more := found | there[found].any(0)).sum() > found.sum():
-        found = more
-    return found
