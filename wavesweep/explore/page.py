@@ -203,7 +203,11 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     """
     page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page
-    others = [slider for slider in page.sliders if slider.values and (not page.plane or slider.path not in _axes(page.plane))]
+    others = [
+        slider
+        for slider in page.sliders
+        if slider.values and (not page.plane or slider.path not in (page.plane.x, page.plane.y))
+    ]
     stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in others}
     count = prod(map(len, stops.values()))
     stops, left = ({}, count) if count > MOST_DESIGNS else (stops, 0)
@@ -226,17 +230,13 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
 
 
-def _axes(plane):
-    return (plane.x, plane.y)
-
-
 def _design(page, values):
     spec, plane = changed(page.spec, values), page.plane
     found = quick(spec) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
     if plane:
         found["plane"] = certified_plane(spec, plane)
-    along = _axes(plane) if plane else [path for path, span in search.items() if span][:1]
+    along = [plane.x, plane.y] if plane else [path for path, span in search.items() if span][:1]
     return found | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
 
 

@@ -181,30 +181,25 @@ def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts |
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:
     """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no group spans two parts."""
-    pending, waiting, rows, sizes = [], 0, 0, _sizes(partition)
-    size = next(sizes)
+    pending, waiting, rows = [], 0, 0
     for block in blocks:
         pending.append(checked(fields, block, rows))
         length = len(pending[-1][fields[0].name])
         rows, waiting = rows + length, waiting + length
-        if waiting < size:
+        if waiting < _rows_after(rows - waiting, partition):
             continue
         whole, start = joined(pending), 0
-        while waiting - start >= size:
+        while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
             yield {name: column[start : start + size] for name, column in whole.items()}
-            start, size = start + size, next(sizes)
+            start += size
         pending, waiting = [{name: column[start:] for name, column in whole.items()}], waiting - start
     if waiting:
         yield joined(pending)
 
 
-def _sizes(partition: int | None) -> Iterator[int]:
-    """Yield the numbers of rows of the groups."""
-    left = partition
-    while True:
-        size = GROUP_ROWS if left is None else min(left, GROUP_ROWS)
-        yield size
-        left = None if left is None else left - size or partition
+def _rows_after(rows: int, partition: int | None) -> int:
+    """The number of rows of the group that begins after so many rows."""
+    return GROUP_ROWS if partition is None else min(GROUP_ROWS, partition - rows % partition)
 
 
 def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
