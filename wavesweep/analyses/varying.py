@@ -3,6 +3,7 @@ messages may be late or lost, by what their channels say."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import groupby
 
 import numpy as np
@@ -175,6 +176,7 @@ def _over(rules, loop, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         zeros.append(least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan)
     zeros = np.array(zeros)
 
+    @cache
     def family(point):
         return rules.family(loop.changed(dict(zip(paths, point, strict=True))), along)
 

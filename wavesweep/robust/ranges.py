@@ -91,15 +91,19 @@ def _tried(frames_at, part, follows, work, narrow):
         if isinstance(frames, int):
             return [replace(part, box=half) for half in _halves(box, frames)], 10 * CALLS, ()
         part, used = replace(part, frames=frames), 10 * CALLS
+    wide = np.flatnonzero(box[0] < box[1])
     if part.known is None:
         part = replace(part, frames=part.frames.part(box))
-    A = _polynomials(part)
+        A = part.frames.polynomials()
+    else:
+        around, A = part.known
+        half = (around[1] - around[0])[wide] / 2
+        A = A.within((box.mean(0) - around.mean(0))[wide] / half, (box[1] - box[0])[wide] / 2 / half)
     try:
         found, spent = _forms(A, follows, part.start, work)
     except np.linalg.LinAlgError:  # singular to rounding
         found, spent = None, CALLS
     used += spent
-    wide = np.flatnonzero(box[0] < box[1])
     if found is None:
         basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
         if part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
@@ -140,15 +144,6 @@ def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray |
             change = (logs[1] - logs[0]) / (box[1, side] - box[0, side])
             units[side, frames.kept] = change - np.median(change)
     return units
-
-
-def _polynomials(part):
-    if part.known is None:
-        return part.frames.polynomials()
-    around, A = part.known
-    wide = around[0] < around[1]
-    half = (around[1] - around[0])[wide] / 2
-    return A.within((part.box.mean(0) - around.mean(0))[wide] / half, (part.box[1] - part.box[0])[wide] / 2 / half)
 
 
 def _forms(A, follows, start, work):

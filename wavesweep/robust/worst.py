@@ -18,8 +18,8 @@ TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative 
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
 SHRINK = 8  # halvings of the steps of the search for the worst point
 MOVED = 1e-4  # relative: a gain of the search below this ends it
-WORK = 6e11  # operations of the proofs: about a minute
-UPWARD = 0.65  # part of the work for the way to the upper end
+WORK = 7e11  # operations of the proofs: about a minute
+UPWARD = 0.6  # part of the work for the way to the upper end
 PART = 0.4  # of the way to the refuted number, at which a proof is begun
 ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
 UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
@@ -64,13 +64,6 @@ class Loops:
     box: Box
     zeros: np.ndarray
 
-    def known(self, kept: dict, point) -> Family:
-        """The family at a point, remembered."""
-        point = tuple(map(float, point))
-        if point not in kept:
-            kept[point] = self.family(point)
-        return kept[point]
-
 
 def as_sides(numbers: np.ndarray, zeros: np.ndarray) -> np.ndarray:
     """Return numbers `(..., numbers)` as the sides of a box: logarithms from where they are counted, if that is not NaN."""
@@ -89,10 +82,9 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
 
     least: the lowest number that the proof aims at. work: operations of the proofs.
     """
-    kept: dict = {}
     limits = max(limits[0], least), limits[1]
-    below, above = (_worst(loops, kept, start, limit) for limit in limits)
-    follows = loops.known(kept, loops.box.mean(0)).follows
+    below, above = (_worst(loops, start, limit) for limit in limits)
+    follows = loops.family(tuple(loops.box.mean(0).tolist())).follows
     zero, rounds, spent, open_ = loops.zeros[0], ROUNDS, 0.0, None
     if above.word:
         start = max(start, zero + PART * (above.x - zero))
@@ -110,7 +102,7 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
         if not (found.word and rounds):
             open_ = _left(loops, found, 0)
             break
-        above, rounds = _met(loops, kept, found, start, above), rounds - 1
+        above, rounds = _met(loops, found, start, above), rounds - 1
     goal = _goal(below, limits[0], start)
     if start < high and goal < start:
         found, end, spent = proved(goal, start, work, False)
@@ -147,7 +139,7 @@ def _left(loops, found, end):
     return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.zeros), float(share)
 
 
-def _worst(loops: Loops, kept: dict, start: float, limit: float) -> Refuted:
+def _worst(loops: Loops, start: float, limit: float) -> Refuted:
     """The refuted number closest to the start that a search over the box finds, towards a limit.
 
     Words are searched at the corners and in the middle; then the best point is moved, with its word, as long as that refutes a
@@ -156,38 +148,38 @@ def _worst(loops: Loops, kept: dict, start: float, limit: float) -> Refuted:
     corners = sorted(set(product(*loops.box.T)))
     best = Refuted()
     for point in [*corners, tuple(loops.box.mean(0))]:
-        best = _refuted_at(loops, kept, point, start, limit, best)
+        best = _refuted_at(loops, point, start, limit, best)
     for halving in range(1, 1 + SHRINK):
         before = best
         if not best.word or not loops.box.size:
             break
         while True:
-            moved = _moved(loops, kept, start, limit, best, (loops.box[1] - loops.box[0]) * 0.5**halving)
+            moved = _moved(loops, start, limit, best, (loops.box[1] - loops.box[0]) * 0.5**halving)
             if not moved.word or abs(moved.x - best.x) <= MOVED * abs(best.x - start):
                 break
             best = moved
         if best is not before:
-            best = _refuted_at(loops, kept, best.point, start, best.x, best)
+            best = _refuted_at(loops, best.point, start, best.x, best)
     return best
 
 
-def _refuted_at(loops, kept, point, start, limit, best):
+def _refuted_at(loops, point, start, limit, best):
     """What is refuted at a point if it is closer to the start than the best."""
     limit = best.x if best.word else limit
-    x, word = nearest_refuted(loops.known(kept, point), start, limit, TOLERANCE)
+    x, word = nearest_refuted(loops.family(point), start, limit, TOLERANCE)
     if word and not (best.word and abs(x - start) >= abs(best.x - start)):
         return Refuted(x, tuple(point), word)
     return best
 
 
-def _moved(loops, kept, start, limit, best, step):
+def _moved(loops, start, limit, best, step):
     """The best of the neighbours of a point at which its word refutes a number closer to the start."""
     found = Refuted()
     for move in np.concatenate([np.diag(step), -np.diag(step)]):
         point = tuple(np.clip(np.array(best.point) + move, *loops.box))
         if point == best.point:
             continue
-        family = loops.known(kept, point)
+        family = loops.family(point)
         end = found.x if found.word else best.x
         if growth(family.at(end), best.word) < 1:
             continue
@@ -197,18 +189,18 @@ def _moved(loops, kept, start, limit, best, step):
     return found
 
 
-def _met(loops, kept, found, start, above):
+def _met(loops, found, start, above):
     """What is refuted at a place that a proof has met."""
     x, *point = as_numbers(found.point, loops.zeros)
     point = tuple(np.clip(point, *loops.box))
-    family = loops.known(kept, point)
+    family = loops.family(point)
     if growth(family.at(x), found.word) < 1:
         return above
     at = refuted_beyond(family, found.word, crossing(family, found.word, start, x), x + abs(x))
     if at is None or (above.word and at >= above.x):
         return above
     best = Refuted(at, point, found.word)
-    return _refuted_at(loops, kept, point, start, at, best)
+    return _refuted_at(loops, point, start, at, best)
 
 
 def decide_over(loops: Loops, work: float = WORK) -> tuple[tuple[float, ...], Word, bool]:
