@@ -47,7 +47,7 @@ def of_control(a, k, every=2, late=1):
 @pytest.mark.slow
 def test_no_loop_of_a_box_has_less_than_what_is_proved():
     found, rng = for_all(LAG, "net.y", **BOX), np.random.default_rng(3)
-    points = [*np.column_stack([rng.uniform(7.5, 8.5, 15), rng.uniform(2.5, 3, 15)]).tolist(), *product((7.5, 8.5), (2.5, 3.0))]
+    points = [*np.column_stack([rng.uniform(7.5, 8.5, 8), rng.uniform(2.5, 3, 8)]).tolist(), *product((7.5, 8.5), (2.5, 3.0))]
     least = {}
     for point in points:
         for name, value in of_control(*point).items():
@@ -64,7 +64,7 @@ def test_no_loop_of_a_box_has_less_than_what_is_proved():
 @pytest.mark.slow
 def test_a_lifted_signal_has_margins_for_all_but_no_delay():
     """At its counterexamples the loop has exactly what is refuted."""
-    found = for_all(LAG, "plant.y", a=BOX["a"])
+    found = for_all(LAG, "plant.y", a={"start": 7.9, "stop": 8.1})
     assert "delay" not in found
     for name, each in found.items():
         if each.counterexample:

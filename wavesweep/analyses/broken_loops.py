@@ -42,7 +42,11 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
             "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
     loop = Loops(with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
-    lifted = lifted_at(loop)
+    with np.errstate(all="ignore"):
+        whole = loop.drawn()
+        ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
+    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
+    lifted = LiftedLoop(ticks, drift, float(whole.period) * whole.ticks)
     if not lifted.returns:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
     found = open_loops(loop, GAIN) if times[signal] == 1 else None
@@ -80,15 +84,6 @@ def cuts_of(spec: Spec) -> list[str]:
     found = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
     found = {name: times for name, times in found.items() if (name.rpartition(".")[0],) * 2 in pairs}
     return sorted(found, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, found[name]))
-
-
-def lifted_at(loop: Loops) -> LiftedLoop:
-    """The loop without the gain of the cut, as often as it is read in a frame."""
-    with np.errstate(all="ignore"):
-        whole = loop.drawn()
-        ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
-    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
-    return LiftedLoop(ticks, drift, float(whole.period) * whole.ticks)
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:
