@@ -1,5 +1,7 @@
 """The tables: their columns and units, written as CSV and Parquet beside a data package, and read back exactly."""
 
+from typing import TYPE_CHECKING
+
 from wavesweep.results.files import read, read_table
 from wavesweep.results.folder import (
     changes,
@@ -15,6 +17,9 @@ from wavesweep.results.package import add_figures
 from wavesweep.results.writing import pictured, publish, save, stream
 from wavesweep.tables.columns import fields, fields_of
 from wavesweep.tables.fields import Field
+
+if TYPE_CHECKING:
+    from wavesweep.results.verification import Verification, verify
 
 __all__ = [
     "Field",

@@ -378,8 +378,10 @@ def _numpy(column: Any) -> np.ndarray:
         column = _cast(column, "uint8")
     elif column.null_count:
         column = _call("coalesce", column, _made("float64", 1, None, np.array([np.nan]))[0])
-    held = np.uint8 if kind == "bool" else _NUMPY[kind]
-    chunks = (np.frombuffer(each.buffers()[1], held, each.offset + len(each))[each.offset :] for each in column.chunks if each)
+    held: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
+    chunks: Any = (
+        np.frombuffer(each.buffers()[1], held, each.offset + len(each))[each.offset :] for each in column.chunks if each
+    )
     return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
 
 

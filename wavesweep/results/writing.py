@@ -152,9 +152,10 @@ def pictured(table: Table) -> tuple[bytes, str]:
     """Give the CSV of a table that has a figure, and the figure as SVG, which is drawn from the rows of the CSV."""
     from io import BytesIO
 
+    draw: Any = table.figure
     stream(table, text := BytesIO())
     with TemporaryDirectory() as folder:
-        table.figure(figure := Path(folder, "figure.svg"))
+        draw(figure := Path(folder, "figure.svg"))
         return text.getvalue(), figure.read_text(encoding="utf-8")
 
 
