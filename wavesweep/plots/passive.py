@@ -158,8 +158,12 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
             for panel, values in zip(panels, ("llewellyn", "damping_margin"), strict=True):
                 style = {"color": look.colour, "linestyle": look.line, "linewidth": 1, "label": name or None}
                 panel.plot(columns["frequency_hz"][rows], columns[values][rows], **style)
+        least = [np.nanmin(columns["damping_margin"][rows], initial=np.inf) for rows in shown]
+        most = 4 * max(map(abs, least))  # excess in plenty, as at high frequencies, would hide where there is little
+        panels[1].set_ylim(min(*least, 0.0) - most / 20, most)
         for panel, limit, scale in zip(panels, (1.0, 0.0), ("log", "linear"), strict=True):
-            panel.set(xscale="log", yscale=scale, xlabel="frequency (Hz)", xlim=columns["frequency_hz"][[0, -1]])
+            ends = columns["frequency_hz"].min(), columns["frequency_hz"].max()
+            panel.set(xscale="log", yscale=scale, xlabel="frequency (Hz)", xlim=ends)
             panel.set_ylim(top=max(panel.get_ylim()[1], limit + 0.1))
             panel.axhspan(limit, panel.get_ylim()[1], **_PASSIVE)
             panel.grid(**GRID)
