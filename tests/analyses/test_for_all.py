@@ -156,6 +156,22 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
     assert row["high"] < row["fails_from"] <= 2 * 4 / 0.010 * (1 + 1e-7)
 
 
+@pytest.mark.slow
+def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
+    """The same; products of its frames in random orders decay up to what is proved, which `check` says too."""
+    ranges = {"n": {"values": [5, 10], "varying": True}, "kd": {"start": 3.6, "stop": 4.4}}
+    (_,), (row,) = for_all(PD, **ranges)
+    assert 720 * 0.9 < row["high"] < row["fails_from"] <= 2 * 3.6 / 0.010 * (1 + 1e-7)
+    rng = np.random.default_rng(1)
+    for kp, kd in zip(rng.uniform(row["low"], row["high"], 50), rng.choice([3.6, 3.8, 4.4], 50), strict=True):
+        steps = rng.choice([0.005, 0.010], 1 + rng.integers(6))
+        frames = (np.array([[1, T], [0, 1]]) - np.outer([T**2 / 2, T], [kp, kd]) / 0.2 for T in steps)
+        assert np.abs(np.linalg.eigvals(reduce(np.matmul, frames))).max() < 1
+    assert wavesweep.verdict(PD | {"for_all": ranges})["for_all"]["verdict"] == "proved"
+    bad = wavesweep.verdict(PD | {"for_all": ranges | {"kd": {"start": 0.2, "stop": 5}}})["for_all"]
+    assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2, frames 10")
+
+
 @pytest.mark.parametrize(
     ("spec", "ranges", "expected"),
     [
