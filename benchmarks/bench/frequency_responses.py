@@ -14,7 +14,7 @@ from bench.problems import checked, digest, load_paper, references
 from wavesweep import Spec
 from wavesweep.analyses.loops import loop_at_hand
 from wavesweep.response import steady
-from wavesweep.response.lifted import positions
+from wavesweep.response.lifted import over_frame
 
 PART = "response"
 CHECKED = 10  # frequencies of each request that the references know
@@ -112,7 +112,7 @@ def _lifted(spec: Spec, frequency: np.ndarray):
     values = spec.values
     M = values["rates.ratio"]
     angle = 2j * np.pi * frequency / values["rates.fast_hz"]
-    return positions(loop_at_hand(spec).port, M), np.exp(angle * M), np.exp(-angle[:, None] * np.arange(M))
+    return over_frame(loop_at_hand(spec).port, M, positions=True), np.exp(angle * M), np.exp(-angle[:, None] * np.arange(M))
 
 
 OURS = "this tool, two responses alone"

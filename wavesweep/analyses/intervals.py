@@ -26,6 +26,7 @@ from wavesweep.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make
 from wavesweep.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
 
 if TYPE_CHECKING:
+    from wavesweep.analyses.every_hand import EveryHandGuarantee
     from wavesweep.analyses.for_all import ForAllGuarantee
     from wavesweep.analyses.hands import Guarantee
 
@@ -58,7 +59,7 @@ class Along:
 
     axis: Axis
     way: Way = Way.PANELS
-    guarantee: "Guarantee | ForAllGuarantee | None" = None
+    guarantee: "Guarantee | ForAllGuarantee | EveryHandGuarantee | None" = None
     require: Require | None = None
     order: int = 0
 
@@ -177,7 +178,7 @@ def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
     return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way, order=order))
 
 
-def guaranteed(job: Job, guarantee: "Guarantee | ForAllGuarantee") -> Job:
+def guaranteed(job: Job, guarantee: "Guarantee | ForAllGuarantee | EveryHandGuarantee") -> Job:
     """The job of the intervals that are guaranteed for hands or numbers."""
     return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
 

@@ -89,7 +89,7 @@ def judged(fit: Fit) -> Verdict:
     explained = not (remains or alike or unseen)
     named = ("one-way" if alike else "unseen" if unseen else "", float("nan"), 0.0)
     if remains:
-        named = max(("resonance", tone, taken), *_tried(fit), key=lambda each: each[2])
+        named = max([("resonance", tone, taken), *_tried(fit)], key=lambda each: each[2])
         if named[2] < CLEAR:
             worst = int(np.argmin(odds))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])

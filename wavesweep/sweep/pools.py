@@ -90,12 +90,23 @@ def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tu
     except OSError as error:  # no processes, no /dev/shm
         raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
     try:
-        with warnings.catch_warnings(), closing(answers):
+        with warnings.catch_warnings(), _no_word_of_loky(), closing(answers):
             # Closing the iterator says so of the tasks that it ends.
             warnings.filterwarnings("ignore", ".* tasks which were still being processed", UserWarning)
             yield from answers
     except BrokenExecutor as error:
         raise WavesweepError(DIED) from error
+
+
+@contextmanager
+def _no_word_of_loky() -> Iterator[None]:
+    """Show no traceback of the thread that hands out loky's tasks, which may look for one it has dropped as it ends."""
+    before = threading.excepthook
+    threading.excepthook = lambda failed: None if failed.thread.name == "ExecutorManagerThread" else before(failed)
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 @contextmanager

@@ -119,6 +119,10 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
         }
         for side, what in (("inputs", "input, held over the tick"), ("outputs", "output"))
     )
+    if (port := spec.get("ports", {}).get("environment")) is not None:
+        text = f"{{}} at the environment's port: {port['force']}, {port['displacement']}"
+        inputs["environment.force"] = Field("environment.force", "number", "N", text.format("force, held over the tick,"))
+        outputs["environment.displacement"] = Field("environment.displacement", "number", "m", text.format("position"))
     return inputs | {name: field for name, field in named.items() if name not in inputs} | outputs
 
 

@@ -38,7 +38,7 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
-    walls = [(spec.name, spec.names.find(sweep_axes(spec, "K_VE")[0].path).unit) for spec in specs]
+    walls = [(spec.name, spec.names.keys[sweep_axes(spec, "K_VE")[0].path].unit) for spec in specs]
     felt = [(spec.name, spec.units_felt[0]) for spec in specs]
     units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units)

@@ -79,9 +79,9 @@ def _read_groups() -> dict[str, tuple[Field, ...]]:
     with Path(__file__).with_name("columns.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             name, group = row["name"], row.pop("group")
-            more: dict[str, Any] = {"derived": _DERIVED.get(name), "values": _VALUES.get(name, {})}
-            more |= {"description": row["description"].format(**words), "optional": bool(row["optional"])}
-            groups[group] = (*groups.get(group, ()), Field(**row | more))
+            own: dict[str, Any] = {**row, "derived": _DERIVED.get(name), "values": _VALUES.get(name, {})}
+            own |= {"description": row["description"].format(**words), "optional": bool(row["optional"])}
+            groups[group] = (*groups.get(group, ()), Field(**own))
     return groups
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
@@ -18,6 +18,7 @@ from wavesweep.tables.kind import Again, Kind
 from wavesweep.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
+    from wavesweep.analyses.every_hand import EveryHandGuarantee
     from wavesweep.analyses.for_all import ForAllGuarantee
     from wavesweep.analyses.hands import Guarantee, Hands
     from wavesweep.analyses.proved_again import ProvedAgain
@@ -79,7 +80,7 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     stages = [Stage("free" if free is None else "operator", own, how)]
     if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    guarantees = hands.guarantees
+    guarantees: Sequence[Guarantee | EveryHandGuarantee] = hands.guarantees
     if spec.for_all:
         from wavesweep.analyses.every_hand import EveryHandGuarantee
         from wavesweep.analyses.varying import Rules
@@ -118,7 +119,7 @@ def of_calls(own: Job) -> Columns:
     return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1, bool(spec.for_all)) for each in stages)
 
 
-def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee) -> Job:
+def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee | EveryHandGuarantee) -> Job:
     from wavesweep.analyses.intervals import guaranteed
     from wavesweep.sweep.job import cut_otherwise
 

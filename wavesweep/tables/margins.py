@@ -87,7 +87,8 @@ def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns
     rows = len(own["cut"])
     none, refuted = np.full(rows, np.nan), np.array([each.refuted for each in found])
     down = np.array([each.name == "gain_down" for each in found])
-    return both | {
+    return {
+        **both,
         "guarantee": np.array(["spec"] * rows + ["for_all"] * len(found), object),
         "fails_below": np.concatenate([none, np.where(down, refuted, np.nan)]),
         "fails_from": np.concatenate([none, np.where(down, np.nan, refuted)]),
