@@ -80,7 +80,7 @@ def test_two_masses_move_as_in_a_march_with_matrix_exponentials(sensor):
 
 @pytest.mark.slow
 def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tmp_path):
-    """A log that does not reach the resonance of 137 Hz is refused."""
+    """A log that does not reach the resonance of 137 Hz is refused, and a tone that nothing explains is said to be left."""
     path = written(tmp_path / "drive.csv", *log_of_drive(0.02), "time,torque,speed")
     table = of_identify.identify(str(path), two_masses=True)
     for name, truth in zip((*OF_DRIVE, "delay"), (*DRIVE, 1.3), strict=True):
@@ -92,6 +92,9 @@ def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tm
     ranges = {axis.path: (axis.start, axis.stop) for axis in wavesweep.load(spec).for_all.axes if not axis.values}
     assert ranges["numbers.k"] == tuple(table.facts["parameters"]["coupling_stiffness"][end] for end in ("low", "high"))
     assert wavesweep.compile(spec).spectral_radius() < 1
+    torque, speed = log_of_drive(0.02)
+    written(path, torque, speed + 0.2 * np.sin(0.3 * np.arange(len(speed))), "time,torque,speed")
+    assert not of_identify.identify(str(path), two_masses=True).facts["explained"]
     written(path, *log_of_drive(0.5, top=20.0), "time,torque,speed")
     with pytest.raises(UsageError, match=r"resonance of (the )?two masses"):
         wavesweep.identify(path, two_masses=True)
