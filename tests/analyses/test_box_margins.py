@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 from wavesweep import UsageError, load
+from wavesweep.analyses import box_margins
 from wavesweep.analyses.box_margins import Arc, margins_for_all
 from wavesweep.analyses.broken_loops import broken_at
 from wavesweep.passive.lifted_margins import margins_of
@@ -79,6 +80,15 @@ def test_values_are_proved_one_by_one_and_the_worst_counts():
     for name, value in of_control(8.0, 3.0, late=2).items():
         assert found[name].value == pytest.approx(value, rel=2e-3)
         assert found[name].counterexample == "late = 2"
+
+
+def test_a_disk_whose_proof_ends_early_has_neither_margin_nor_gain_nor_phase(monkeypatch):
+    monkeypatch.setattr(box_margins, "FRAMES", 2)
+    found = for_all(LAG, "plant.y", a=BOX["a"])
+    for each in (found["disk"], found["disk_gain"], found["disk_phase"]):
+        assert np.isnan(each.value)
+        assert each.doubt
+        assert each.refuted > 1
 
 
 def test_a_box_with_an_unstable_loop_has_no_margin_but_a_counterexample():

@@ -11,7 +11,9 @@ import wavesweep
 from wavesweep.analyses.hands import hands_of
 from wavesweep.analyses.loops import held_loop
 from wavesweep.analyses.two_ports import index, pair_margin
-from wavesweep.passive.two_ports import worst
+from wavesweep.passive import two_ports
+from wavesweep.passive.two_ports import Pair, pairs_of, worst
+from wavesweep.robust.boxes import Cover
 from wavesweep.sweep.grid import own_loop
 
 SPEC = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "two-channel.toml"
@@ -83,3 +85,9 @@ def test_arms_whose_positions_both_return():
     found = pair_margin(held_loop(own_loop(wavesweep.load(tables))))
     assert found.certified
     assert found.stable
+
+
+def test_what_a_cover_leaves_open_is_not_proved(monkeypatch):
+    monkeypatch.setattr(two_ports, "BOXES", 20)
+    pair = Pair(pairs_of(loop_with(n=1), "", (0.0, 0.0)))
+    assert pair.open_in(0.0, 0.0, lambda _, box, __: Cover(np.array([box]), np.zeros((0, 2)), 1)) != []

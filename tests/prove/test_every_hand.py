@@ -7,6 +7,7 @@ from support.marched_hands import growth, random_hand
 from support.specs import values_of
 
 from wavesweep.errors import UsageError
+from wavesweep.prove import every_hand
 from wavesweep.prove.every_hand import EveryHand
 from wavesweep.robust.frames import FRAME, Frames, plan_of_controller
 
@@ -71,6 +72,13 @@ def test_with_less_damping_a_heavy_mass_is_unstable():
 
 def test_waves_without_position_feedback_settle_nowhere():
     assert EveryHand.of(plan_of_controller(values_of("pmw", **WALL), Frames((4, 5)))) is None
+
+
+def test_energies_for_less_damping_than_a_pattern_needs_are_refused(monkeypatch):
+    search = every_hand.least_damping
+    monkeypatch.setattr(every_hand, "least_damping", lambda *loop: ((forms, 0.99 * d) for forms, d in search(*loop)))
+    found = needed("dc-slow", Frames((16, 20, 33)))
+    assert found.proved >= found.refuted > 0
 
 
 def test_a_program_that_would_take_long_is_refused():

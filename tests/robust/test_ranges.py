@@ -8,9 +8,11 @@ from scipy.linalg import expm
 from scipy.signal import butter
 from support.specs import values_of
 
+from wavesweep.robust import loop_numbers
 from wavesweep.robust.checking import shrink_over
 from wavesweep.robust.frames import Frames, plan_of_controller
 from wavesweep.robust.graph import Graph
+from wavesweep.robust.loop_numbers import TickSeries
 from wavesweep.robust.polynomials import Polynomials, monomials
 from wavesweep.spec import load
 from wavesweep.tables.intervals import intervals
@@ -140,6 +142,31 @@ def attacked(kind, lengths, box, low, high, tries, seed=0):
             word = rng.choice(rng.choice(len(lengths), rng.integers(1, 4)), rng.integers(1, 9))
             worst = max(worst, growth(frames, word) ** (1 / len(word)))
     return worst
+
+
+@pytest.mark.parametrize(("same", "order"), [(None, 2), (1e-2, 5)])
+def test_ticks_over_a_box_are_within_their_bounds(same, order, monkeypatch):
+    """Also if terms of a higher degree, or functions that are nearly sums of others, are left out."""
+    if same:
+        monkeypatch.setattr(loop_numbers, "SAME", same)
+
+    def evaluate(x):
+        a, b = x[:, 0], x[:, 1]
+        entries = np.stack(
+            [np.exp(a) / (3 + b), np.sin(2 * a + b), np.exp(a), np.exp(a) + 1e-3 * np.cos(b), a * b, 0 * a, b, 1 + a]
+        )
+        E = np.moveaxis(entries.reshape(2, 2, 2, -1), -1, 1)
+        return E, 1e-15 * np.abs(E)
+
+    box = np.array([[-1.0, 0.2], [1.0, 1.4]])
+    part = np.array([[-0.5, 0.4], [0.7, 1.0]])
+    found = TickSeries.of(evaluate, box, (16, 16)).part(part).polynomials(order)
+    s = np.random.default_rng(1).uniform(-1, 1, (200, 2))
+    exact = evaluate(part.mean(0) + s * (part[1] - part[0]) / 2)[0] + np.eye(2)
+    model = np.einsum("pm,mkij->kpij", (s[:, None, :] ** found.exponents).prod(-1), found.terms)
+    off = np.abs(exact - model).max(1)
+    assert (off <= found.rest).all()
+    assert off.max() > found.rest.max() / 100  # the bounds are of the size of what is left out
 
 
 @pytest.mark.parametrize("kind", ["pmw", "dc-slow"])

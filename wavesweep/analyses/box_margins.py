@@ -132,7 +132,8 @@ def _with_gain_and_phase(disk: BoxMargin) -> Iterator[BoxMargin]:
     both = (disk_margins(a, disk.omega, 0.0, NONE) for a in (disk.value, disk.refuted))
     for proved, refuted in zip(*both, strict=True):
         rest = disk.omega, disk.counterexample, disk.settled, proved.limited or np.isfinite(refuted.omega), disk.doubt
-        yield BoxMargin(proved.name, proved.value, refuted.value if refuted.limited else np.nan, *rest)
+        value = np.nan if np.isnan(disk.value) else proved.value
+        yield BoxMargin(proved.name, value, refuted.value if refuted.limited else np.nan, *rest)
 
 
 class _Case:
