@@ -14,6 +14,7 @@ from wavesweep.robust.frames import Frames, plan_of_controller
 from wavesweep.robust.graph import Graph
 from wavesweep.robust.loop_numbers import TickSeries
 from wavesweep.robust.polynomials import Polynomials, monomials
+from wavesweep.robust.ranges import cover
 from wavesweep.spec import load
 from wavesweep.tables.intervals import intervals
 
@@ -169,18 +170,31 @@ def test_ticks_over_a_box_are_within_their_bounds(same, order, monkeypatch):
     assert off.max() > found.rest.max() / 100  # the bounds are of the size of what is left out
 
 
-@pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
-def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
-    """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""
-    lengths, box = (18, 22), np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
+def frames_at(kind, box):
+    """The frames of 18 and 22 ticks over a box of the logarithm of K_VE and the numbers of a hand."""
     values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
     values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
     paths = ["environment.K_VE", *HAND]
-    plan = plan_of_controller(values, Frames(lengths), paths)
-    frames = plan.over(paths, lambda sides: np.column_stack([np.exp(sides[:, 0]), sides[:, 1:]]), box).polynomials()
+    plan = plan_of_controller(values, Frames((18, 22)), paths)
+    return plan.over(paths, lambda sides: np.column_stack([np.exp(sides[:, 0]), sides[:, 1:]]), box)
+
+
+def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
+    """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""
+    box = np.array([[np.log(300.0), 0.0, 0.0, 0.0], [np.log(1200.0), 0.05, 1.0, 50.0]])
+    found = cover(lambda part: frames_at("pmw", part), box, np.ones((2, 2), bool), 4e9)
+    assert len(found.open)
+    assert found.end < np.log(800.0)
+
+
+@pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
+def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
+    """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""
+    box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
+    frames = frames_at(kind, box).polynomials()
     for s in product((-1.0, 0.3, 1.0), repeat=4):
         place = box.mean(0) + (box[1] - box[0]) / 2 * s
-        marched = marched_frames(kind, np.exp(place[0]), place[1:], lengths)
+        marched = marched_frames(kind, np.exp(place[0]), place[1:], (18, 22))
         for own, other in zip(at(frames, np.array(s)), marched, strict=True):
             assert np.abs(np.linalg.eigvals(own)).max() == pytest.approx(growth([other], [0]), abs=1e-4)
 
