@@ -8,8 +8,10 @@ from wavesweep.analyses.intervals import job_over
 from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, frames, refuse_singular
 from wavesweep.columns import Columns
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.drift import TickDrift
 from wavesweep.spec import Axis, Spec
-from wavesweep.stability.modes import modes_of
+from wavesweep.stability.modes import Modes, modes_of
 from wavesweep.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.sweep.grid import drawn_groups, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
@@ -30,9 +32,8 @@ def poles(spec: Spec) -> Columns:
     loop = own_loop(spec)
     refuse_singular(spec, loop.drawing)
     drawn, drift = loop.drawn(), drift_of(loop)
-    E, labels, period = frames(loop, drift), drawn.labels(), float(drawn.period * drawn.ticks)
-    names = [labels[drift.states[index]] for index in drift.kept]
-    delta, shares = modes_of(E[: len(names), : len(names)])
+    period = float(drawn.period * drawn.ticks)
+    names, (delta, shares) = named_modes(frames(loop, drift), drawn, drift)
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.log1p(delta) / period
         columns = {
@@ -89,6 +90,12 @@ def ends_on_circle(spec: Spec, axis: Axis) -> list[tuple[float, np.ndarray, floa
                 z = poles_over(spec, replace(axis, values=(float(value),)))[1]
                 found.append((float(value), z[np.abs(np.abs(z) - 1) <= ON_CIRCLE], float(hz), bool(certified)))
     return sorted((each for each in found if each[1].size), key=lambda each: each[0])  # what drifts there is left out
+
+
+def named_modes(E, drawn: MultirateLoop, drift: TickDrift) -> tuple[list[str], Modes]:
+    """The names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
+    labels, kept = drawn.labels(), len(drift.kept)
+    return [labels[drift.states[index]] for index in drift.kept], modes_of(E[:kept, :kept])
 
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:

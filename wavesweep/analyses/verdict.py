@@ -14,13 +14,12 @@ from wavesweep.analyses.intervals import Way, cost_of, job_over, searches_of
 from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.analyses.measured import distances, read_points
-from wavesweep.analyses.poles import leading
+from wavesweep.analyses.poles import leading, named_modes
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.certificate import words
-from wavesweep.stability.modes import modes_of
 from wavesweep.stability.spectrum import damping_ratio, radius_of
 from wavesweep.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
@@ -93,9 +92,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     if loop is None and not (spec.drawing and spec.drawing.hand is None):
         loop = loop_at_hand(spec)
     if found["stable"]:
-        labels, kept = drawn.labels(), len(drift.kept)
-        names = [labels[drift.states[index]] for index in drift.kept]
-        delta, shares = modes_of(E[:kept, :kept])
+        names, (delta, shares) = named_modes(E, drawn, drift)
         modes = [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)]
         modes = modes or [(-1 + 0j, [])]  # without a state
     slowest = modes[0] if modes else None
