@@ -12,7 +12,6 @@ READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in _READING)
 OPEN = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", *_READING))
 STOPPING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 HANGUP = getattr(signal, "SIGHUP", None)
-KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 
 
 def processors() -> int:
