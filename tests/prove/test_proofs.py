@@ -65,6 +65,12 @@ def test_direct_terms_within_a_plant(prove):
     assert close((low, high), (row.low, row.high))
 
 
+def test_a_block_that_nothing_acts_on(prove):
+    block = {"type": "ss", "discrete": True, "inputs": [], "outputs": ["y"], "A": [["p"]], "B": [], "C": [[1]], "D": []}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.5}, "block": {"s": block}}
+    assert [row[:2] for row in prove(tables, "p", (0.0, 2.0)).intervals] == [(0.0, 1.0)]
+
+
 @pytest.mark.parametrize("n", [1, 3, 12])
 def test_a_wall_behind_any_delay(prove, n):
     """With R = 4 sin^2(t/2)/cos(t/2), B T/m = R sin((n+1/2)t)/sin t and K T^2/m = R cos((n+1/2)t) - (B T/m)(1 - cos t)."""

@@ -170,6 +170,16 @@ def test_ticks_over_a_box_are_within_their_bounds(same, order, monkeypatch):
     assert off.max() > found.rest.max() / 100  # the bounds are of the size of what is left out
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_part_of_a_box_keeps_what_counts_beside_an_entry_that_is_zero_in_all_ticks():
+    def evaluate(x):
+        E = np.stack([[np.exp(x[:, 0]), np.sin(x[:, 0])], [0 * x[:, 0], np.cos(x[:, 0])]])[None]
+        return np.moveaxis(E, -1, 1), np.zeros((1, len(x), 2, 2))
+
+    part = TickSeries.of(evaluate, np.array([[-1.0], [1.0]]), (16,)).part(np.array([[0.0], [0.1]]))
+    assert part.polynomials(5).rest.max() < 1e-9
+
+
 def frames_at(kind, box):
     """The frames of 18 and 22 ticks over a box of the logarithm of K_VE and the numbers of a hand."""
     values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}

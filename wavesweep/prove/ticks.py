@@ -95,9 +95,10 @@ class Loop:
             arb_mat if isinstance(number, arb) else acb_mat,
             [i for i, block in enumerate(blocks) for _ in block[0]],
         )
+        wires = matrix(len(W), len(self.outputs), [gain for row in W for gain in row])  # a list of no rows has no columns
         orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
         A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
-        return {kind: self._tick(set(kind), matrix, owners, matrix(W), A, B, C, D) for kind in set(self.kinds)}
+        return {kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D) for kind in set(self.kinds)}
 
     def _tick(self, running, matrix, owners, W, A, B, C, D):
         states, size = len(owners), len(owners) + len(self.held)

@@ -78,8 +78,8 @@ class TickSeries:
             series = along(moved if box[0, axis] < box[1, axis] else moved[:1], series, axis)
         size = np.abs(series)
         most = np.tensordot(size.max(nodes_of), sizes, 1).max(0)
-        with np.errstate(divide="ignore"):
-            spared = (SPARED * (most + most @ most) / sizes).min((1, 2, 3))
+        least = np.full_like(sizes, np.inf)  # nothing is lost where an entry does not have the function
+        spared = np.divide(SPARED * (most + most @ most), sizes, out=least, where=sizes > 0).min((1, 2, 3))
         for axis in nodes_of:
             others = tuple(other for other in nodes_of if other != axis)
             tail = np.cumsum(size.sum(others)[::-1], 0)[::-1]  # of this degree and all above

@@ -21,7 +21,7 @@ from wavesweep.robust.words import Word, growing
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
 # their spectral radius leaves, first the one and then the other.
-MARGIN, SHARES = 3e-3, (0.2, 0.03)
+MARGIN, SHARES = 3e-4, (0.2, 0.03)
 SEARCH = 4e9  # operations of one search for norms in the middle of a box
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
