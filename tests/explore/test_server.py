@@ -177,11 +177,44 @@ def test_a_process_of_another_user_is_answered_nothing(client, monkeypatch, fami
     assert opened(client.server, path)[0] == 303  # it has not used up the address
 
 
-def test_a_request_that_never_ends_is_given_up(client, monkeypatch):
-    monkeypatch.setattr(module.Handler, "timeout", 0.01)
+def test_half_open_requests_keep_nobody_out(client, monkeypatch):
+    monkeypatch.setattr(module, "HURRY", 1e6)
+    strangers = []
+    for _ in range(3 * module.STRANGERS):
+        strangers.append(socket.create_connection(("127.0.0.1", client.server.server_address[1]), timeout=300))
+        strangers[-1].sendall(b"GET / HTTP/1.1\r\nHost: ")
+    assert client.send("GET", "")[0] == 200
+    for oldest in strangers[: 2 * module.STRANGERS]:
+        assert oldest.recv(1) == b""
+    for each in strangers:
+        each.close()
+
+
+def test_a_request_that_drips_is_given_up(client, monkeypatch):
+    """Each byte is soon after the last one, so that the server never waits long."""
+    monkeypatch.setattr(module, "HURRY", 0.0)
     with socket.create_connection(("127.0.0.1", client.server.server_address[1]), timeout=300) as slow:
-        slow.sendall(b"GET / HTTP/1.1\r\n")
-        assert slow.recv(1) == b""
+        slow.sendall(b"GET / HTTP/1.1\r\nX: ")
+        with pytest.raises(OSError):
+            while True:
+                slow.sendall(b"x")
+                time.sleep(0.01)
+
+
+def test_a_page_that_has_been_answered_is_not_hurried(client, monkeypatch):
+    """The browser asks again over the same connection."""
+    monkeypatch.setattr(module, "HURRY", 0.5)
+    connection = http.client.HTTPConnection("127.0.0.1", client.server.server_address[1], timeout=300)
+    sockets = []
+    for pause in (2 * module.HURRY, 0):
+        connection.request("GET", f"/{client.server.token}/")
+        answer = connection.getresponse()
+        assert answer.status == 200
+        answer.read()
+        sockets.append(connection.sock)
+        time.sleep(pause)
+    assert sockets[0] is sockets[1]
+    connection.close()
 
 
 SPEC = 'controller.kind = "pmw"\n'

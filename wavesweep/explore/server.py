@@ -11,9 +11,11 @@ import hmac
 import json
 import os
 import secrets
+import socket
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cached_property
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -25,6 +27,8 @@ LOOPBACK = "127.0.0.1"
 LARGEST = 64 * 1024  # bytes of a question
 BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
 GRACE = 3.0  # s without any page after which the server ends; a page that is loaded again takes less
+HURRY = 5.0  # s that a connection has for its first request with the secret
+STRANGERS = 64  # connections without one, beyond which the oldest is closed
 TICKET = 60.0  # s in which a browser has to be there
 LOOK = 0.25  # s between two looks at the pages
 HEADERS = {
@@ -60,6 +64,7 @@ class Server(ThreadingHTTPServer):
         super().__init__((LOOPBACK, port), Handler)
         self.page, self.answers, self.token = page, answers, secrets.token_urlsafe(24)
         self._pages, self._seen, self._lock = 0, None, Lock()
+        self._strangers: dict[socket.socket, float] = {}
         self.ticket, self._until = secrets.token_urlsafe(24), 0.0
 
     @property
@@ -83,6 +88,33 @@ class Server(ThreadingHTTPServer):
         with self:
             while not self.over():
                 self.handle_request()
+                self._close_strangers()
+
+    def process_request(self, request, client_address) -> None:
+        """Answer a connection in a thread of its own."""
+        with self._lock:
+            self._strangers[request] = time.monotonic()
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request) -> None:
+        """Close a connection."""
+        self.know(request)
+        super().shutdown_request(request)
+
+    def know(self, request) -> None:
+        """Let a connection stay, or end: it had the secret, or is over."""
+        with self._lock:
+            self._strangers.pop(request, None)
+
+    def _close_strangers(self) -> None:
+        """Close connections that are too many or have taken too long, which ends their threads."""
+        with self._lock:
+            late, many = time.monotonic() - HURRY, len(self._strangers) - STRANGERS
+            closed = [each for number, (each, since) in enumerate(self._strangers.items()) if since < late or number < many]
+            for each in closed:
+                del self._strangers[each]
+                with suppress(OSError):
+                    each.shutdown(socket.SHUT_RDWR)
 
     def over(self) -> bool:
         """Whether the last page has been closed for GRACE seconds."""
@@ -157,6 +189,7 @@ class Handler(BaseHTTPRequestHandler):
         if not (self._from_here(asking) and hmac.compare_digest(token.encode(), self.server.token.encode())):
             self._refuse(HTTPStatus.FORBIDDEN)
             return None
+        self.server.know(self.connection)
         return name
 
     def _from_here(self, asking: bool = False) -> bool:
