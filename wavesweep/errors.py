@@ -1,13 +1,26 @@
 """Errors with texts for users, and their exit codes."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+LONGEST_WORD, LONGEST_LINE = 400, 2000  # letters of a message, which repeats what was given; a screen has 2000
+
+
+def shortened(text: str) -> str:
+    """The text with the middle of each word and line left out that is too long to be read."""
+    for pattern, most in ((r"\S", LONGEST_WORD), (".", LONGEST_LINE)):
+        text = re.sub(f"{pattern}{{{most},}}", lambda long, part=most // 4: f"{long[0][:part]}...{long[0][-part:]}", text)
+    return text
 
 
 class WavesweepError(Exception):
     """A run failed for the reason in the text; base class of all errors that are raised on purpose."""
 
     exit_code = 1
+
+    def __str__(self) -> str:
+        return shortened(super().__str__())
 
 
 class UsageError(WavesweepError):
@@ -58,4 +71,4 @@ class SpecError(UsageError):
         super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self.mistakes))
+        return shortened("\n".join(map(str, self.mistakes)))

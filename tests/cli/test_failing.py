@@ -265,3 +265,50 @@ def test_control_characters_of_foreign_files_are_shown_and_not_sent(wavesweep, s
     package.write_text(package.read_text().replace('"spec_sha256": "', '"spec_sha256": "\\u001b[31m'))
     code, out, err = wavesweep("verify", "results/wall")
     assert (code, "\x1b" in out + err) == (1, False)
+
+
+REPLACING = [
+    (["zwidth", "READ", "--out", "MADE"], "mine.csv"),
+    (["zwidth", "READ", "--out", "."], "zwidth.csv"),
+    (["bode", "READ", "--out", "MADE"], "mine.svg"),
+    (["compare", "wall.toml", "READ", "--out", "."], "compare-bode.png"),
+    (["simulate", "READ", "--out", "."], "simulate.datapackage.json"),
+    (["design", "READ", "--out", "."], "best/mine-01.toml"),
+    (["zwidth", "wall.toml", "--set", "measured.z_width=READ", "--out", "."], "zwidth.csv"),
+    (["simulate", "wall.toml", "--set", "simulate={input='record', record='READ'}", "--out", "."], "simulate.csv"),
+    (["report", "READ", "--out", "MADE"], "mine.html"),
+    (["export", "READ", "--to", "c", "--out", "."], "controller.h"),
+    (["check", "READ", "--plot", "--out", "MADE"], "mine.png"),
+    (["explore", "READ", "--save", "MADE"], "mine.toml"),
+    (["identify", "READ", "--out", "MADE"], "mine.csv"),
+    (["identify", "READ"], "results/identify/identify.csv"),
+    (["identify", "/dev/stdin", "--out", "MADE"], "mine.csv"),
+]
+
+
+@pytest.mark.parametrize(("words", "name"), REPLACING)
+@pytest.mark.parametrize("linked", [False, True])
+def test_no_command_replaces_a_file_that_it_reads(wavesweep, spec, words, name, linked):
+    """The link is to the file in the place of the results."""
+    text = Path(spec).read_text() + "[design]\nvary.b = [20, 30]\nwish.z_width = {}\n"
+    if words[0] == "identify":
+        text = "time,force,position\n" + "".join(f"{0.001 * n},{n % 7},{n % 5}\n" for n in range(60))
+    Path(name).parent.mkdir(parents=True, exist_ok=True)
+    Path(name).write_text(text)
+    given = name
+    if linked:
+        Path("link").mkdir()
+        given = f"link/{Path(name).name}"
+        Path(given).symlink_to(Path(name).absolute())
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    with Path(name).open("rb") as own:
+        saved = os.dup(0)
+        os.dup2(own.fileno(), 0)
+        try:
+            code, out, err = wavesweep(*words, "--overwrite" if words[0] != "check" else "--all")
+        finally:
+            os.dup2(saved, 0)
+            os.close(saved)
+    assert (code, out) == (2, "")
+    assert "which is read" in err
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before

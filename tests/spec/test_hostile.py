@@ -38,6 +38,26 @@ def test_a_spec_without_bound_is_refused(text, said, tmp_path):
         load(tmp_path / "a.toml")
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{'x' * 100_000} = 1\n",
+        f"'{'x ' * 50_000}' = 1\n",
+        f"{HEAD}b = {'1' * 5000}\n",
+        f"{HEAD}b = {'1' * 300}\n",
+        f'{HEAD}[measured]\nz_width = "{"x " * 50_000}"\n',
+        f'{HEAD}[measured]\nz_width = "{"x" * 100_000}"\n',
+    ],
+)
+@pytest.mark.parametrize("typed", ["b=1", f"{'x' * 100_000}=1", f"b={'x ' * 50_000}", f"b={'1' * 100_000}"])
+def test_what_is_said_of_a_long_text_fits_a_screen(text, typed, tmp_path, capfd):
+    (tmp_path / "a.toml").write_text(text)
+    assert main(["--json", "check", str(tmp_path / "a.toml"), "--set", typed]) == 2
+    said = capfd.readouterr()
+    assert 60 < len(said.err) < 3000
+    assert 60 < len(said.out) < 3000
+
+
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "loop").symlink_to("loop")

@@ -178,7 +178,7 @@ def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iter
 
 def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:
     """The file of each picture. Errors: UsageError for a place that cannot be used, or one without a picture."""
-    from wavesweep.cli.files import own_folder, refuse_other_things
+    from wavesweep.cli.files import own_folder, refuse_inputs, refuse_other_things
 
     if not figures:
         if out is not None:
@@ -195,6 +195,7 @@ def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[st
     for path in places.values():
         results.refuse_unusable(path.parent)
     refuse_other_things(*places.values())
+    refuse_inputs(spec.files, *places.values())
     plots.refuse_settings()
     return places
 

@@ -213,7 +213,7 @@ def _exit_code(error: BaseException, as_json: bool) -> int:
             error.show()
     else:
         code, line = _line(error)
-        _say(line)
+        _say(line := printable(line))
     if as_json:
         with suppress(OSError):
             show_json({"error": line.removeprefix("Error: "), "exit_code": code})

@@ -49,7 +49,7 @@ def command(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
     loaded = load(spec, overrides)
     loaded.refuse_require("explore")
     if save is not None:
-        _save(loaded, spec, Path(save), overwrite)
+        _save(loaded, Path(save), overwrite)
         return
     from wavesweep.explore.page import Page
     from wavesweep.explore.server import Server
@@ -73,14 +73,13 @@ def _has_screen() -> bool:
     return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _save(spec, path: str, target: Path, overwrite: bool) -> None:
-    from wavesweep.cli.files import refuse_no_folder, write_whole
+def _save(spec, target: Path, overwrite: bool) -> None:
+    from wavesweep.cli.files import refuse_inputs, refuse_no_folder, write_whole
     from wavesweep.cli.messages import progress
     from wavesweep.explore.page import saved_page
 
     refuse_no_folder(target)
-    if target.exists() and target.samefile(path):
-        raise UsageError(f"{target}: the file is the spec; expected another name for the page")
+    refuse_inputs(spec.files, target)
     if target.exists() and not overwrite:
         raise UsageError(f"{target}: the file exists; expected another name, or --overwrite to replace it")
     with progress(quiet=False) as report:

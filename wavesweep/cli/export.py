@@ -42,7 +42,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     from wavesweep import spec as specs
     from wavesweep.analyses.assumptions import assumes, over_preset
     from wavesweep.analyses.experiment import linear_loop
-    from wavesweep.cli.files import own_folder, refuse_other_things, write_whole
+    from wavesweep.cli.files import own_folder, refuse_inputs, refuse_other_things, write_whole
     from wavesweep.cli.messages import say, show_json
     from wavesweep.export import exported, terms_of
     from wavesweep.simulation import hand_force
@@ -55,6 +55,7 @@ def command(spec: str, to: str, out: str | None, overwrite: bool, overrides: tup
     found = exported(loaded, gains=gains)
     paths = [folder / name for name in found]
     refuse_other_things(*paths)
+    refuse_inputs(loaded.files, *paths)
     _refuse_existing(paths, overwrite)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(*zip(paths, found.values(), strict=True))

@@ -4,6 +4,7 @@ import os
 import re
 import stat
 from collections.abc import Iterable
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -37,6 +38,22 @@ def refuse_other_things(*files: Path) -> None:
         if not stat.S_ISREG(mode):
             found = "a link" if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
             raise UsageError(f"{path}: expected a file or none, found {found}; move it away, or choose another name")
+
+
+def refuse_inputs(read: Iterable[str | Path], *written: Path) -> None:
+    """Raise UsageError if a command would replace a file that it reads, or a folder with one in it.
+
+    read: paths of files; one that does not exist, or cannot be looked at, is left to what reads it.
+    """
+    places = [place for place in written if place.exists()]
+    for source in (Path("/dev/stdin" if str(name) == "-" else name) for name in read if places):
+        with suppress(OSError):
+            own = source.resolve(strict=True)
+            for place in places:
+                if any(place.samefile(part) for part in (source, own, *own.parents)):
+                    raise UsageError(
+                        f"{place}: expected a place for results, found {source}, which is read; choose another one"
+                    )
 
 
 def refuse_no_folder(target: Path) -> None:

@@ -95,7 +95,7 @@ def command(
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
     """
     from wavesweep import results
-    from wavesweep.cli.files import refuse_no_folder, refuse_other_things, write_whole
+    from wavesweep.cli.files import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
     from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.identification.log import pairs
     from wavesweep.tables import kind_named
@@ -112,6 +112,8 @@ def command(
     if out:
         refuse_no_folder(target)
     refuse_other_things(target)
+    tables = (directory / name for kind in ("identify", "identify-response") for name in results.names_of(kind))
+    refuse_inputs([log], target, *tables)
     _refuse_foreign(target, given["overwrite"])
     with progress(talk().quiet, "fitting"):
         table = identify(log, **asked)

@@ -11,6 +11,8 @@ from typing import Any
 
 import click
 
+from wavesweep.errors import shortened
+
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 NARROWEST, WIDEST = 80, 100  # letters in a line
@@ -26,8 +28,8 @@ def show_json(summary: Mapping[str, Any]) -> None:
 
 
 def printable(text: str) -> str:
-    """The text with control characters, which names and foreign files may have, shown and not sent to the terminal."""
-    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+    """The text, shortened, with control characters of names and foreign files shown and not sent to the terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in shortened(text))
 
 
 def width() -> int:

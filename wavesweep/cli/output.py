@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from wavesweep.cli.files import own_folder
+from wavesweep.cli.files import own_folder, refuse_inputs
 from wavesweep.cli.messages import progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.cli.talk import talk
@@ -53,6 +53,8 @@ def produce(
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
+    written = [options.file] if options.file else [directory / name for kind in kinds for name in results.names_of(kind)]
+    refuse_inputs((file for each in specs for file in each.files), *(() if options.to_stdout else written))
     if options.formats:
         from wavesweep import plots
 

@@ -45,7 +45,7 @@ def command(
       wavesweep report sweeps/recipes/current-loop.toml --out current-loop.html
       wavesweep report mine.toml --for-hands passive --cut wall.y
     """
-    from wavesweep.cli.files import own_folder, refuse_other_things, write_whole
+    from wavesweep.cli.files import own_folder, refuse_inputs, refuse_other_things, write_whole
     from wavesweep.cli.messages import progress, say
     from wavesweep.plots import refuse_settings
     from wavesweep.reports.content import Request, report
@@ -56,6 +56,7 @@ def command(
     target = _file(out) if out is not None else own_folder([loaded.name], overrides) / FILE
     refuse_unusable(target.parent)
     refuse_other_things(target)
+    refuse_inputs(loaded.files, target)
     if target.exists() and not overwrite and not _is_report(target, loaded.name):
         raise UsageError(f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite")
     refuse_settings()

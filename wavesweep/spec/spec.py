@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake, SpecError, UsageError
@@ -35,6 +36,15 @@ class Spec(Studies):
     def values(self) -> Mapping[str, float | int | str]:
         """The resolved value of every path (`environment.K_VE`), in the order and the units of `KEYS`; read-only."""
         return MappingProxyType(self._values)
+
+    @property
+    def files(self) -> list[Path]:
+        """The file of the spec, and those that it names: measured points, and the record of a force; none for a dict."""
+        own, record = Path(self.source or ""), self.simulate["record"]
+        return [
+            *filter(None, [self.source and own]),
+            *(own.parent / each for each in (*self.measured.values(), record) if each),
+        ]
 
     @property
     def given(self) -> frozenset[str]:

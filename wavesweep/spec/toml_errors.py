@@ -39,10 +39,14 @@ _WORDS = (
 def syntax_mistake(text: str, message: str, name: str) -> Mistake:
     """Return the mistake of a text in TOML's syntax. message: tomllib's; name: of the file."""
     match = re.fullmatch(_MESSAGE, message)
-    what = (match["what"] if match else message).removeprefix("Found ")
+    if not match:  # but what int() says of a number
+        at = re.search(r"[\d_]{4300,}", text).start()
+        place = f"{name}:{text.count(chr(10), 0, at) + 1}:{at - text.rfind(chr(10), 0, at)}"
+        return Mistake(place, "", "a number of at most 4300 digits", "more")
+    what = match["what"].removeprefix("Found ")
     what = what[:1].lower() + what[1:]
-    line, column = (text.count("\n") + 1, len(text) - text.rfind("\n")) if match else (1, 1)
-    if match and match["line"]:
+    line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
+    if match["line"]:
         line, column = int(match["line"]), int(match["column"])
     here = text.split("\n")[line - 1]
     rest = re.match(r"[^#]*", here[column - 1 :])[0].strip() or "the end of the line"
