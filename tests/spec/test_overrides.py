@@ -2,6 +2,7 @@
 
 import pytest
 
+from wavesweep.errors import SpecError
 from wavesweep.spec import SYMBOLS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
@@ -36,6 +37,25 @@ def test_the_last_of_several_counts_and_what_it_replaces_is_not_checked():
 )
 def test_ratio_and_slow_rate_displace_each_other(given, override, ratio):
     assert load(LOOP | {"rates": given}, [override]).values["rates.ratio"] == ratio
+
+
+@pytest.mark.parametrize(
+    ("given", "overrides", "ratio"),
+    [
+        ({"slow_hz": 50}, ["rates.ratio=17", "rates.slow_hz="], 17),
+        ({"ratio": 10}, ["rates.slow_hz=25", "rates.ratio="], 40),
+    ],
+)
+def test_the_order_of_overrides_of_ratio_and_slow_rate_does_not_matter(given, overrides, ratio):
+    for some in (overrides, overrides[::-1]):
+        assert load(LOOP | {"rates": given}, some).values["rates.ratio"] == ratio
+
+
+def test_ratio_and_slow_rate_together_are_refused_in_either_order():
+    both = ["rates.ratio=17", "rates.slow_hz=25"]
+    for some in (both, both[::-1]):
+        with pytest.raises(SpecError, match="either ratio or slow_hz, found both"):
+            load(LOOP | {"rates": {"slow_hz": 50}}, some)
 
 
 def test_a_table_is_replaced_as_a_whole():

@@ -81,7 +81,10 @@ def test_numpy_numbers_are_numbers():
     ("changes", "words"),
     [
         ({"rates.ratio": 10.5}, ["rates.ratio: expected a whole number >= 1, found 10.5"]),
-        ({"rates.ratio": 10, "rates.slow_hz": 100, "b": -1}, ["controller.b: expected a number > 0, found -1"]),
+        (
+            {"rates.ratio": 10, "rates.slow_hz": 100, "b": -1},
+            ["controller.b: expected a number > 0, found -1", "rates.slow_hz: expected either ratio or slow_hz, found both"],
+        ),
         ({"bb": 1, "device.mas": 1}, ["bb: expected a key of the spec", "device.mas: expected a key of the spec"]),
         ({"filters.lp2.order": 3}, ["filters.lp2: expected either order and cutoff_hz or the four band edges"]),
         ({"filters.lp2.stopband_hz": 9}, ["filters.lp2.stopband_hz: expected an edge above the passband (10.0)"]),

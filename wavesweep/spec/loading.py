@@ -25,8 +25,8 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     """Return the spec of a TOML file, or of the same nested tables as a dict.
 
     source: a path or the tables. overrides: texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`,
-    `sweep.B_VE.num=20`. They replace values of the source before anything is checked; `rates.ratio` and `rates.slow_hz`
-    displace each other.
+    `sweep.B_VE.num=20`. They replace values of the source before anything is checked; `rates.ratio` also replaces the source's
+    `rates.slow_hz`, and the other way round.
 
     Errors: UsageError if a file cannot be read, and SpecError with all mistakes of source and overrides at once.
     """
@@ -86,6 +86,7 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
         leaves[path] = leaf
     symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
     symbols |= numbers_of_blocks(leaves)
+    source = dict(leaves)
     for typed in overrides:
         try:
             path, value, where = read_override(typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS)
@@ -93,11 +94,18 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
             mistakes += error.mistakes
         else:
             # A number that has a unit keeps it.
-            path, known = normal_path((*path, "value") if (*path, "value") in leaves else path), len(leaves)
-            leaves = _override(leaves, path, value, where)
-            if value == "" and len(leaves) == known:
+            path = normal_path((*path, "value") if (*path, "value") in leaves else path)
+            if value == "" and not any(_alike(path, each) for each in (*source, *leaves)):
                 mistakes.refuse(where, ".".join(path), "a value, or a key of the spec to leave out", "neither")
+            leaves, twin = _override(leaves, path, value, where), tuple(TWINS.get(".".join(path), "").split("."))
+            if value != "" and twin in source and leaves.get(twin) is source[twin]:
+                del leaves[twin]
     return leaves
+
+
+def _alike(one: Path, other: Path) -> bool:
+    """Whether one path is at, above or below the other."""
+    return all(a == b for a, b in zip(one, other, strict=False))
 
 
 def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place) -> dict[Path, Leaf]:
@@ -105,9 +113,9 @@ def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Pl
     new = {} if value == "" else dict(leaves_of({replaced[-1]: value}, where, replaced[:-1]))  # without a text it is left out
     result: dict[Path, Leaf] = {}
     for path, leaf in leaves.items():
-        if all(one == other for one, other in zip(path, replaced, strict=False)):
+        if _alike(path, replaced):
             result.update(new)
-        elif TWINS.get(".".join(replaced)) != ".".join(path):
+        else:
             result[path] = leaf
     return {**result, **new}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from wavesweep.controllers import CONTROLLERS
@@ -44,12 +44,12 @@ class Given:
         leaf = self.leaves.get("device.preset")
         return DEVICES.get(leaf.value) if leaf is not None and isinstance(leaf.value, str) else None
 
-    def replaced(self, path: str, leaf: Leaf) -> Given:
-        """Return the same with another value at `path`; a rate displaces the other way to give it.
+    def replaced(self, path: str, leaf: Leaf, beside: Collection[str] = ()) -> Given:
+        """Return the same with another value at `path`; a rate displaces the other way to give it, unless that is one of `beside`.
 
         Order and cutoff that a resolved spec has in addition to the band edges follow from these again.
         """
-        others = {TWINS.get(path)}
+        others = {TWINS.get(path)}.difference(beside)
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
         others |= {f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")}
         return Given({**{name: old for name, old in self.leaves.items() if name not in others}, path: leaf}, self.source)

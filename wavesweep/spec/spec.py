@@ -301,12 +301,12 @@ class Spec(Studies):
     def with_values(self, changes: Mapping[str, float | int | str]) -> Spec:
         """Return the spec with other values for some paths or symbols, resolved and checked anew.
 
-        `rates.ratio` and `rates.slow_hz` displace each other. Errors: SpecError with every mistake of the changes.
+        `rates.ratio` replaces `rates.slow_hz`, and the other way round. Errors: SpecError with every mistake of the changes.
         """
         given, mistakes = self._given, Mistakes()
         for name, value in changes.items():
             if key := self.names.find(name):
-                given = given.replaced(key.path, Leaf(plain(value), Place()))
+                given = given.replaced(key.path, Leaf(plain(value), Place()), changes)
             else:
                 known = (*self.names.symbols, *self.names.keys)
                 mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", nearest(name, known))
