@@ -94,6 +94,24 @@ def test_slow_results_of_each_rate_are_late_by_themselves():
     assert np.all(lost.signals["f_m"] == 0.0)
 
 
+def test_a_wall_that_is_read_in_every_tick_reads_slow_results_as_they_have_arrived():
+    """A loop whose wall is named moves as one whose wall is not."""
+    hold = {"type": "hold", "every": 5}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 50.0, "B": 1.0},
+        "block": {"handle": {"type": "mass", "mass": 0.5, "damping": 2.0}, "seen": hold},
+        "wire": {"seen.u": "handle.x", "handle.f": "push - K*(handle.x - 0.5*seen.y) - B*handle.v"},
+    }
+    ports, force = {"hand": {"force": "push", "displacement": "handle.x"}}, np.random.default_rng(0).normal(1, 1, 300)
+    wall = {"wall": {"stiffness": "K", "damping": "B"}}
+    seen = [
+        simulated(wavesweep.load(tables | {"ports": ports | more}), force, late=3, dropped=0.5).signals["x"]
+        for more in ({}, wall)
+    ]
+    np.testing.assert_allclose(seen[1], seen[0], rtol=0, atol=1e-12)
+
+
 def test_friction_encoder_and_motors_act_on_the_device_that_the_hand_moves():
     force = 2 * np.sin(np.arange(2000) / 100)
     seen = run(TWO_RATES, force, friction=0.6, resolution=1e-4, max_force=0.5).signals

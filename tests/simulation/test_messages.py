@@ -1,7 +1,8 @@
-"""Messages of channels in a simulation: those that are lost at random."""
+"""Messages of channels in a simulation: those that are late or lost beside other blocks, and those that are lost at random."""
 
 import numpy as np
 import pytest
+from support.messages import marched_blocks, random_blocks, spec_of_blocks
 
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.hardware import Effects, losses
@@ -37,3 +38,18 @@ def test_a_simulation_draws_its_losses_unless_a_pattern_is_given():
     given = load(spec.tables() | {"simulate": {"input": "step", "messages": {"net": [0, "2 lost", 1]}}})
     assert simulated(given).late[:8].tolist() == [0, -1, -1, 1, 0, -1, -1, 1]
     assert load(given.as_simulated().tables()).simulate["messages"] == {"net": (0, None, None, 1)}
+
+
+@pytest.mark.sample(12)
+@pytest.mark.parametrize("seed", range(100))
+@pytest.mark.parametrize("dropped", [False, True])
+def test_a_march_with_queues_of_messages_gives_what_each_block_gives(seed, dropped):
+    """A message and the results of other blocks in its tick are late or lost each by itself."""
+    source = np.random.default_rng(seed)
+    loop, push = random_blocks(source), source.normal(size=120)
+    late = {"dropped": 1.0} if dropped else {}
+    run = simulated(load(spec_of_blocks(loop, **late)), push)
+    assert run.stopped == ""
+    expected = marched_blocks(loop, push, dropped)
+    found = np.array([run.signals[name] for name in ("place", *loop["blocks"])]).T
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())

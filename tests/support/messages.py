@@ -61,3 +61,97 @@ def marched(loop, g, ticks, late, state, waiting, push=0.0):
                     waiting[i].append((k + own, sent[i], read))
         x, v = flow @ np.array([x, v, shown[1] + push * (k == 0)])
     return [x, v, *shown], [[(at - ticks, n - sent[i], row) for at, n, row in each] for i, each in enumerate(waiting)]
+
+
+def random_blocks(source):
+    """A mass, and blocks of random types and rates in a row, each of which reads the mass, a push and blocks before it.
+
+    Two are channels; at least one of the others runs when a channel sends. late: the pattern of each channel.
+    """
+    names = [f"b{i}" for i in range(int(source.integers(4, 8)))]
+    sending = source.choice(len(names) - 1, 2, replace=False).tolist()
+    every = [int(each) for each in source.choice([1, 2, 3, 4, 6], len(names))]
+    every[-1] = every[sending[0]] = int(source.integers(2, 6))
+    phase = [int(source.integers(each)) for each in every]
+    phase[-1] = phase[sending[0]]
+    blocks, late = {}, {}
+    for i, name in enumerate(names):
+        keys = {"type": "channel", "missing": str(source.choice(["held", "zero"]))}
+        if i in sending:
+            late[name] = source.choice([0, 0, 1, 2, 3, 7, None], source.integers(1, 6)).tolist()
+        else:
+            kind = str(source.choice(["hold", "delay", "integrator", "lowpass"]))
+            keys = {"type": kind} | {"integrator": {"method": "implicit"}, "lowpass": {"a": 0.3}}.get(kind, {})
+        read = ["mass.x", "mass.v", "push", *(f"{each}.y" for each in names[:i])]
+        picked = sorted(source.choice(len(read), min(3, len(read)), replace=False).tolist()) if i else [0, 1, 2]
+        terms = {read[j]: float(source.uniform(-1, 1)) for j in picked}
+        blocks[name] = {**keys, "every": every[i], "phase": phase[i], "u": terms}
+    force = {f"{name}.y": float(source.uniform(-0.3, 0.3)) for name in names}
+    return {"tick": 0.1, "blocks": blocks, "force": force | {"push": 1.0}, "late": late}
+
+
+def spec_of_blocks(loop, **simulate):
+    """The tables of such a loop, with its pattern of messages."""
+
+    def summed(terms):
+        return " + ".join(f"({gain!r})*{name}" for name, gain in terms.items())
+
+    blocks = {name: {key: value for key, value in keys.items() if key != "u"} for name, keys in loop["blocks"].items()}
+    messages = {name: ["lost" if each is None else each for each in row] for name, row in loop["late"].items()}
+    return {
+        "rates": {"tick_hz": 1 / loop["tick"]},
+        "block": {"mass": {"type": "mass", "mass": 0.5, "damping": 1.0, "stiffness": 2.0}, **blocks},
+        "wire": {f"{name}.u": summed(keys["u"]) for name, keys in loop["blocks"].items()} | {"mass.f": summed(loop["force"])},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"place": "mass.x"} | {name: f"{name}.y" for name in blocks}},
+        "simulate": {"input": "noise", "duration_s": 12, "messages": messages} | simulate,
+    }
+
+
+def marched_blocks(loop, push, dropped=False):
+    """The place of the mass and what each block gives, to blocks of every tick, in each tick.
+
+    dropped: whether each result of a block that does not run in every tick, and is no channel, is lost on the way to blocks of
+    every tick.
+    """
+    flow = expm(np.array([[0, 1, 0], [-4.0, -2.0, 2.0], [0, 0, 0]]) * loop["tick"])[:2]
+    blocks, x, v, rows = loop["blocks"], 0.0, 0.0, []
+    given, memory, waiting, sent = dict.fromkeys(blocks, 0.0), dict.fromkeys(blocks, 0.0), {}, dict.fromkeys(loop["late"], 0)
+
+    def read(terms, slow):
+        known = {"mass.x": x, "mass.v": v, "push": push[k]} | {f"{name}.y": value for name, value in given.items()}
+        if dropped and not slow:
+            known |= {f"{name}.y": 0.0 for name, keys in blocks.items() if keys["every"] > 1 and name not in sent}
+        return sum(gain * known[name] for name, gain in terms.items())
+
+    for k in range(len(push)):
+        for name, keys in blocks.items():
+            runs = k % keys["every"] == keys["phase"]
+            if name in sent:
+                queue = waiting.setdefault(name, [])
+                newest = max((each for each in queue if each[0] <= k), key=lambda each: each[1], default=None)
+                if newest:
+                    given[name] = newest[2]
+                    queue[:] = [each for each in queue if each[1] > newest[1]]
+                elif runs and keys["missing"] == "zero":
+                    given[name] = 0.0
+            if not runs:
+                continue
+            u = read(keys["u"], keys["every"] > 1)
+            if name in sent:
+                own = loop["late"][name][sent[name] % len(loop["late"][name])]
+                sent[name] += 1
+                if own == 0:
+                    given[name] = u
+                    queue.clear()
+                elif own is not None:
+                    queue.append((k + own, sent[name], u))
+            elif keys["type"] == "delay":
+                given[name], memory[name] = memory[name], u
+            elif keys["type"] == "integrator":
+                given[name] += keys["every"] * loop["tick"] * u
+            else:
+                given[name] += (0.3 if keys["type"] == "lowpass" else 1.0) * (u - given[name])
+        shown = [0.0 if dropped and keys["every"] > 1 and name not in sent else given[name] for name, keys in blocks.items()]
+        rows.append([x, *shown])
+        x, v = flow @ np.array([x, v, read(loop["force"], slow=False)])
+    return np.array(rows)

@@ -200,14 +200,13 @@ class March:
         Delays of frames come on top of these. -1 is for a result that is lost. The last entry of all is for a result after the
         last tick.
         """
-        drawn: dict[Rhythm, list[int | None]] = {}
+        drawn: dict[Rhythm, list[int | None]] = {}  # of slow results; those of a loop are late together
         for each in self.results:
             origin, others = each.origin, (len(drawn),) * bool(drawn)
             if each.channel:
                 given, keys, most = self.messages.get(each.channel), self.loop.channels[each.channel], origin.count(count) + 1
                 number = [*self.loop.channels].index(each.channel)
                 each.late = list(islice(cycle(given), most)) if given else losses(self.effects, keys, most, number)
-                drawn.setdefault(origin, each.late)
                 continue
             if origin not in drawn:
                 found = lateness(self.effects, origin.count(count - 1) if count else 0, *others)
@@ -215,10 +214,11 @@ class March:
                 drawn[origin] = [None if delay is None else late for late, delay in pairs]
             pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
             each.late = [None if late is None else late + delay for late, delay in pairs]
-        origin = next(iter(drawn), Rhythm(self.loop.frame))
+        first = next(iter(self.results), None)
+        origin = first.origin if first else Rhythm(self.loop.frame)
         frames, ticks = np.divmod(np.arange(count), origin.every)
         numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
-        late = drawn.get(origin, [0] * (origin.count(count) + 1))
+        late = [0] * (origin.count(count) + 1) if first is None else first.late if first.channel else drawn[origin]
         return [-1 if ticks is None else ticks for ticks in late], numbers
 
     def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]):

@@ -166,7 +166,8 @@ class Ticks:
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         wall = self.loop.wall
         if wall and {Rhythm(), *(part.rhythm for part in running)}.intersection(self.loop.readers(FORCE)):
-            sums |= {DEPTH: self._read(wall.depth), SPEED: self._read(wall.speed)}
+            slow = self.loop.wall_rhythm.slow
+            sums |= {DEPTH: self._read(wall.depth, slow), SPEED: self._read(wall.speed, slow)}
             _refuse_limits_on_circles(limits, sums | {FORCE: ((1.0, DEPTH), (1.0, SPEED))})
             first, met, second = _around(sums, wall)
         else:
@@ -176,7 +177,7 @@ class Ticks:
         stops = [(line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops]
         return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves, limits, stops)
 
-    def _read(self, terms, slow=True):
+    def _read(self, terms, slow):
         """A sum as a block reads it: messages as they have arrived, and if the block is not slow, slow results too."""
         late = self.late & self.sent if slow else self.late
         return tuple((factor, arrived(name) if name in late else name) for factor, name in terms)

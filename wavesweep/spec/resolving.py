@@ -45,7 +45,7 @@ class Given:
         return DEVICES.get(leaf.value) if leaf is not None and isinstance(leaf.value, str) else None
 
     def replaced(self, path: str, leaf: Leaf, beside: Collection[str] = ()) -> Given:
-        """Return the same with another value at `path`; a rate displaces the other way to give it, unless that is one of `beside`.
+        """Return the same with another value at `path`; a rate displaces the other way to give it if not `beside` it.
 
         Order and cutoff that a resolved spec has in addition to the band edges follow from these again.
         """
