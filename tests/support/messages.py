@@ -107,6 +107,30 @@ def spec_of_blocks(loop, **simulate):
     }
 
 
+class Receiver:
+    """What a channel of `random_blocks` shows; late: its pattern."""
+
+    def __init__(self, keys, late):
+        self.zero, self.late, self.shown, self.sent, self.waiting = keys["missing"] == "zero", late, 0.0, 0, []
+
+    def begin(self, k, runs):
+        """Show what has arrived by tick k."""
+        newest = max((each for each in self.waiting if each[0] <= k), key=lambda each: each[1], default=None)
+        if newest:
+            self.shown, self.waiting = newest[2], [each for each in self.waiting if each[1] > newest[1]]
+        elif runs and self.zero:
+            self.shown = 0.0
+
+    def send(self, k, u):
+        own = self.late[self.sent % len(self.late)]
+        self.sent += 1
+        if own == 0:
+            self.shown, self.waiting = u, []
+        elif own is not None:
+            self.waiting.append((k + own, self.sent, u))
+        return self.shown
+
+
 def marched_blocks(loop, push, dropped=False):
     """The place of the mass and what each block gives, to blocks of every tick, in each tick.
 
@@ -115,43 +139,31 @@ def marched_blocks(loop, push, dropped=False):
     """
     flow = expm(np.array([[0, 1, 0], [-4.0, -2.0, 2.0], [0, 0, 0]]) * loop["tick"])[:2]
     blocks, x, v, rows = loop["blocks"], 0.0, 0.0, []
-    given, memory, waiting, sent = dict.fromkeys(blocks, 0.0), dict.fromkeys(blocks, 0.0), {}, dict.fromkeys(loop["late"], 0)
+    channels = {name: Receiver(blocks[name], late) for name, late in loop["late"].items()}
+    absent = {name for name, keys in blocks.items() if dropped and keys["every"] > 1 and name not in channels}
+    given, before = dict.fromkeys(blocks, 0.0), dict.fromkeys(blocks, 0.0)
+    for k, f in enumerate(push):
 
-    def read(terms, slow):
-        known = {"mass.x": x, "mass.v": v, "push": push[k]} | {f"{name}.y": value for name, value in given.items()}
-        if dropped and not slow:
-            known |= {f"{name}.y": 0.0 for name, keys in blocks.items() if keys["every"] > 1 and name not in sent}
-        return sum(gain * known[name] for name, gain in terms.items())
+        def read(terms, *, slow, outside=(x, v, f)):
+            shown = {f"{name}.y": 0.0 if name in absent and not slow else value for name, value in given.items()}
+            known = dict(zip(("mass.x", "mass.v", "push"), outside, strict=True)) | shown
+            return sum(gain * known[name] for name, gain in terms.items())
 
-    for k in range(len(push)):
         for name, keys in blocks.items():
             runs = k % keys["every"] == keys["phase"]
-            if name in sent:
-                queue = waiting.setdefault(name, [])
-                newest = max((each for each in queue if each[0] <= k), key=lambda each: each[1], default=None)
-                if newest:
-                    given[name] = newest[2]
-                    queue[:] = [each for each in queue if each[1] > newest[1]]
-                elif runs and keys["missing"] == "zero":
-                    given[name] = 0.0
-            if not runs:
-                continue
-            u = read(keys["u"], keys["every"] > 1)
-            if name in sent:
-                own = loop["late"][name][sent[name] % len(loop["late"][name])]
-                sent[name] += 1
-                if own == 0:
-                    given[name] = u
-                    queue.clear()
-                elif own is not None:
-                    queue.append((k + own, sent[name], u))
-            elif keys["type"] == "delay":
-                given[name], memory[name] = memory[name], u
-            elif keys["type"] == "integrator":
-                given[name] += keys["every"] * loop["tick"] * u
-            else:
-                given[name] += (0.3 if keys["type"] == "lowpass" else 1.0) * (u - given[name])
-        shown = [0.0 if dropped and keys["every"] > 1 and name not in sent else given[name] for name, keys in blocks.items()]
-        rows.append([x, *shown])
+            if name in channels:
+                channels[name].begin(k, runs)
+                given[name] = channels[name].shown
+            if runs:
+                u, last = read(keys["u"], slow=keys["every"] > 1), given[name]
+                given[name] = {
+                    "channel": lambda u, _, name=name, k=k: channels[name].send(k, u),
+                    "hold": lambda u, _: u,
+                    "delay": lambda *_, name=name: before[name],
+                    "integrator": lambda u, y, keys=keys: y + keys["every"] * loop["tick"] * u,
+                    "lowpass": lambda u, y: y + 0.3 * (u - y),
+                }[keys["type"]](u, last)
+                before[name] = u
+        rows.append([x, *(0.0 if name in absent else value for name, value in given.items())])
         x, v = flow @ np.array([x, v, read(loop["force"], slow=False)])
     return np.array(rows)
