@@ -129,6 +129,15 @@ def test_the_numbers_and_blocks_of_a_drawn_loop_are_completed(words, found, comp
     assert complete("why", "mine.toml", "--along", "k") == ["kp", "kd"]
 
 
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.usefixtures("specs")
+def test_no_name_that_a_shell_would_run_and_no_line_of_a_description_is_offered(shell, complete):
+    strange = '"$(id)" = 1\nkd = { value = 3, description = "a\\nplain\\nb" }\n[block."k`id`"]\ntype = "gain"\n'
+    Path("mine.toml").write_text(DRAWN.replace("kd = 3\n", strange))
+    assert complete("why", "mine.toml", "--along", "", shell=shell) == ["kp", "kd"]
+    assert complete("why", "mine.toml", "--set", "block.k", shell=shell) == []
+
+
 def test_controllers_devices_and_keys_are_completed(complete):
     assert complete("init", "")[: len(CONTROLLERS)] == list(CONTROLLERS)
     assert complete("init", "dr") == ["drive"]

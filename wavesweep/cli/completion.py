@@ -13,6 +13,7 @@ from wavesweep.errors import WavesweepError
 from wavesweep.spec.block_types import TICK_HZ, TYPES
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.drawing import MARKS, RATE
+from wavesweep.spec.drawing_keys import is_dotted, is_name
 from wavesweep.spec.drawn_block import keys_of_block
 from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 from wavesweep.spec.reading import read_file
@@ -82,11 +83,11 @@ def _drawn_keys(context: click.Context) -> dict[str, Key]:
             continue
         numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
         found[RATE] = TICK_HZ
-        for name, number in numbers.items():
-            text = str(number.get("description", "")) if isinstance(number, dict) else ""
+        for name, number in ((name, number) for name, number in numbers.items() if is_name(name)):  # which no shell would run
+            text = " ".join(str(number.get("description", "")).split()) if isinstance(number, dict) else ""
             key = Key(f"numbers.{name}", "number", None, "", text)
             found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
-        for name, block in blocks.items():
+        for name, block in ((name, block) for name, block in blocks.items() if is_dotted(name)):
             known = isinstance(block, dict) and block.get("type") in TYPES
             own = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if known else {}).items()}
             found |= own | {f"{study}.{path}": row for path, row in own.items() if row.numeric for study in STUDIES}

@@ -5,6 +5,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 from textwrap import shorten, wrap
 
 import click
@@ -92,7 +93,7 @@ def command(
     _known(kind, [*CONTROLLERS, *drawn], "loop to begin with", "`wavesweep init --list` lists all")
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected the name of a file, found an empty text; leave the option out for the default")
-    target, shown = Path(out or f"{kind}.toml"), out if out not in (None, "-") else f"{kind}.toml"
+    target, shown = Path(out or f"{kind}.toml"), f"{kind}.toml" if out in (None, "-") or not out.isprintable() else quote(out)
     if kind in CONTROLLERS:
         if device is not None:
             _known(device, DEVICES, "device")

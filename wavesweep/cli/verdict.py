@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import inf, pi
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ def _going_on(spec: Spec, limit: Facts) -> str:
     if not (limit["stopped"] and any(ended)):
         return ""
     axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
-    return f"the whole range takes longer: wavesweep stability-region {spec.source or spec.name} {axes}"
+    return f"the whole range takes longer: wavesweep stability-region {quote(spec.source or spec.name)} {axes}"
 
 
 def _stable_where(limit: Facts, unit: str) -> str:

@@ -16,7 +16,7 @@ from wavesweep import __version__
 from wavesweep.analyses.experiment import refuse_what_makes_no_loop
 from wavesweep.errors import UsageError
 from wavesweep.export.gains import Gains, Table, gains_of, named
-from wavesweep.export.text import constants, factor, filled, number, table_of
+from wavesweep.export.text import comment, constants, factor, filled, number, table_of
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.simulation import hand_force
 from wavesweep.simulation.from_spec import effects_of
@@ -227,7 +227,7 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str)
         "entry": f"{entry} = 1 from rest" if spec.drawing else "pushed with 1 N from rest",
         "title": "A controller that a spec draws" if spec.drawing else f"The controller {spec.kind}",
         "version": __version__,
-        "name": spec.name.replace("*/", "* /"),
+        "name": comment(spec.name),
         "digest": spec.sha256,
         "tick_ms": f"{1e3 * loop.tick:g}",
         "plants": ", ".join(part.name for part in loop.parts if part.plant),
@@ -267,7 +267,7 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str)
 def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]:
     """The texts about gains, and about numbers that are constants."""
     keys = spec.names.keys
-    units = {path: f" {keys[path].unit}" if path in keys and keys[path].unit != "1" else "" for path in table.members}
+    units = {path: f" {comment(keys[path].unit)}" if path in keys and keys[path].unit != "1" else "" for path in table.members}
     return {
         "gains": "\n".join(
             f"    double {name}; /* {path}: {spec.values[path]:g}{units[path]} */" for path, name in table.members.items()

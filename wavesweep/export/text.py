@@ -14,6 +14,11 @@ def number(value: float) -> str:
     return float(value).hex()
 
 
+def comment(text: str) -> str:
+    """A text of a user inside a comment, which it cannot end, nor begin another."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
 def factor(value: float) -> str:
     """A double as a factor of a product, in parentheses if it is negative; one with a name by its name."""
     if isinstance(value, Named):

@@ -75,7 +75,9 @@ def with_unit(text: str, printed_unit: str) -> str:
 def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
     texts = [
-        re.sub(r"\^(?:\((.*?)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(each).replace("*", "·")) if each != "1" else ""
+        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(each).replace("*", "·"))
+        if each != "1"
+        else ""
         for each in units
     ]
     return texts[0] if len(texts) == 1 else " or ".join(each or "no unit" for each in texts)
