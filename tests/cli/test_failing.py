@@ -301,6 +301,7 @@ def test_no_command_replaces_a_file_that_it_reads(wavesweep, spec, words, name, 
         given = f"link/{Path(name).name}"
         Path(given).symlink_to(Path(name).absolute())
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    words = [word.replace("READ", given).replace("MADE", name) for word in words]
     with Path(name).open("rb") as own:
         saved = os.dup(0)
         os.dup2(own.fileno(), 0)
