@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 LONGEST_WORD, LONGEST_LINE = 400, 2000  # letters of a message, which repeats what was given; a screen has 2000
 
+MOST_LINES = 50  # of the mistakes of a spec
+
 
 def shortened(text: str) -> str:
     """The text with the middle of each word and line left out that is too long to be read."""
@@ -64,11 +66,13 @@ class Mistake:
 
 
 class SpecError(UsageError):
-    """A spec with mistakes: all of them, one line each."""
+    """A spec with mistakes: all of them in `mistakes`, and one line each, up to MOST_LINES, as the text."""
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = tuple(mistakes)
         super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        return shortened("\n".join(map(str, self.mistakes)))
+        more = len(self.mistakes) - MOST_LINES
+        lines = [*map(str, self.mistakes[:MOST_LINES]), *([f"and {more} more mistakes"] if more > 0 else [])]
+        return shortened("\n".join(lines))

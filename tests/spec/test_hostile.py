@@ -24,11 +24,35 @@ TRIES = int(os.environ.get("WAVESWEEP_FUZZ", "0"))
 HEAD = '[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 20000 }\n'
 
 
+def drawn(signals=(), numbers=(), **blocks):
+    """A drawn loop around a mass, with these signals, numbers and blocks in addition."""
+    blocks = {"m": {"type": "mass", "mass": 1}} | blocks
+    tables = {f"block.{name}": keys for name, keys in blocks.items()} | {"signals": dict(signals), "numbers": dict(numbers)}
+    wires = {"m.f": "-" + " - ".join(["m.x", *signals]), **{f"{name}.u": "m.x" for name in blocks if name != "m"}}
+    tables |= {"wire": {f"'{port}'": text for port, text in wires.items()}, "rates": {"tick_hz": 1000}}
+    lines = ([f"[{table}]", *(f"{name} = {value!r}" for name, value in keys.items())] for table, keys in tables.items())
+    return "\n".join(line for part in lines for line in part) + "\n"
+
+
+MANY_BLOCKS = (
+    drawn()
+    + "[type.chain.block.g]\ntype = 'gain'\n[type.chain.signals]\n"
+    + "".join(f"s{n} = 'g.y'\n" for n in range(300))
+    + "".join(f"[block.c{n}]\ntype = 'chain'\n" for n in range(100))
+)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("".join(f"k{n} = 1\n" for n in range(1001)), "at most 1000 keys"),
         ("#" * 3_000_000, "at most 2 MB"),
+        (drawn(signals={"s0": "m.x"} | {f"s{n + 1}": f"s{n} + s{n}" for n in range(60)}), "s10: expected at most 2000 parts"),
+        (drawn(numbers={"n0": 1} | {f"n{n + 1}": f"n{n} + n{n}" for n in range(60)}), "n10: expected at most 2000 parts"),
+        (drawn(signals={"s0": "m.x"} | {f"s{n + 1}": f"-s{n}" for n in range(300)}), "200 within each other"),
+        (drawn(long={"type": "tf", "num": [1.0], "den": [1.0] * 5000}), "long: expected at most 1200 states in all blocks"),
+        (drawn(**{f"d{n}": {"type": "delay", "steps": 900} for n in (1, 2)}), "at most 1200 states in all blocks, found 1800"),
+        (MANY_BLOCKS, "at most 10000 keys with those of all classes"),
         (f"{HEAD}b = {{ start = 1, stop = 2, num = {10**7} }}\n", "a whole number <= 1e\\+06"),
     ],
 )

@@ -16,6 +16,8 @@ PARTS = ("numbers", "block", "signals", "wire", "ports")
 PORTS = ("inputs", "outputs")
 WORDS = ("type", "inputs", "outputs")  # keys of blocks that hold names and no expressions
 
+MOST_PLACED = 10_000  # keys of all blocks, with those that classes put in
+
 Path = tuple[str, ...]
 
 
@@ -78,6 +80,10 @@ class _Instance:
         self.inputs = inputs.value if inputs and isinstance(inputs.value, list) else []
 
     def expanded(self, kind: Leaf) -> dict[Path, Leaf]:
+        if len(self.rest) + len(self.parts) > MOST_PLACED:
+            expected = f"at most {MOST_PLACED} keys with those of all classes"
+            self.mistakes.refuse(kind, f"block.{self.name}.type", expected, "more", of_key=False)
+            return self.rest
         found = {new: each for path, leaf in self.parts.items() for new, each in self.placed(path, leaf)}
         for port in map(str, self.inputs):
             wire = self.rest.pop(("wire", self.name, port), None)

@@ -15,6 +15,7 @@ from wavesweep.spec.expressions import ONE, Tree, names_in, value_of
 from wavesweep.spec.keys import LONGEST_FRAME, Key
 
 NOTHING = 1e-12  # relative to b: a local model does not divide by less
+MOST_STATES = 1200  # of the blocks: a delay of the most steps, and everything else; time grows with their third power
 LEAST = 1e-300  # least size of a divisor
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
@@ -103,10 +104,20 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
         elif path.startswith("block.") and path.endswith(".every"):
             every[path] = int(known[0])
     runs = {path: ticks for path, ticks in every.items() if path not in wrong}
+    states = {block.name: _states(block, numbers) for block in drawing.blocks}
+    if (total := sum(states.values())) > MOST_STATES:
+        yield f"block.{max(states, key=states.get)}", f"at most {MOST_STATES} states in all blocks", f"{total:g}"
     if (frame := math.lcm(*runs.values())) > LONGEST_FRAME:
         expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
         listed = ", ".join(map(str, sorted(set(runs.values()))))
         yield max(runs, key=runs.get), expected, f"{frame} (the least common multiple of {listed})"
+
+
+def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
+    """The states of a block as far as its keys say how many there are: coefficients, rows, steps, ticks."""
+    keys = dict(block.keys)
+    counts = (_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0 for name in ("steps", "late", "order"))
+    return len(keys.get("den", keys.get("A", ()))) + sum(counts)
 
 
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:

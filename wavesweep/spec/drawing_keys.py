@@ -130,6 +130,11 @@ class KeyReader:
         while ready := [name for name, tree in rest.items() if not rest.keys() & {each for each, _ in names_in(tree)}]:
             for name in ready:
                 tree = rest.pop(name)
+                try:
+                    check_extent(tree, self.extents)
+                except Fault as fault:
+                    self.fault(*texts[name], fault)
+                    continue
                 self.extents[name], self.meanings[name] = extent(tree, self.extents), with_trees(tree, self.meanings)
                 if signals and self.terms_of(*texts[name], self.meanings[name]) is None:
                     del self.meanings[name]  # it is a signal like any other, so that its mistake is one
