@@ -187,3 +187,23 @@ def test_dt_is_the_own_period_of_the_block():
     )
     with pytest.raises(SpecError, match='unknown name "dt"'):
         wavesweep.compile(spec | {"numbers": {"k": 1.0, "w": "2*dt"}})
+
+
+@pytest.mark.parametrize("read", [{"seconds": 0.002}, {"steps": 2}])
+def test_a_dead_time_goes_past_a_tick_beside_another_of_whole_ticks(read):
+    """An integrator of gain 420 per s: `p[k+1] = p[k] - 0.42 ((1 - s) p[k-2-m] + s p[k-3-m])` behind 2 + m + s ticks."""
+    blocks = {
+        "p": {"type": "tf", "num": [1], "den": [1, 0]},
+        "read": {"type": "delay"} | read,
+        "h": {"type": "hold"},
+        "act": {"type": "delay", "seconds": "a"},
+    }
+    wires = {"read.u": "p.y", "h.u": "read.y", "act.u": "-420*h.y", "p.u": "act.y"}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"a": 2e-4}, "block": blocks, "wire": wires}
+    (row,) = wavesweep.compile(tables).stable_intervals("a", (0.0, 1.5e-3)).itertuples()
+    assert row.certified
+    assert row.low == 0
+    m, s = divmod(row.high / T, 1)
+    polynomial = np.zeros(int(m) + 5)
+    polynomial[:2], polynomial[-2:] = (1, -1), (0.42 * (1 - s), 0.42 * s)
+    assert np.abs(np.roots(polynomial)).max() == pytest.approx(1, abs=1e-9)

@@ -13,10 +13,9 @@ from wavesweep.analyses.interval_records import RECORD, loop_by_loop
 from wavesweep.analyses.interval_search import Search, Searches
 from wavesweep.analyses.loops import drift_of, frames, frames_of, refuse_singular
 from wavesweep.analyses.open_loops import exact_cut
-from wavesweep.analyses.proving import ALL, OPERATIONS
+from wavesweep.analyses.proving import OPERATIONS
 from wavesweep.columns import Columns
 from wavesweep.errors import UsageError
-from wavesweep.loops.common_tick import with_common_tick
 from wavesweep.loops.dead_time import breaks, timing
 from wavesweep.loops.domain import domain, unsuitable
 from wavesweep.spec import Axis, Require, Spec, no_axis, sweep_axes
@@ -92,9 +91,8 @@ def _task(job, chunk):
 
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
-    known, prove = job.grid.loops <= CHECKED, min(OPERATIONS, ALL / job.grid.loops)
-    changes = job.loop_values(chunk)
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=prove)
+    changes, known = job.loop_values(chunk), job.grid.loops <= CHECKED
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=OPERATIONS)
 
 
 def _columns(job, combination, records):
@@ -110,7 +108,7 @@ def _sample(job):
     spec, axis = job.grid.spec, job.asked.axis
     if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
         return job, 1
-    ends = breaks(spec.drawing, spec.values, axis.path, job.asked.span)
+    ends = breaks(*own_loop(spec, axis.path), axis.path, job.asked.span)
     middle = (len(ends) - 1) // 2
     at = min(middle, MOST_TICKS)
     longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
@@ -161,9 +159,6 @@ def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
             spec.with_values({axis.path: end})
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
-    if spec.drawing and not spec.for_all:
-        spec = replace(spec, drawing=with_common_tick(spec.drawing, resolved.values()))
-        grid = replace(grid, spec=spec)
     index = some_loops(grid)
     changes = grid.loop_values(index)
     parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path)]

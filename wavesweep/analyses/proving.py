@@ -13,7 +13,6 @@ from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.grid import Loops
 
 OPERATIONS = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
-ALL = 3e8  # for all columns of a table, if all were in doubt; counted, so that the result does not depend on the machine
 MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its other side
 
 BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]

@@ -5,7 +5,7 @@ does not change there. So the frames are the same, of a twentieth of the ticks, 
 This is for analyses of the loop by itself; forces from outside, responses and simulations have the spec's own tick.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from math import gcd
 
@@ -15,13 +15,12 @@ from wavesweep.spec.expressions import value_of
 RELAYS = ("gain", "hold", "delay")  # blocks that only pass on what they read in a tick, or so many ticks ago
 
 
-def with_common_tick(drawing: Drawing, loops: Iterable[Mapping[str, object]]) -> Drawing:
-    """Return the drawing with the longest tick that all these loops have in common; loops: flat numbers of each."""
-    found = {_ticks(drawing, scalars(values)) for values in loops}
-    ticks, relays = gcd(*(ticks for ticks, _ in found)), {relays for _, relays in found}
-    if ticks <= 1 or len(relays) > 1 or _acts_between(drawing, *relays):
+def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
+    """Return the drawing with the longest tick that these loops have in common; values: flat numbers."""
+    ticks, relays = _ticks(drawing, scalars(values))
+    if ticks <= 1 or _acts_between(drawing, relays):
         return drawing
-    blocks = (_in_longer(block, ticks, *relays) for block in drawing.blocks)
+    blocks = (_in_longer(block, ticks, relays) for block in drawing.blocks)
     return replace(drawing, tick_hz=_over(drawing.tick_hz, ticks), blocks=tuple(blocks))
 
 

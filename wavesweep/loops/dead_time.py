@@ -116,9 +116,12 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     def beyond(p):
         return _ticks(drawing, values, path, p)[which, np.arange(p.size)] - whole
 
-    met = set(_whole_at(beyond, points[at], points[at + 1])) if found else ()
-    apart = ROUNDED * (span[1] - span[0])  # an end that is meant to be such a value does not divide the span
-    return [span[0], *sorted(each for each in met if span[0] + apart < each < span[1] - apart), span[1]]
+    met = sorted(_whole_at(beyond, points[at], points[at + 1])) if found else ()
+    apart, ends = ROUNDED * (span[1] - span[0]), [span[0]]  # values that are nearer are meant to be the same
+    for each in met:
+        if ends[-1] + apart < each < span[1] - apart:
+            ends.append(each)
+    return [*ends, span[1]]
 
 
 def _whole_at(beyond, low, high):

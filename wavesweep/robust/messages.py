@@ -133,7 +133,7 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
             "linearly, found another; look along another one"
         )
     if not any(channel.late for channel in channels_of(drawing, values)):
-        drawing = with_common_tick(drawing, [values])
+        drawing = with_common_tick(drawing, values)
     channels = channels_of(drawing, values)
     varied = {path_of(name_of(number)): ANY} if number else {}
     pair = [_in_time(each, channels) for each in twins(drawing, values | varied)]

@@ -150,8 +150,11 @@ def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
     panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds)
     tiles = Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
     if panels is not None:
-        panels, kept = panels.without_forgotten()
-        tiles = tiles_of(panels, lambda *at: (part[:, kept[:, None], kept] for part in of_errors(*at)), span, names.size, slack)
+        parts = []
+        for some, kept in panels.without_forgotten():
+            own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
+            parts.append(tiles_of(some, own, span, names.size, slack))
+        tiles = Tiles.join(parts)
     attached = ATTACHED * (span[1] - span[0]), slack(span[1])
     if balls is not None:
         tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))

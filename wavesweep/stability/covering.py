@@ -371,4 +371,5 @@ def _gaps(tiles, span, columns, attached):
     column, left, right = column[order], left[order], right[order]
     some = np.flatnonzero((np.diff(column) == 0) & (left[1:] > right[:-1]))
     gaps = Tiles.of(column[some], right[some], left[some + 1], UNKNOWN)
-    return gaps.take((gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1]))
+    whole = (gaps.low == span[0]) & (gaps.high == span[1])
+    return gaps.take(whole | (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1]))

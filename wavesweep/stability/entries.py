@@ -1,6 +1,6 @@
 """Entries of the frames of loops along a number: polynomials on panels of it, each entry with a bound on what it misses."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 
 import numpy as np
@@ -60,26 +60,36 @@ class Panels(Rows):
         parts["coefficients"][:, 0, new, new] = -1
         return Panels(**parts)
 
-    def without_forgotten(self) -> tuple["Panels", np.ndarray]:
+    def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
         """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
-        the indices of those that are left.
+        the indices of those that are left; panels that have the same ones together.
 
         A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
         """
-        size = (np.abs(self.coefficients).sum(1) + self.error).max(0, initial=0.0)
-        n = len(size)
+        n, found = self.error.shape[-1], {}
+        there = np.abs(self.coefficients).sum(1) + self.error > 0
         own = np.abs(self.coefficients[:, 0] + np.eye(n)) + np.abs(self.coefficients[:, 1:]).sum(1) + self.error
-        own, kept = own.max(0, initial=0.0)[range(n), range(n)], np.ones(n, bool)
-        size[range(n), range(n)] = 0
-        while True:
-            some = size * np.outer(kept, kept)
-            gone = kept & (own < 0.5) & (~some.any(0) | ~some.any(1))
-            if not gone.any() or gone.sum() == kept.sum():
-                break
-            kept &= ~gone
-        at = np.flatnonzero(kept)
-        parts = {name: getattr(self, name)[..., at[:, None], at] for name in ("coefficients", "error", "rest")}
-        return Panels(self.column, self.low, self.high, self.middle, self.half, **parts), at
+        there[:, range(n), range(n)] = own[:, range(n), range(n)] >= 0.5
+        kinds, kind = np.unique(there.reshape(-1, n * n), axis=0, return_inverse=True)
+        for number, entries in enumerate(kinds.reshape(-1, n, n)):
+            found.setdefault(tuple(_remembered(entries)), []).append(np.flatnonzero(kind.ravel() == number))
+        parts = []
+        for kept, some in ((np.array(kept), self.take(np.concatenate(some))) for kept, some in found.items()):
+            names = ("coefficients", "error", "rest")
+            parts.append((replace(some, **{name: getattr(some, name)[..., kept[:, None], kept] for name in names}), kept))
+        return parts
+
+
+def _remembered(entries):
+    """The states that are left, of frames in which only these entries may be there; at least one."""
+    kept = np.arange(len(entries))
+    while True:
+        some = entries[kept[:, None], kept]
+        others = some & ~np.eye(kept.size, dtype=bool)
+        gone = ~some.diagonal() & (~others.any(0) | ~others.any(1))
+        if not gone.any() or gone.all():
+            return kept.tolist()
+        kept = kept[~gone]
 
 
 def panels_of(frames, errors, span, columns: int, bounds) -> tuple[Panels | None, tuple[np.ndarray, ...]]:

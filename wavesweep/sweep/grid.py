@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from wavesweep.errors import UsageError
+from wavesweep.loops.common_tick import with_common_tick
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.loops.dead_time import structure
 from wavesweep.spec import Axis, Spec
@@ -184,15 +185,14 @@ def groups(
         zeros = [column[members] == 0 for column in plain.values()]
         for part in distinct(zeros, members.size):
             index = members[part]
-            values = {**settled, **{path: column[index] for path, column in plain.items()}}
-            if spec.drawing and spec.drawing.dead_times:
-                yield from _by_dead_times(spec.drawing, index, values)
-            else:
-                yield index, values
+            yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
 
 
 def _by_dead_times(drawing, members, values):
     """Yield the members and values of loops that are built alike, with the whole numbers of ticks of their dead times."""
+    if not drawing.dead_times:
+        yield members, values
+        return
     found = {path: np.broadcast_to(each, members.shape).astype(int) for path, each in structure(drawing, values).items()}
     for part in distinct(list(found.values()), members.size):
         yield members[part], selected(values, part) | {path: int(each[part[0]]) for path, each in found.items()}
@@ -206,7 +206,9 @@ def drawn_groups(
     along: path of a number that is varied in every loop in addition to the changes, as that of an axis of intervals.
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
-        yield members, loops_of(spec, values, along)
+        drawing = loops_of(spec, values, along).drawing
+        for part, own in _by_dead_times(drawing, members, values):
+            yield part, Loops(drawing, own)
 
 
 def own_loop(spec: Spec, along: str = "") -> Loops:
@@ -215,7 +217,12 @@ def own_loop(spec: Spec, along: str = "") -> Loops:
 
 
 def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops:
-    """Loops of the spec with these flat values, in its own drawing or that of its controller."""
+    """Loops of the spec with these flat values, in its own drawing or that of its controller; along: see `drawn_groups`.
+
+    Along a number a drawing has the longest tick that the loops have in common, unless frames are composed of its own ticks.
+    """
+    if spec.drawing and along and not spec.for_all:
+        return Loops(with_common_tick(spec.drawing, values), values)
     return Loops(spec.drawing or loop_drawing(values, (along,)), values)
 
 
