@@ -39,3 +39,28 @@ def test_numbers_that_a_preset_does_not_give_are_named_with_every_table():
     said = "the spec takes precedence over the preset touch: device.mass = 0.1 and not 0.045"
     for table in (intervals(spec), responses([spec]), passivity(spec), why(spec)):
         assert said in table.facts["notices"]
+
+
+def cycle(n, swept):
+    """An integrator that reads itself through a delay of n ticks: with none of them, in the same tick."""
+    return load(
+        {
+            "rates": {"tick_hz": 1},
+            "numbers": {"g": 1.0, "n": n},
+            "block": {"late": {"type": "delay", "steps": "n"}, "r": {"type": "integrator", "method": "implicit"}},
+            "wire": {"late.u": "r.y", "r.u": "grid - g*late.y"},
+            "ports": {"inputs": {"grid": {"signal": "grid"}}, "outputs": {"angle": {"signal": "r.y"}}},
+            "sweep": {"along": "g", "g": {"start": 0, "stop": 10}} | swept,
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("n", "swept", "at"), [(0, {}, ""), (1, {"n": [0, 1]}, " at n = 0"), (1, {}, None), (0, {"n": [1, 2]}, None)]
+)
+def test_a_cycle_that_is_solved_within_a_tick_is_named_with_every_table(n, swept, at):
+    spec = cycle(n, swept)
+    said = [f"solved within a tick{at}: late and r, which read one another in the same tick; prev(...) reads the one before"]
+    assert intervals(spec, jobs=1).facts["notices"] == (said if at is not None else [])
+    if not swept:
+        assert responses([spec]).facts["notices"] == (said if at is not None else [])

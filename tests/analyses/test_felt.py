@@ -8,6 +8,7 @@ from support.responses import loop_of
 from support.specs import nested, random_values, values_of
 
 import wavesweep
+from wavesweep.analyses.feel import outweighed_in_words
 from wavesweep.response.steady import static_response
 from wavesweep.tables.intervals import intervals
 
@@ -147,10 +148,24 @@ def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
     holds, outweighed = band["holds_to_hz"], band["outweighed_hz"]
     below, above = (np.abs(sizes(np.geomspace(1e-4, factor * holds, 500))[0] / rest - 1).max() for factor in (1.0, 1.01))
     assert below <= 0.1 < above
-    assert (outweighed is None) == (kind == "dc")
+    assert outweighed == ([] if kind == "dc" else [[outweighed[0][0], None]])
     if outweighed:
-        below, above = ((np.subtract(*sizes(np.geomspace(1e-4, at, 500)))).min() for at in (outweighed * 0.999, outweighed))
+        at = outweighed[0][0]
+        below, above = ((np.subtract(*sizes(np.geomspace(1e-4, end, 500)))).min() for end in (at * 0.999, at))
         assert above < 0 < below
+
+
+def test_every_band_is_named_in_which_free_motion_outweighs_the_wall():
+    """A wall of 100 N/m wins only about the resonance of a stage on a spring of 500 N/m, where |500 - m w w + j w c| < 100."""
+    felt = wavesweep.verdict(braked(0.0, stiffness=500.0))["felt"]
+    hertz = np.geomspace(1.0, 100.0, 200_001)
+    w = 2 * np.pi * hertz
+    wins = hertz[np.abs(500.0 - 0.2 * w**2 + 1j * w) < 100.0]
+    (low, first), (second, high) = felt["over_band"]["outweighed_hz"]
+    assert (low, high) == (1e-4, None)
+    assert (first, second) == (pytest.approx(wins[0], rel=5e-3), pytest.approx(wins[-1], rel=5e-3))
+    said = outweighed_in_words(felt["over_band"])
+    assert said == f"free motion outweighs it up to {first:.3g} Hz and from {second:.3g} Hz on"
 
 
 def braked(brake, stiffness=0.0, **design):

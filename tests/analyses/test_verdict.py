@@ -236,7 +236,7 @@ def late_radius(k, tau, tick=0.1):
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "ticks"), [(0.9, 8), (0.4, 36)])
 def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ticks, monkeypatch):
-    monkeypatch.setattr(judging, "SECONDS", 600.0)
+    monkeypatch.setattr(judging, "WORK", 1e7)
     found = limit_of(wavesweep.verdict(late(k, ticks)), "tau")
     assert found["certified"]
     assert (found["low"], found["stopped"]) == (None, True)  # the dead time of the own values to the first end, and no further
@@ -245,7 +245,7 @@ def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ti
 
 
 def test_a_range_that_takes_long_ends_next_to_the_value(monkeypatch):
-    monkeypatch.setattr(judging, "SECONDS", 0.0)
+    monkeypatch.setattr(judging, "WORK", 0)
     spec = load(late(0.02, 48))
     found = limit_of(wavesweep.verdict(spec), "tau")
     assert (found["stable"], found["certified"], found["stopped"]) == (True, True, True)

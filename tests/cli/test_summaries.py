@@ -42,6 +42,11 @@ def test_the_numbers_do_not_depend_on_the_blocks():
     assert found[2]["damping_needed"] is None or np.isfinite(found[2]["damping_needed"]).all()
 
 
+def known(rows):
+    """The columns of rows without open places."""
+    return {"open_places": np.zeros(rows, int), "open_low": np.full(rows, np.nan), "open_high": np.full(rows, np.nan)}
+
+
 def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     """The first row has it above a hole, the second from 0 on."""
     columns = {
@@ -56,7 +61,7 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
         "doubt": np.full(3, "", object),
         "felt_low": np.zeros(3),
         "felt_high": np.array([5.0, 9.0, 9.0]),
-    }
+    } | known(3)
     tally = IntervalTally()
     tally.add(columns)
     largest = tally.numbers()["largest"]
@@ -83,7 +88,7 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
 )
 def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     unknown = dict.fromkeys(("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"), np.array([np.nan]))
-    columns = unknown | {
+    columns = known(1) | unknown | {
         "along": np.array(["K"], object),
         "intervals": np.array([0]),
         "interval": np.array([0]),
@@ -137,7 +142,7 @@ def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
         "doubt": np.full(2, "", object),
         "felt_low": np.full(2, np.nan),
         "felt_high": np.full(2, np.nan),
-    }
+    } | known(2)
     tally = IntervalTally()
     tally.add(columns)
     least = "least stable K_VE: 100 N/m at b = 2 N*s/m"

@@ -15,8 +15,8 @@ from wavesweep.tables.regions import KNOWN, NARROW, Curve, Interval, View, _is_s
 VIEW = View("B_VE", False, 500, 400)
 
 
-def column(*intervals, incomplete=False):
-    return tuple(Interval(low, high, True, True, True) for low, high in intervals), incomplete
+def column(*intervals):
+    return tuple(Interval(low, high, True, True, True) for low, high in intervals), ()
 
 
 def area(line):
@@ -27,7 +27,7 @@ def area(line):
 def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
     both, one = column((0, 1200), (1280, 1390)), column((1283, 1387))
     for known in (True, False):
-        part = one if known else (one[0], True)
+        part = one if known else (one[0], ((-np.inf, np.inf),))
         region = region_of(Curve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW}), VIEW)
         across = [step for line in region.certain for step in pairwise(line) if step[0][0] == step[1][0]]
         steps = [(round(x, 3), low, high) for (x, low), (_, high) in across if low in (0, 1200)]
@@ -40,7 +40,7 @@ def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
     """Its end is no crossing on one side, and as right to half a pixel as any other."""
 
     def ending(low, real):
-        return (Interval(low, 200.0, real, True, True),), False
+        return (Interval(low, 200.0, real, True, True),), ()
 
     corner = ending(2.3, True), ending(2.1, True), ending(2.0, False)
     assert _is_straight(*corner, VIEW, tolerance=0.1)
@@ -50,7 +50,7 @@ def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
 def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
     curve = Curve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
     region = region_of(curve, VIEW)
-    assert region.unknown == [(2.0, 3.0)]
+    assert region.unknown == [(2.0, 3.0, -np.inf, np.inf)]
     assert [x for x, _ in region.bars] == [2.0, 3.0]
     assert region_of(Curve(curve.columns), VIEW).unknown == []  # bars alone
 
@@ -94,7 +94,7 @@ def test_what_is_stable_and_not_certified_is_not_filled():
     """It is dotted on white, above the fill."""
     from matplotlib.figure import Figure
 
-    doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), False
+    doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), ()
     columns = {0.0: column((0, 1)), 1.0: doubted, 2.0: doubted, 3.0: column((0, 1))}
     axes = Figure().subplots()
     region = region_of(Curve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW)

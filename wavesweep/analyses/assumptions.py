@@ -1,16 +1,19 @@
 """What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from types import MappingProxyType
 
+from wavesweep.errors import WavesweepError
 from wavesweep.loops.controllers import assumption_of_page, keys_of_page
 from wavesweep.spec import KEYS, Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.drawing import path_of, scalars
 from wavesweep.spec.expressions import names_in, text_of, value_of
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.grid import Grid
+from wavesweep.sweep.grid import Grid, Loops
 
+MOST_BUILT = 32
 FAVOURABLE = "kind default"  # in a sentence of `assumes` that rests on some
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
@@ -61,6 +64,25 @@ def _limits(spec, swept) -> Iterator[str]:
             port, high = f"{block.name}.{'u' if block.type == 'saturation' else 'y'}", shown(limits["high"])
             low = shown(limits["low"]) if "low" in limits else f"-{high}"
             yield f"|{port}| <= {high}" if low == f"-{high}" else f"{low} <= {port} <= {high}"
+
+
+def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str]:
+    """Yield a sentence for each cycle of blocks that read one another in the same tick, and are solved together.
+
+    swept: paths of the axes of a result. Of those that decide how the loop is built, the least MOST_BUILT values are looked at,
+    since small ones take a delay away.
+    """
+    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.structural and axis.path in swept] if spec.drawing else []
+    values = [(axis, value) for axis in axes for value in sorted(axis.values)[:MOST_BUILT]]
+    built = [(f" at {axis.name} = {value:g}", {axis.path: value}) for axis, value in values]
+    rings: dict[str, list[str]] = {}
+    for at, changed in (built or [("", {})]) if spec.drawing else ():
+        with suppress(WavesweepError):
+            for ring in Loops(spec.drawing, spec.with_values(changed).values).drawn().rings():
+                rings.setdefault(_listed(ring), []).append(at)
+    for ring, places in rings.items():
+        same = "which read one another in the same tick; prev(...) reads the one before"
+        yield f"solved within a tick{','.join(places)}: {ring}, {same}"
 
 
 # Ranges in which the numbers of devices and hands lie, in the unit of the key.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -29,9 +29,10 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     It is what the wall adds to free motion: the impedance less that of the same loop whose wall has the stiffness and damping
     0. So neither a mass counts nor a brake. loop: that of the spec at the hand. stiffness: that at rest, N/m.
     hz; at each impedance (N/m), its size, and free (N/m), the size of that of free motion, both missing if they are not known.
-    holds_to_hz: the frequency up to which the size is within a tenth of that at rest; outweighed_hz: that from which on free
-    motion has more than the wall adds; both None if there is none up to `HIGHEST_HZ`, or half the fast rate. They are looked
-    for at 80 frequencies a decade from 1e-4 Hz on, and located to a thousandth; a resonance that is narrower may be missed.
+    holds_to_hz: the frequency up to which the size is within a tenth of that at rest, None if it is so up to `HIGHEST_HZ`, or
+    half the fast rate. outweighed_hz: the bands [from, to] in which free motion has more than the wall adds; to is None of one
+    that goes on. They are looked for at 80 frequencies a decade from 1e-4 Hz on, and located to a thousandth; a resonance that
+    is narrower may be missed.
     """
     try:
         free = loop_at_hand(spec.with_values(dict.fromkeys(spec.wall, 0.0))) if spec.wall else None
@@ -48,22 +49,23 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     }
     rest = stiffness - np.nan_to_num(static_response(free)[1].ravel()[0].real)
     whole = np.geomspace(LOWEST_HZ, most, POINTS)
-    seen = _added(loop, free, whole)
-    for name, place, where in (
-        ("holds_to_hz", 0, lambda size, *_: ~(np.abs(size / rest - 1) <= TENTH)),
-        ("outweighed_hz", 1, lambda size, without, _: without > size),
-    ):
-        ends = _around(whole, where(*seen))
-        fine = np.geomspace(*ends, FINE) if ends else whole[:0]
-        ends = ends and _around(fine, where(*_added(loop, free, fine)))
-        found[name] = ends and ends[place]
-    return {"hz": hertz.tolist(), **found}
+    added = cache(lambda *ends: _added(loop, free, whole if not ends else np.geomspace(*ends, FINE)))
+    changed = _runs(whole, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
+    found["holds_to_hz"] = next((before for before, *_ in changed), None)
+    outweighed = _runs(whole, lambda *ends: np.greater(*added(*ends)[1::-1]))
+    return {"hz": hertz.tolist(), **found, "outweighed_hz": [band for _, *band in outweighed]}
 
 
-def _around(grid, so):
-    """The numbers of a grid before which something is not so, and at which it is so first; None if it is so at none."""
-    at = np.flatnonzero(so)
-    return (float(grid[max(at[0] - 1, 0)]), float(grid[at[0]])) if at.size else None
+def _runs(grid, so):
+    """Yield the runs of frequencies at which something is so: the last one before, the first and the last of it.
+
+    so(): at all of the grid; so(low, high): at FINE frequencies between two of it. The last is None of one that goes on.
+    """
+    for first, beyond in np.flatnonzero(np.diff(so(), prepend=False, append=False)).reshape(-1, 2).tolist():
+        begin, end = (grid[max(first - 1, 0)], grid[first]), grid[beyond - 1 : beyond + 1]
+        fine, at = np.geomspace(*begin, FINE), int(np.argmax(so(*begin)))
+        last = np.geomspace(*end, FINE)[np.flatnonzero(so(*end)).max(initial=0)].item() if end.size > 1 else None
+        yield float(fine[max(at - 1, 0)]), float(fine[at]), last
 
 
 def _added(loop, free, hertz):
@@ -83,25 +85,33 @@ def band_at(spec: Spec, numbers: Mapping[str, float], stiffness: float) -> dict 
 
 
 def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
-    """Texts: what is felt at each frequency, up to that from which on free motion has more than the wall adds."""
-    most = band["outweighed_hz"] if band else None
+    """Texts: what is felt at each frequency at which free motion has no more than the wall adds."""
     pairs = zip(band["hz"], band["impedance"], strict=True) if band else ()
     return [
         f"{'not known' if size is None else f'{size:.4g}' if size < 1e4 else f'{size:.0f}'} at {hz:g} Hz"
         for hz, size in pairs
-        if most is None or hz < most
+        if not any(low <= hz and (high is None or hz <= high) for low, high in band["outweighed_hz"])
     ]
+
+
+def outweighed_in_words(band: Mapping[str, object]) -> str:
+    """Where free motion has more than the wall adds; empty if it has nowhere."""
+    bands = []
+    for low, high in band["outweighed_hz"]:
+        start = "up " if low == LOWEST_HZ and high else f"from {low:.3g} "
+        bands.append(start + ("Hz on" if high is None else f"to {high:.3g} Hz"))
+    return f"free motion outweighs it {' and '.join(bands)}" if bands else ""
 
 
 def in_words(band: Mapping[str, object] | None) -> str:
     """The text that follows the stiffness at rest, in brackets."""
-    holds, most = (band and band[name] for name in ("holds_to_hz", "outweighed_hz"))
-    parts = [", ".join(sizes_in_words(band))]
+    if not band:
+        return ""
+    holds, parts = band["holds_to_hz"], [", ".join(sizes_in_words(band))]
     if holds:
         parts.append(f"within a tenth of it {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz")
-    if most:
-        parts.append(f"free motion outweighs it from {most:.3g} Hz on")
-    return f" ({'; '.join(filter(None, parts))})" if any(parts) else ""
+    parts = [*filter(None, [*parts, outweighed_in_words(band)])]
+    return f" ({'; '.join(parts)})" if parts else ""
 
 
 def felt_at_rest(spec: Spec, loop) -> dict | None:

@@ -7,7 +7,7 @@ from textwrap import shorten
 
 import numpy as np
 
-from wavesweep.analyses.interval_records import FELT, FIELDS, LINES
+from wavesweep.analyses.interval_records import FELT, FIELDS, LINES, OPEN
 from wavesweep.analyses.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.analyses.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, drifts, text_of
 from wavesweep.errors import UsageError
@@ -44,6 +44,7 @@ FOR_ALL_RECORD = np.dtype(
         ("settled", "?"),
         ("counterexample", f"<U{TEXT}"),
         ("left_open", f"<U{TEXT}"),
+        *OPEN,
     ]
 )
 

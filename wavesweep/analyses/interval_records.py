@@ -10,10 +10,11 @@ from wavesweep.analyses.bound import Bound
 from wavesweep.analyses.lines import lines_in_loops, strongest_in_cut
 from wavesweep.analyses.loops import feels, felt_of, hand_of, watched_drift
 from wavesweep.analyses.open_loops import Opened, by_zeros
+from wavesweep.columns import Columns
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
 from wavesweep.response.resting import Resting, resting
-from wavesweep.stability.intervals import Intervals
+from wavesweep.stability.intervals import Intervals, in_rows
 from wavesweep.sweep.grid import Loops
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ FIELDS = (
 )
 FELT = ("felt_low", "felt_high")
 LINES = ("low_hz", "high_hz")
-_LAST = tuple((name, "<f8") for name in (*FELT, *LINES))
+OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
+_LAST = (*((name, "<f8") for name in (*FELT, *LINES)), *OPEN)
 RECORD = np.dtype([*FIELDS, *_LAST])
 END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
 # Guarantees for hands have the hand that sets each end as well, and whether they are proved for every hand.
@@ -41,13 +43,24 @@ HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values()
 
 
 def records_of(found: Intervals) -> np.ndarray:
-    """The intervals as records, sorted by slice (numbered from 0 in the chunk)."""
+    """The intervals as records, sorted by slice (numbered from 0 in the chunk); see `in_rows`."""
+    found, open_ = in_rows(found)
     records = np.zeros(found.column.size, RECORD)
     records["slice"] = found.column
     records["intervals"], records["interval"] = found.count, np.maximum(found.index, 0)
     for name in ("low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):
         records[name] = getattr(found, name)
+    for name, _ in OPEN:
+        records[name] = getattr(open_, name.removeprefix("open_"))
     return records
+
+
+def open_places(columns: Columns, row: int) -> dict[str, float] | None:
+    """The open places of a row: how many, where the first begins, where the last ends; None without."""
+    if not columns["open_places"][row]:
+        return None
+    ends = {side: float(columns[f"open_{end}"][row]) for side, end in (("from", "low"), ("to", "high"))}
+    return {"places": int(columns["open_places"][row]), **ends}
 
 
 BATCH = 256  # modes that are followed through their frames at once

@@ -1,6 +1,5 @@
 """Stable intervals of loops of one drawing along any of their numbers, a batch at a time."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -20,6 +19,8 @@ from wavesweep.spec.drawing import name_of
 from wavesweep.stability.certificate import NONE
 from wavesweep.stability.intervals import Intervals, joined, without_seams
 from wavesweep.sweep.grid import Loops, distinct_rows
+
+LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms
 
 Groups = tuple[tuple[np.ndarray, Loops], ...]  # (members, loops) pairs, see `drawn_groups`
 
@@ -114,29 +115,35 @@ class Search:
 
     def _piece(self, piece, loops, one, size):
         """The intervals in a part of the range in which the loops are built as the loop `one` is."""
-        middle = one.changed({self.along: sum(piece) / 2})
-        built = {path: int(each) for path, each in structure(*middle).items()}
-        return replace(self, span=piece).between_breaks(loops.changed(built), size, None)
+        return replace(self, span=piece).between_breaks(loops.changed(self._built(piece, one)), size, None)
 
-    def about(self, value: float, enough: Callable[[], bool]) -> tuple[np.ndarray, tuple[float, float]]:
+    def _built(self, piece, one):
+        """The whole numbers of ticks that the loop is built with in a part of the range."""
+        return {path: int(each) for path, each in structure(*one.changed({self.along: sum(piece) / 2})).items()}
+
+    def about(self, value: float, work: float) -> tuple[np.ndarray, tuple[float, float]]:
         """The intervals of a single loop about a value of the number as records, and the part of the range that was searched.
 
-        It grows piece by piece, the nearest first, until it is `enough` or the interval of the value has both of its ends.
+        It grows piece by piece, the nearest first, until the interval of the value has both of its ends, or the work is spent:
+        a piece with n states takes LEAST_WORK + n n. It is counted, so that the result does not depend on the machine.
         """
         ((_, loop),) = self.groups
         ends = breaks(*loop, self.along, self.span)
-        first = min(max(int(np.searchsorted(ends, value)) - 1, 0), len(ends) - 2)
-        last, parts = first + 1, [self._piece(ends[first : first + 2], loop, loop, 1)]
+        at = min(max(int(np.searchsorted(ends, value)) - 1, 0), len(ends) - 2)
+        first, last, parts = at, at + 1, []
         while True:
-            found = without_seams(joined(parts))
-            inside = (found.low <= value) & (value <= found.high)
-            below = value - ends[first - 1] if first and (found.low[inside] == ends[first]).all() else np.inf
-            above = ends[last + 1] - value if last + 1 < len(ends) and (found.high[inside] == ends[last]).all() else np.inf
-            if np.isinf(min(below, above)) or enough():
-                return records_of(found), (ends[first], ends[last])
+            piece = ends[at : at + 2]
+            parts.append(self._piece(piece, loop, loop, 1))
+            work -= LEAST_WORK + len(drift_of(loop.changed(self._built(piece, loop))).states) ** 2
+            records = records_of(without_seams(joined(parts)))
+            inside = records[(records["low"] <= value) & (value <= records["high"])]
+            known = [np.fmin(inside["low"], inside["open_low"]), np.fmax(inside["high"], inside["open_high"])]
+            below = value - ends[first - 1] if first and (known[0] == ends[first]).all() else np.inf
+            above = ends[last + 1] - value if last + 1 < len(ends) and (known[1] == ends[last]).all() else np.inf
+            if np.isinf(min(below, above)) or work < 0:
+                return records, (ends[first], ends[last])
             at = first - 1 if below < above else last
             first, last = min(first, at), max(last, at + 1)
-            parts.append(self._piece(ends[at : at + 2], loop, loop, 1))
 
     def between_breaks(self, loops, size, opened) -> Intervals:
         """The intervals of loops that are built alike at all values of the number; opened: as for `connected`."""

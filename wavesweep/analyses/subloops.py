@@ -84,8 +84,9 @@ def common(found: Sequence[Intervals]) -> Intervals:
         shared, doubt = _of_all(certain), NONE
         if len(certain) < len(rows) and not (certain and not shared):
             shared, doubt = _of_all([each[column][0] for each in rows]), max(each[column][1] for each in rows)
-        for index, interval in enumerate(shared or [(np.nan, np.nan, np.nan, np.nan, 0.0)]):
-            facts = (column, index if shared else -1, len(shared), *interval[:4], doubt, interval[4])
+        stable = [known for *_, known in shared]
+        for at, interval in enumerate(shared or [(np.nan, np.nan, np.nan, np.nan, 0.0, False)]):
+            facts = (column, sum(stable[:at]) if interval[5] else -1, sum(stable), *interval[:4], doubt, interval[4])
             for name, value in zip(whole, facts, strict=True):
                 whole[name].append(value)
     kinds = {name: getattr(found[0], name).dtype for name in whole}
@@ -93,19 +94,18 @@ def common(found: Sequence[Intervals]) -> Intervals:
 
 
 def _by_column(found):
-    """Column -> its intervals as (low, high, low_omega, high_omega, residual), and its doubt."""
+    """Column -> its elements as (low, high, low_omega, high_omega, residual, known to be stable), and its doubt."""
     columns = {}
     for at in range(found.column.size):
         intervals, _ = columns.setdefault(int(found.column[at]), ([], int(found.doubt[at])))
-        if found.index[at] >= 0:
-            intervals.append(
-                tuple(float(getattr(found, name)[at]) for name in ("low", "high", "low_omega", "high_omega", "residual"))
-            )
+        if not np.isnan(found.low[at]):
+            ends = (float(getattr(found, name)[at]) for name in ("low", "high", "low_omega", "high_omega", "residual"))
+            intervals.append((*ends, bool(found.index[at] >= 0)))
     return dict(sorted(columns.items()))
 
 
 def _of_all(loops):
-    """The intervals that several lists have in common."""
+    """What several lists have in common, in order."""
     shared = loops[0] if loops else []
     for other in loops[1:]:
         shared = [both for one in shared for two in other if (both := _overlap(one, two)) is not None]
@@ -113,9 +113,11 @@ def _of_all(loops):
 
 
 def _overlap(one, two):
-    """The part that two intervals have in common, each end with its frequency; None if there is none."""
+    """The part that two elements have in common, each end with its frequency, open if one is; None if there is none."""
     begins = max(one, two, key=lambda each: each[0])
     ends = min(one, two, key=lambda each: each[1])
     if begins[0] >= ends[1]:
         return None
-    return begins[0], ends[1], begins[2], ends[3], max(one[4], two[4])
+    known = one[5] and two[5]
+    omegas = (begins[2], ends[3]) if known else (np.nan, np.nan)
+    return begins[0], ends[1], *omegas, max(one[4], two[4]) * known, known

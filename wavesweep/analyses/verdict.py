@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import lru_cache
-from time import monotonic
 
 import numpy as np
 
@@ -10,25 +9,26 @@ from wavesweep.analyses import every_hand, for_all
 from wavesweep.analyses.assumptions import assumes
 from wavesweep.analyses.feel import felt_at_rest
 from wavesweep.analyses.hardware import hardware_of
+from wavesweep.analyses.interval_records import open_places
 from wavesweep.analyses.intervals import Way, cost_of, job_over, searches_of
 from wavesweep.analyses.lines import lines_in_loops
 from wavesweep.analyses.loops import drift_of, loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.analyses.measured import distances, read_points
-from wavesweep.analyses.poles import leading, named_modes
+from wavesweep.analyses.poles import ON_CIRCLE, leading, named_modes
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.certificate import words
-from wavesweep.stability.spectrum import damping_ratio, radius_of
+from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of
 from wavesweep.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
 HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
-SECONDS = 3.0  # of work on the range of one number, after which it ends where it is
-LONG = 1.0  # s that a range in one piece may take by `expected_cost`; long frames take three times as much
+WORK = 50_000  # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3 s
+SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
 LATE = "it takes longer than check does"
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
@@ -71,6 +71,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
 
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
+    only_oscillates (of a radius of 1: whether all modes are pairs on the circle, as those of a loop that conserves energy),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
     feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
     `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
@@ -86,6 +87,10 @@ def own_design(spec: Spec, loop=None) -> dict:
     (E, hidden), drawn, drift = telling_frames(own), own.drawn(), drift_of(own)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
+    if radius == 1:
+        z = 1 + eigenvalues(E)[0].ravel()
+        z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
+        found["only_oscillates"] = bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
     # A design that is varied by something else keeps its channel.
     of_channel = tuple((path, value) for path, value in spec.values.items() if path.startswith(CHANNEL))
     channel, modes = None if spec.drawing else _channel_norm(of_channel), []
@@ -108,8 +113,9 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
 
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
     value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
-    whether they are. stopped: whether the range would go on, but takes more than about SECONDS; it is then the part next to the
-    value, or LATE is the doubt. report: is called with the numbers that are done, and all.
+    whether they are. open: the places in or beside the interval where nothing is known, see `open_places`. stopped: whether the
+    range would go on, but takes more than WORK or SECONDS; it is then the part next to the value, or LATE is the doubt. report:
+    is called with the numbers that are done, and all.
     """
     read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
@@ -133,7 +139,7 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
 def _limit(spec, name, path, span=None):
     value, span = spec.values[path], span or searched(spec, name, path)
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
-    found |= {"stopped": False}
+    found |= {"stopped": False, "open": None}
     try:
         job = _job(spec, name, path, span)
         rows, (start, stop) = _rows(job, value, span)
@@ -158,8 +164,10 @@ def _limit(spec, name, path, span=None):
     found["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
     found |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
     if not inside.any():
-        return found
+        unknown = ((rows["open_low"] <= value) & (value <= rows["open_high"])).any()
+        return found | ({"stable": None} if unknown else {})
     row = int(np.flatnonzero(inside)[0])
+    found["open"] = open_places(rows, row)
     for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
         if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
             found[end] = float(rows[end][row])
@@ -173,9 +181,9 @@ def _job(spec, name, path, span):
 
 def _rows(job, value, span):
     """The intervals, and the part of the range that was searched; None and the value itself if they take too long."""
-    (search,), until = searches_of(job, job.chunks[0]).searches, monotonic() + SECONDS
+    (search,) = searches_of(job, job.chunks[0]).searches
     if search.in_pieces:
-        records, span = search.about(value, lambda: monotonic() > until)
+        records, span = search.about(value, WORK)
         return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
     cost, way = cost_of(job.grid.spec, job.asked.axis)
     if cost > (SECONDS if way is Way.CUT else LONG):

@@ -18,6 +18,7 @@ Ranked = tuple[float, str]
 BELOW = ("all below has every message in time:", "all below is of the spec's own numbers, at constant rates:")
 RINGS = 0.5  # damping ratio, below which a mode rings
 DETAIL = 9.0
+SEARCHED = " (where the search starts)"
 LONG_UNIT = 12  # letters of a unit that is not said twice in a line
 
 
@@ -114,7 +115,7 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
     if radius is not None:
         why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
-    if spec.drawing and radius == 1:
+    if spec.drawing and found.get("only_oscillates"):
         yield f"  {BOUNDED}"
 
 
@@ -155,17 +156,34 @@ def _stable_where(limit: Facts, unit: str) -> str:
         if not (spans or limit["certified"]):
             return f"no stable value known in {searched} ({limit['doubt']})"
         return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
-    low, high = limit["low"], limit["high"]
-    start = f"from {low:.6g}" if low is not None else f"from {'at most ' if limit['from'] else ''}{limit['from']:g}"
+    low, high, open_ = limit["low"], limit["high"], limit["open"]
+    start = f"from {low:.6g}" if low is not None else f"from {limit['from']:g}{SEARCHED if limit['from'] else ''}"
     end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
+    if open_:
+        return f"known to be stable {_known_where(limit, open_, start, end, unit)} ({limit['doubt']})"
     factors = _factors(limit) if value else ""
     return f"stable {start} {end}{factors}{proved}"
 
 
+def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) -> str:
+    """The part of a range in doubt in which the design is known to be stable, the open places, and what is beyond them."""
+    from wavesweep.tables.interval_tally import open_in_words
+
+    low = limit["from"] if limit["low"] is None else limit["low"]
+    high, places = limit["to"] if limit["high"] is None else limit["high"], open_in_words(open_, unit)
+    if open_["from"] >= limit["value"]:
+        beyond = f", and stable again {end}" if high > open_["to"] else ""
+        return f"{start} up to at least {min(high, open_['from']):.6g}{unit}; {places}{beyond}"
+    if open_["to"] <= limit["value"]:
+        beyond = f", and stable again {start}" if low < open_["from"] else ""
+        return f"at least from {max(low, open_['to']):.6g} {end}; {places}{beyond}"
+    return f"in places {start} {end}; {places}"
+
+
 def _span(limit: Facts, low: float, high: float) -> str:
     """An interval; an end of the searched range is not an end of stability."""
-    start = "at most " if low == limit["from"] != 0 else ""
-    return f"{start}{low:.6g} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
+    start = SEARCHED if low == limit["from"] != 0 else ""
+    return f"{low:.6g}{start} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
 
 
 def _factors(limit: Facts) -> str:
@@ -192,7 +210,7 @@ def _delay(delay: Facts) -> str:
 
 def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
     """What the hand feels of the wall."""
-    from wavesweep.analyses.feel import sizes_in_words
+    from wavesweep.analyses.feel import outweighed_in_words, sizes_in_words
 
     stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
     if felt["rigid"] or (stiffness is None and damping is None):
@@ -205,9 +223,9 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
         )
         yield 2.5, f"felt at rest: {' and '.join(known)}"
         return
-    holds, most, line = band["holds_to_hz"], band["outweighed_hz"], f"felt at rest: {stiffness:.6g} {units[0]}"
-    line += f"; within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
-    yield 2.5, line + (f"; free motion outweighs it from {most:.3g} Hz on" if most else "")
+    holds = band["holds_to_hz"]
+    holds = f"within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
+    yield 2.5, "; ".join(filter(None, [f"felt at rest: {stiffness:.6g} {units[0]}", holds, outweighed_in_words(band)]))
     if sizes := sizes_in_words(band):
         yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
 

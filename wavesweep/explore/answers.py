@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.analyses.interval_records import FELT, LINES
+from wavesweep.analyses.interval_records import FELT, LINES, OPEN
 from wavesweep.analyses.intervals import Way, cost_of, job_over
 from wavesweep.analyses.loops import loop_at_hand, radius_over
 from wavesweep.analyses.measured import read_points
@@ -161,7 +161,8 @@ def plane_of(curve: Curve, view: View) -> dict:
     """The columns of a curve, each with its intervals as (low, high, certified), and what a picture shows of it, see `Region`.
 
     known: which gaps between the columns are known. partly: whether other intervals of the column may be missing. lines: the
-    certified parts of the boundary. bars: (x, low, high, certified).
+    certified parts of the boundary. bars: (x, low, high, certified). unknown: (from, to, low, high), the last two None of what
+    is not known outside the areas.
     """
     region, places = region_of(curve, view), sorted(curve.columns)
     columns = [curve.columns[x] for x in places]
@@ -170,17 +171,18 @@ def plane_of(curve: Curve, view: View) -> dict:
         "x": places,
         "columns": [[(each.low, each.high, each.certified) for each in intervals] for intervals, _ in columns],
         "known": [gap in curve.gaps for gap in pairwise(places)],
-        "partly": [partly for _, partly in columns],
+        "partly": [bool(spans) for _, spans in columns],
         "areas": region.areas,
         "unproved": region.unproved,
         "lines": region.certain,
         "doubtful": region.doubtful,
         "bars": [(x, each.low, each.high, each.certified) for x, each in region.bars],
-        "unknown": region.unknown,
+        "unknown": [(*cell, *(None if np.isinf(end) else end for end in (low, high))) for *cell, low, high in region.unknown],
     }
 
 
-INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", *FELT, *LINES)
+ENDS = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual")
+INTERVAL = (*ENDS, *FELT, *LINES, *(name for name, _ in OPEN))
 
 
 def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:

@@ -37,11 +37,16 @@ function region(p, r, X, Y, ghostly) {
     return g;
   }
   if (ghostly) { add("ghost", [...p.lines, ...p.doubtful].map(line)); return g; }
-  const open = isKnown(p) ? p.unknown : p.x.slice(1).map((x, i) => [p.x[i], x]);  // single columns
-  add("unknown", open.map(([from, to]) => `M${X(from).toFixed(1)},${r.top}H${X(to).toFixed(1)}V${r.bottom}H${X(from).toFixed(1)}z`));
+  const open = isKnown(p) ? p.unknown : p.x.slice(1).map((x, i) => [p.x[i], x, null, null]);  // single columns
+  const hatch = whole => add("unknown", open.filter(each => (each[2] === null) === whole).map(([from, to, low, high]) => {
+    const [bottom, top] = whole ? [r.bottom, r.top] : [Y(low), Y(high)].map(y => Math.min(Math.max(y, r.top), r.bottom).toFixed(1));
+    return `M${X(from).toFixed(1)},${top}H${X(to).toFixed(1)}V${bottom}H${X(from).toFixed(1)}z`;
+  }));
+  hatch(true);
   if (open.length) add("clear", p.areas.map(points => line(points) + "Z"));
   add(proved ? "stable" : "quick", p.areas.map(points => line(points) + "Z"));
   if (proved) { add("clear", p.unproved.map(points => line(points) + "Z")); add("unproved", p.unproved.map(points => line(points) + "Z")); }
+  hatch(false);  // open places, also within what is drawn as stable
   const bars = certain => p.bars.filter(bar => bar[3] === certain).map(([x, low, high]) => line([[x, low], [x, high]]));
   if (!proved) add("quickedge", [...p.lines, ...p.doubtful].map(line));
   else { add("edge", p.lines.map(line)); add("doubt", [...p.doubtful.map(line), ...bars(false)]); }
@@ -172,11 +177,12 @@ function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
   if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness));
-  const band = o.stable && o.felt?.over_band, most = band && band.outweighed_hz;
+  const band = o.stable && o.felt?.over_band, beyond = (band && band.outweighed_hz) || [];
   if (band) {
-    const seen = band.hz.filter(hz => !most || hz < most), holds = band.holds_to_hz;
-    const parts = [seen.map((_, i) => text(band.impedance[i], 4)).join(", "), holds ? `within a tenth up to ${text(holds, 3)} Hz` : "", most ? `outweighed by free motion from ${text(most, 3)} Hz on` : ""];
-    rows.push(item("n-band", seen.length ? `felt at ${seen.join(", ")} Hz` : "felt over frequency", parts.filter(Boolean).join("; ")));
+    const seen = band.hz.map((hz, i) => [hz, band.impedance[i]]).filter(([hz]) => !beyond.some(([low, high]) => low <= hz && (high === null || hz <= high)));
+    const holds = band.holds_to_hz, bands = beyond.map(([low, high]) => `from ${text(low, 3)}${high === null ? " Hz on" : ` to ${text(high, 3)} Hz`}`).join(" and ");
+    const parts = [seen.map(([, size]) => text(size, 4)).join(", "), holds ? `within a tenth up to ${text(holds, 3)} Hz` : "", bands ? `outweighed by free motion ${bands}` : ""];
+    rows.push(item("n-band", seen.length ? `felt at ${seen.map(([hz]) => hz).join(", ")} Hz` : "felt over frequency", parts.filter(Boolean).join("; ")));
   }
   if (o.slowest) {
     const damped = o.least_damped ?? o.slowest;
@@ -198,12 +204,12 @@ function intervals() {
     const found = ranges[each];
     if (!found) { row({}, title(each), "follows when the sliders rest", null, null, null, null); continue; }
     const proof = !("certified" in found) ? "… preview" : found.certified ? "✓ certified" : `not certified (${found.doubt || "see the README"})`, names = {"data-along": each, "data-certified": found.certified};
-    if (!found.intervals.length) row(names, title(each), `nowhere stable in ${text(found.span[0])} to ${text(found.span[1])}${unit(each)}`, null, null, null, proof);
+    if (!found.intervals.length) row(names, title(each), `${found.certified === false ? "nothing known to be" : "nowhere"} stable in ${text(found.span[0])} to ${text(found.span[1])}${unit(each)}`, null, null, null, proof);
     for (const i of found.intervals) {
-      const hz = [i.low_hz, i.high_hz].map(f => (f ?? null) === null ? "–" : text(f, 4)).join(" / "), ends = omega => omega === null ? " (range ends)" : "";
+      const hz = [i.low_hz, i.high_hz].map(f => (f ?? null) === null ? "–" : text(f, 4)).join(" / "), ends = (omega, open) => omega !== null ? "" : open ? " (not known beyond)" : " (range ends)";
       const felt = (i.felt_low ?? i.felt_high ?? null) === null ? "–" : `${text(i.felt_low, 4)} / ${text(i.felt_high, 4)} ${data.units.felt[0]}`;
       row({...names, "data-low": i.low, "data-high": i.high, class: values[each] >= i.low && values[each] <= i.high ? "own" : null}, title(each),
-        text(i.low) + unit(each) + ends(i.low_omega), text(i.high) + unit(each) + ends(i.high_omega), hz === "– / –" ? "–" : hz + " Hz", felt, proof);
+        text(i.low) + unit(each) + ends(i.low_omega, i.open_places && i.open_low < i.low), text(i.high) + unit(each) + ends(i.high_omega, i.open_places && i.open_high > i.high), hz === "– / –" ? "–" : hz + " Hz", felt, proof);
     }
   }
   fill($("intervals"), ...rows);

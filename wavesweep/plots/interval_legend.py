@@ -111,8 +111,9 @@ def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], b
     from matplotlib.patches import Patch
 
     named = any(each.get_label() in (NOT_KNOWN, REFUTED) for each in members)  # what is narrow needs no entry
-    if not named and any(patch.get_hatch() == UNKNOWN["hatch"] for each in canvas.axes for patch in each.patches):
-        marks = [*marks, Patch(**UNKNOWN, label="not known outside the intervals")]
+    drawn = [each for axes in canvas.axes for each in (*axes.patches, *axes.collections)]
+    if not named and any(each.get_hatch() == UNKNOWN["hatch"] for each in drawn):
+        marks = [*marks, Patch(**UNKNOWN, label=NOT_KNOWN)]
     if beside and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return

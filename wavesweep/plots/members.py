@@ -13,7 +13,7 @@ from wavesweep.plots.layout import rows_with, where
 from wavesweep.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, paler
 from wavesweep.plots.words import shortened, valued
 from wavesweep.spec.for_all import GUARANTEES
-from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, incomplete
+from wavesweep.tables.regions import KNOWN, Curve, View, columns_of, curves_of, open_spans
 
 HALF_BAR = 0.32  # of the distance between two bars
 
@@ -158,9 +158,12 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
     family = family_looks(1)[0].colour
     for place, member in enumerate(members):
         rows, colour = member.rows, member.look.colour if member.guarantee or "spec" in member.rows else family
-        stable, unknown = np.flatnonzero(rows["intervals"] > 0), bool(incomplete(rows).any())
-        if unknown:
-            axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
+        stable, unknown = np.flatnonzero(rows["intervals"] > 0), [span for spans in open_spans(rows) for span in spans]
+        for low, high in unknown:
+            if np.isinf(low):
+                axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
+            else:
+                axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3})
         if not stable.size:
             nothing = "nothing known to be stable" if unknown else "nowhere stable"
             said = "nothing proved" if member.guarantee in GUARANTEES else nothing

@@ -41,10 +41,14 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
     from matplotlib.patheffects import withTickedStroke
     from matplotlib.transforms import ScaledTranslation
 
-    for left, right in region.unknown:
-        axes.axvspan(left, right, **UNKNOWN)
-    if region.unknown:  # no hatching under what is known
+    whole = [(left, right) for left, right, low, _ in region.unknown if np.isinf(low)]
+    for cell in whole:
+        axes.axvspan(*cell, **UNKNOWN)
+    if whole:  # no hatching under what is known
         axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
+    places = [[(a, low), (b, low), (b, high), (a, high)] for a, b, low, high in region.unknown if not np.isinf(low)]
+    if places:
+        axes.add_collection(PolyCollection(places, **UNKNOWN | {"zorder": 0.8}))
     if filled:  # with a hairline, so that no seam shows between two outlines; what is stable and not certified is dotted
         pale = paler(look.colour, SHADE)
         axes.add_collection(PolyCollection(region.areas, facecolor=pale, edgecolor=pale, linewidth=0.4, zorder=0.6))

@@ -147,7 +147,8 @@ def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
             at = part[rows["slice"]]
             certified[at] = rows["certified"]
             first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
-            value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
+            value[at[first]] = np.fmin(rows["high"], rows["open_low"])[first]
+            felt[at[first]] = np.where(rows["open_low"] < rows["high"], np.nan, rows["felt_high"])[first]
         return value, felt, certified
 
     once, back = distinct_rows(points.changes, points.size)

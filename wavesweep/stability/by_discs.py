@@ -165,24 +165,27 @@ def _runs(edges, label):
 
 
 def _intervals(column, edges, label, loops, span, period, place):
-    """Yield the rows of a column from its runs of panels; edges: their low ends."""
+    """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
     width, runs = span[1] - span[0], list(zip(edges, [*edges[1:], span[1]], label, strict=True))
-    doubt, found = NONE, []
+    doubt, parts, gaps = NONE, [], {}
     for at, (low, high, what) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
-        if what == GOOD:
-            found.append((low, high))
-        elif what == LOST:
-            doubt = max(doubt, SEARCH)
-        elif what == OPEN:
+        if what == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
             tight = high - low <= (ATTACHED * width if at == 0 else _exact(high, width))
-            ends = {*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])
-            doubt = max(doubt, CROWDED if not ends else NONE if tight else ROUNDING)
-    gaps = {edge: (low, high) for low, high, what in runs if what == OPEN for edge in (low, high)}
-    ends = [[_end(column, edge, gaps, loops, span, period, place) for edge in some] for some in found]
-    for index, ((low, low_omega, one), (high, high_omega, other)) in enumerate(ends):
-        yield column, index, len(ends), low, high, low_omega, high_omega, doubt, max(one, other)
-    if not ends:
+            doubt = max(doubt, NONE if tight else ROUNDING)
+            gaps |= dict.fromkeys((low, high), (low, high))
+        elif what != BAD:
+            doubt = max(doubt, {GOOD: NONE, LOST: SEARCH}.get(what, CROWDED))
+            parts.append((low, high, what == GOOD))
+    count = index = sum(good for *_, good in parts)
+    for low, high, good in parts:
+        if not good:
+            yield column, -1, count, low, high, np.nan, np.nan, doubt, 0.0
+            continue
+        ends, omegas, left = zip(*(_end(column, edge, gaps, loops, span, period, place) for edge in (low, high)), strict=True)
+        yield column, count - index, count, *ends, *omegas, doubt, max(left)
+        index -= 1
+    if not parts:
         yield column, -1, 0, *4 * (np.nan,), doubt, 0.0
 
 

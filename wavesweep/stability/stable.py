@@ -44,14 +44,14 @@ def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Interval
         return _joined(cut, along, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner)
+    found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner, span)
     if not span[0] < 0 < span[1]:
         return found
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
     return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
 
 
-def _with_others(found, cut, owner) -> Intervals:
+def _with_others(found, cut, owner, span) -> Intervals:
     """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
     if not cut.others:
         return found
@@ -61,7 +61,7 @@ def _with_others(found, cut, owner) -> Intervals:
         count, clear = count_outside(E)
         outside = np.where((outside < 0) | ~clear, -1, outside + count)
     outside = outside[owner]
-    return without_any(without_any(found, outside > 0), outside < 0, COUNTS)
+    return without_any(without_any(found, outside > 0), outside < 0, span, COUNTS)
 
 
 def _in_own_units(cut: Cut) -> Cut:

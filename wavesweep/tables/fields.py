@@ -88,9 +88,10 @@ def _read_groups() -> dict[str, tuple[Field, ...]]:
 _GROUPS = _read_groups()
 ABOUT_ENDS, FOR_ALL, LEFT_OPEN, TICKS = (_GROUPS[name] for name in ("about-ends", "for-all", "left-open", "ticks"))
 _ALONG, _FOUND, _FELT, _LINES, _BODE = (_GROUPS[name] for name in ("along", "found", "felt", "lines", "bode"))
-_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN)
+_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_GROUPS["open"])
 _FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES)
 _FOR_HANDS = (*_FOR_HANDS, *(each for each in (*FOR_ALL, *LEFT_OPEN) if each.name not in ("guarantee", "settled")))
+_FOR_HANDS = (*_FOR_HANDS, *_GROUPS["open"])
 _LINEAR = [
     replace(each, name=f"linear_{each.name}", description=f"{each.description}, of the linear loop")
     for each in (*_BODE[4:12], *_BODE[14:16])

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wavesweep.analyses.interval_records import open_places
 from wavesweep.columns import Columns, axes_of, whose_column
-from wavesweep.doubts import DOUBTS, INCOMPLETE
+from wavesweep.doubts import DOUBTS
 from wavesweep.spec import find_key
 from wavesweep.spec.for_all import GUARANTEES
 from wavesweep.spec.require import BOUNDED, words_of
@@ -85,13 +86,13 @@ class IntervalTally:
 
     def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
-        self._rows = self._intervals = self._split = 0
+        self._rows = self._intervals = self._split = self._open = 0
         self._doubts: Counter[str] = Counter()
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
-        self._slices: list[tuple[dict[str, float], list[list[float]]]] = []  # axes' values and intervals of the first few
+        self._slices: list[Numbers] = []  # axes' values, intervals and open places of the first few
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""
@@ -105,12 +106,14 @@ class IntervalTally:
         self._intervals += int(stable.sum())
         # Every slice has exactly one row numbered 0.
         self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
+        new, open_ = np.append(True, columns["interval"][1:] == 0), columns["open_places"] > 0
+        self._open += int(np.logical_or.reduceat(open_, np.flatnonzero(new)).sum())
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         self._largest.add(columns["high"], columns)
         self._least.add(-columns["low"], columns)
         self._ends_within |= bool((columns["high"] < self._range[1]).any())
         begins = columns["low"] == self._range[0]
-        self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
+        self._without_gap.add(np.where(begins, np.fmin(columns["high"], columns["open_low"]), np.nan), columns)
         low, high = columns["felt_low"], columns["felt_high"]
         stiffer = np.isnan(low) | np.isnan(high) | (high > low + FELT_ALIKE * np.abs(low))
         ends = np.where(stiffer, columns["high"], columns["low"])
@@ -125,13 +128,14 @@ class IntervalTally:
                 return
             if first:
                 known = {name: float(columns[name][row]) for name in names if not np.isnan(columns[name][row])}
-                self._slices.append((known, []))
+                self._slices.append({"at": known, "intervals": [], "open": []})
             if columns["intervals"][row]:
-                self._slices[-1][1].append([float(columns["low"][row]), float(columns["high"][row])])
+                self._slices[-1]["intervals"].append([float(columns["low"][row]), float(columns["high"][row])])
+            self._slices[-1]["open"] += filter(None, [open_places(columns, row)])
 
     def numbers(self) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold."""
-        require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and self._intervals > 1
+        require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
         names = [self._along, *self._axes, *(self._largest.place() if self._largest.row else ())]
         return {
             "along": self._along,
@@ -142,6 +146,7 @@ class IntervalTally:
             "drawn": bool(numbers_of(self._facts)),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
+            "slices_with_open_places": self._open,
             "rows": self._rows,
             "certified_rows": self._rows - self._doubts.total(),
             "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
@@ -149,7 +154,7 @@ class IntervalTally:
             "largest_without_gap": self._extreme(self._without_gap),
             "stiffest_felt": self._felt_numbers(),
             "least": self._least_numbers(),
-            "few_slices": [{"at": at, "intervals": intervals} for at, intervals in self._slices] if few else [],
+            "few_slices": self._slices if few else [],
         }
 
     def _extreme(self, extreme: Extreme, **more: Any) -> dict[str, Any] | None:
@@ -171,8 +176,8 @@ class IntervalTally:
         if self._hand in (*SEARCHED, *GUARANTEES):
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
-            ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
-        more = {"from": row["low"], "ended_by": ended}
+            ended = "unknown" if row["open_high"] > row["high"] else "range"
+        more = {"from": row["low"], "ended_by": ended, "open": open_places({name: [each] for name, each in row.items()}, 0)}
         hand = {part: row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")}
         # Where numbers refute both ends, each end is named.
         by = "" if np.isnan(row.get("fails_from", np.nan)) else str(row.get("counterexample", "")).rpartition("from: ")[2]
@@ -191,7 +196,8 @@ class IntervalTally:
             return None  # what is proved begins there, next to 0
         largest = self._largest_numbers()
         upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
-        return found | {"value": -self._least.value, "upwards": upwards}
+        unknown = bool(self._least.row["open_low"] < self._least.row["low"])
+        return found | {"value": -self._least.value, "upwards": upwards, "unknown_below": unknown}
 
     def _felt_numbers(self) -> dict[str, Any] | None:
         felt, band = self._felt, None
@@ -212,6 +218,13 @@ class IntervalTally:
         return key.unit if key is not None and key.unit != "1" else ""
 
 
+def open_in_words(found: Numbers, unit: str = "") -> str:
+    """Where nothing is known."""
+    ends = dict.fromkeys(f"{found[end]:.6g}" for end in ("from", "to"))
+    several = "" if found["places"] == 1 else f"at {found['places']} places "
+    return f"not known {several}{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)}{unit}"
+
+
 class Words:
     """The sentences about the rows of one loop, from its numbers; hand: the word of its rows, empty if there is none."""
 
@@ -227,6 +240,8 @@ class Words:
         found, required = self._found, self._found["required"]
         skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
         holes = f", {count(found['slices_with_a_hole'], 'slice')} with a hole" if found["slices_with_a_hole"] else ""
+        open_ = found["slices_with_open_places"]
+        holes += f", {count(open_, 'slice')} with open places" if open_ else ""
         intervals = count(found["stable_intervals"], "interval" if required else "stable interval")
         return f"{count(slices['computed'], 'slice')}{skipped}: {intervals}{f' with {required}' if required else ''}{holes}"
 
@@ -235,7 +250,9 @@ class Words:
         for each in self._found["few_slices"]:
             at = ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in each["at"].items())
             intervals = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in each["intervals"])
-            yield f"  {at}{': ' if at else ''}{self._along} {f'{intervals}{self._unit}' if intervals else 'none'}"
+            open_ = [open_in_words(some, self._unit) for some in each["open"]]
+            said = ", ".join([f"{intervals}{self._unit}" if intervals else "none", *open_])
+            yield f"  {at}{': ' if at else ''}{self._along} {said}"
 
     def certified(self) -> Line:
         """The number of certified rows, and the reasons of doubt about the others."""
@@ -268,7 +285,8 @@ class Words:
                 **largest["ended_by_hand"]
             )
         value = f"largest {self._such}: {largest['value']:.6g}{self._unit}"
-        return f"{value}{self._gap(largest['from'])}{self._place(largest)}{ended}{self._doubtful(largest)}"
+        open_ = None if found["few_slices"] else largest["open"]
+        return f"{value}{self._gap(largest['from'], open_)}{self._place(largest)}{ended}{self._doubtful(largest)}"
 
     def _least(self, upwards: bool) -> str:
         """The least stable value and its place; empty if the largest one says it already."""
@@ -278,7 +296,8 @@ class Words:
         goes = "every interval goes" if self._found["stable_intervals"] > 1 else "it goes"
         further = f"; {goes} on to {self._found['range'][1]:.6g}, where the swept range ends" if upwards else ""
         value = f"least {self._such}: {least['value']:.6g}{self._unit}"
-        return f"{value}{self._place(least)}{self._doubtful(least)}{further}"
+        unknown = ", below which it is not known" if least["unknown_below"] else ""
+        return f"{value}{self._place(least)}{unknown}{self._doubtful(least)}{further}"
 
     def _without_gap(self) -> str:
         """The largest value up to which all are stable, and its place; empty if that is the largest stable one."""
@@ -317,13 +336,16 @@ class Words:
     def _doubtful(self, each: Numbers) -> str:
         return "" if each["certified"] or self._hand in SEARCHED else ", not certified"
 
-    def _gap(self, low: float) -> str:
-        """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved."""
-        start = self._found["range"][0]
-        if self._hand in GUARANTEES and low <= NEXT * self._found["largest"]["value"]:
-            return ""
-        begins = "so" if self._found["required"] else HANDS[self._hand].good
-        return f" ({begins} from {low:.6g} on)" if low > (-np.inf if start is None else start) else ""
+    def _gap(self, low: float, open_: Numbers | None = None) -> str:
+        """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
+
+        open_: its open places, which are named too.
+        """
+        start, begins = self._found["range"][0], "so" if self._found["required"] else HANDS[self._hand].good
+        beside = self._hand in GUARANTEES and low <= NEXT * self._found["largest"]["value"]
+        said = [] if beside or low <= (-np.inf if start is None else start) else [f"{begins} from {low:.6g} on"]
+        said += [open_in_words(open_, self._unit)] if open_ else []
+        return f" ({', '.join(said)})" if said else ""
 
     def _unit_of(self, name: str) -> str:
         unit = self._found["units"].get(name, "")

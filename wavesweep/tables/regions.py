@@ -23,7 +23,7 @@ from wavesweep.spec.for_all import GUARANTEES
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
-KNOWN, NARROW, OPEN = "known", "narrow", "open"
+KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +39,9 @@ class Interval:
     felt_high: float = np.nan
 
 
-Column = tuple[tuple[Interval, ...], bool]
-"""The intervals at one value of x, and whether others may be missing."""
+Span = tuple[float, float]
+Column = tuple[tuple[Interval, ...], tuple[Span, ...]]
+"""The intervals at one value of x, and the spans in which open places lie, or others may be missing."""
 Chain = list[tuple[float, Interval]]
 """An interval followed over neighbouring values of x."""
 Line = list[tuple[float, float]]
@@ -50,7 +51,7 @@ Line = list[tuple[float, float]]
 class Curve:
     """The intervals of one design over x, and the state of the gaps between neighbouring columns.
 
-    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, OPEN.
+    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED.
     """
 
     columns: dict[float, Column]
@@ -118,17 +119,26 @@ def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
     names = ("low", "high", "low_omega", "high_omega", "certified", "felt_low", "felt_high")
     missing = np.full(len(places), np.nan)
     values = zip(*(rows.get(name, missing).tolist() for name in names), strict=True)
-    flags = zip((rows["intervals"] > 0).tolist(), incomplete(rows).tolist(), strict=True)
+    flags = zip((rows["intervals"] > 0).tolist(), open_spans(rows), strict=True)
     columns: dict[float, Column] = {}
     for place, (low, high, *omegas, certified, felt_low, felt_high), (stable, unknown) in zip(
         places.tolist(), values, flags, strict=True
     ):
-        intervals, partly = columns.get(place, ((), False))
+        intervals, partly = columns.get(place, ((), ()))
         if stable:  # an omega is NaN if the range ends the interval
             low_real, high_real = (not isnan(omega) for omega in omegas)
             intervals = (*intervals, Interval(low, high, low_real, high_real, bool(certified), felt_low, felt_high))
-        columns[place] = intervals, partly or unknown
+        columns[place] = intervals, (*partly, *unknown)
     return columns
+
+
+def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
+    """Of each row the span of its open places; all values in the first row of a slice that is known in part, and not where."""
+    places = rows.get("open_places", np.zeros(len(rows["interval"]), int))
+    whole = incomplete(rows) & (places == 0) & (rows["interval"] == 0)
+    ends = ("open_low", -np.inf), ("open_high", np.inf)
+    low, high = (np.where(whole, end, rows.get(name, np.nan)).tolist() for name, end in ends)
+    return [(span,) if some else () for some, *span in zip((whole | (places > 0)).tolist(), low, high, strict=True)]
 
 
 def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) -> None:
@@ -186,7 +196,7 @@ def _is_straight(before: Column, middle: Column, after: Column, view: View, tole
 
     An end may be that of the swept range on one side: a line to it is as right as any other.
     """
-    if len({(len(column[0]), column[1]) for column in (before, middle, after)}) > 1:
+    if len({(len(column[0]), bool(column[1])) for column in (before, middle, after)}) > 1:
         return False
     ends = np.array([[(each.low, each.high) for each in column[0]] for column in (before, middle, after)])
     left, centre, right = view.height(ends)
@@ -290,8 +300,8 @@ class Region:
 
     areas: outlines of what is stable. unproved: those of its parts that are not certified. certain, doubtful: lines along its
     boundary, with the unstable side at their left. felt: lines of the stiffness felt at upper limits. bars: (x, interval) at
-    values of x whose neighbourhood is not known. unknown: (from, to) of x that are known in part, outside the areas, and gaps
-    that are not known where others are.
+    values of x whose neighbourhood is not known. unknown: (from, to) of x, and of the values there that are not known: those of
+    open places, or all that are outside the areas; so are gaps that are not known where others are.
     """
 
     areas: list[Line]
@@ -300,7 +310,7 @@ class Region:
     doubtful: list[Line]
     felt: list[Line]
     bars: Chain
-    unknown: list[tuple[float, float]]
+    unknown: list[tuple[float, float, float, float]]
 
 
 def region_of(curve: Curve, view: View) -> Region:
@@ -314,7 +324,7 @@ def region_of(curve: Curve, view: View) -> Region:
     across: list[tuple[Line, bool]] = []
     growing, bars, alone = chains[:], [], True
     for gap in pairwise(places):
-        (left, right), state = gap, curve.gaps.get(gap, OPEN)
+        (left, right), state = gap, curve.gaps.get(gap, UNDECIDED)
         (before, *less), (after, *more) = curve.columns[left], curve.columns[right]
         if state == KNOWN:
             for chain, interval in zip(growing, after, strict=True):
@@ -329,15 +339,15 @@ def region_of(curve: Curve, view: View) -> Region:
                 bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
             growing = [[(middle, each), *([(right, each)] if state == NARROW else [])] for each in after]
             chains += growing
-        alone = state != OPEN
+        alone = state != UNDECIDED
     if len(places) == 1:
         bars = [(places[0], each) for each in curve.columns[places[0]][0]]
     edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
-    gaps = [gap for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
+    gaps = [(*gap, -np.inf, np.inf) for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
     # Columns that are known in part, half way to their neighbours.
     middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
     cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
-    half_known = [(left, right) for x, left, right in cells if curve.columns[x][1]]
+    half_known = [(left, right, *span) for x, left, right in cells for span in curve.columns[x][1]]
     return Region(
         areas=[_outline(chain) for chain in chains if len(chain) > 1],
         unproved=[_outline(part) for chain in chains for part in _unproved(chain)],

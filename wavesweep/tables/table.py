@@ -62,10 +62,10 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
 
     specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of the table.
     """
-    from wavesweep.analyses.assumptions import assumed_by
+    from wavesweep.analyses.assumptions import assumed_by, solved_within_ticks
 
     several = specs if isinstance(specs, (list, tuple)) else (specs,)
-
+    cycles = [(spec.name, cycle) for spec in several for cycle in solved_within_ticks(spec, swept)]
     return {
         "schema_version": 1,
         **versions(),
@@ -76,7 +76,7 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
         "assumes": assumed_by(several, swept),
         "methods": dict(methods),
         "slices": dict(slices),
-        "notices": list(notices),
+        "notices": [*notices, *(f"{name}: {cycle}" if len(several) > 1 else cycle for name, cycle in cycles)],
         "timings": {name: round(seconds, 6) for name, seconds in timings.items()},
     }
 
