@@ -145,7 +145,7 @@ def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
     assert band["hz"] == [1.0, 3.0, 10.0]
     for name, size in zip(("impedance", "free"), sizes(band["hz"]), strict=True):
         assert band[name] == pytest.approx(size, rel=1e-9)
-    holds, outweighed = band["holds_to_hz"], band["outweighed_hz"]
+    holds, outweighed = band["holds_to_hz"], band["outweighed_bands_hz"]
     below, above = (np.abs(sizes(np.geomspace(1e-4, factor * holds, 500))[0] / rest - 1).max() for factor in (1.0, 1.01))
     assert below <= 0.1 < above
     assert outweighed == ([] if kind == "dc" else [[outweighed[0][0], None]])
@@ -161,7 +161,7 @@ def test_every_band_is_named_in_which_free_motion_outweighs_the_wall():
     hertz = np.geomspace(1.0, 100.0, 200_001)
     w = 2 * np.pi * hertz
     wins = hertz[np.abs(500.0 - 0.2 * w**2 + 1j * w) < 100.0]
-    (low, first), (second, high) = felt["over_band"]["outweighed_hz"]
+    (low, first), (second, high) = felt["over_band"]["outweighed_bands_hz"]
     assert (low, high) == (1e-4, None)
     assert (first, second) == (pytest.approx(wins[0], rel=5e-3), pytest.approx(wins[-1], rel=5e-3))
     said = outweighed_in_words(felt["over_band"])

@@ -88,13 +88,17 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
 )
 def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     unknown = dict.fromkeys(("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"), np.array([np.nan]))
-    columns = known(1) | unknown | {
-        "along": np.array(["K"], object),
-        "intervals": np.array([0]),
-        "interval": np.array([0]),
-        "certified": np.array([not doubt]),
-        "doubt": np.array([doubt], object),
-    }
+    columns = (
+        known(1)
+        | unknown
+        | {
+            "along": np.array(["K"], object),
+            "intervals": np.array([0]),
+            "interval": np.array([0]),
+            "certified": np.array([not doubt]),
+            "doubt": np.array([doubt], object),
+        }
+    )
     tally = IntervalTally()
     tally.add(columns)
     assert Words(tally.numbers()).extremes() == [said]

@@ -81,8 +81,8 @@ def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str
             for ring in Loops(spec.drawing, spec.with_values(changed).values).drawn().rings():
                 rings.setdefault(_listed(ring), []).append(at)
     for ring, places in rings.items():
-        same = "which read one another in the same tick; prev(...) reads the one before"
-        yield f"solved within a tick{','.join(places)}: {ring}, {same}"
+        reads = "read one another" if " and " in ring else "reads itself"
+        yield f"solved within a tick{','.join(places)}: {ring}, which {reads} in the same tick; prev(...) reads the one before"
 
 
 # Ranges in which the numbers of devices and hands lie, in the unit of the key.

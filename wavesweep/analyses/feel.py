@@ -30,9 +30,9 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     0. So neither a mass counts nor a brake. loop: that of the spec at the hand. stiffness: that at rest, N/m.
     hz; at each impedance (N/m), its size, and free (N/m), the size of that of free motion, both missing if they are not known.
     holds_to_hz: the frequency up to which the size is within a tenth of that at rest, None if it is so up to `HIGHEST_HZ`, or
-    half the fast rate. outweighed_hz: the bands [from, to] in which free motion has more than the wall adds; to is None of one
-    that goes on. They are looked for at 80 frequencies a decade from 1e-4 Hz on, and located to a thousandth; a resonance that
-    is narrower may be missed.
+    half the fast rate. outweighed_bands_hz: [from, to] in which free motion has more than the wall adds; to is None of one that
+    goes on; outweighed_hz: where the first begins, None without. They are looked for at 80 frequencies a decade from 1e-4 Hz
+    on, and located to a thousandth; a resonance that is narrower may be missed.
     """
     try:
         free = loop_at_hand(spec.with_values(dict.fromkeys(spec.wall, 0.0))) if spec.wall else None
@@ -52,8 +52,8 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     added = cache(lambda *ends: _added(loop, free, whole if not ends else np.geomspace(*ends, FINE)))
     changed = _runs(whole, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
     found["holds_to_hz"] = next((before for before, *_ in changed), None)
-    outweighed = _runs(whole, lambda *ends: np.greater(*added(*ends)[1::-1]))
-    return {"hz": hertz.tolist(), **found, "outweighed_hz": [band for _, *band in outweighed]}
+    bands = [band for _, *band in _runs(whole, lambda *ends: np.greater(*added(*ends)[1::-1]))]
+    return {"hz": hertz.tolist(), **found, "outweighed_hz": bands[0][0] if bands else None, "outweighed_bands_hz": bands}
 
 
 def _runs(grid, so):
@@ -90,14 +90,14 @@ def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
     return [
         f"{'not known' if size is None else f'{size:.4g}' if size < 1e4 else f'{size:.0f}'} at {hz:g} Hz"
         for hz, size in pairs
-        if not any(low <= hz and (high is None or hz <= high) for low, high in band["outweighed_hz"])
+        if not any(low <= hz and (high is None or hz <= high) for low, high in band["outweighed_bands_hz"])
     ]
 
 
 def outweighed_in_words(band: Mapping[str, object]) -> str:
     """Where free motion has more than the wall adds; empty if it has nowhere."""
     bands = []
-    for low, high in band["outweighed_hz"]:
+    for low, high in band["outweighed_bands_hz"]:
         start = "up " if low == LOWEST_HZ and high else f"from {low:.3g} "
         bands.append(start + ("Hz on" if high is None else f"to {high:.3g} Hz"))
     return f"free motion outweighs it {' and '.join(bands)}" if bands else ""

@@ -42,6 +42,7 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "lifted system": "the loop from all inputs of a frame to all its outputs: one system with a single rate",
         "local model": "a simple wall at the fast rate, which answers at once while the slow one is computed",
         "monodromy matrix": "the matrix that takes the states from one frame to the next",
+        "open place": "a stretch of values that is neither known to be stable nor known to be unstable",
         "passive": "never gives out more energy than it took in",
         "port": "a place where power is exchanged, as force and velocity or as two waves",
         "prev": "in the wires of a drawn loop, `prev(BLOCK.PORT)` is a signal as it was before the tick: what a program "

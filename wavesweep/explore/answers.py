@@ -115,7 +115,7 @@ def _preview(plane, columns_at) -> dict:
     places, cells = np.linspace(*plane.x_span, COLUMNS).tolist(), []
     for _ in range(2):
         for x, column in zip(places, columns_at(places) if places else [], strict=True):
-            found[x] = tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), False
+            found[x] = tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), ()
         for points in cells or [places]:
             gaps |= known_gaps({x: found[x] for x in points}, view, ROUGH * (high - low) / view.high)
         cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(found)) if (a, b) not in gaps]

@@ -177,7 +177,7 @@ function numbers() {
   const o = answer.own, item = (id, name, shown, value) => element("div", {}, [element("dt", {}, name), element("dd", {id, "data-value": value ?? ""}, shown)]);
   const rows = [item("n-radius", `spectral radius, per frame of ${text(1e3 * o.period_s, 5)} ms`, text(o.spectral_radius), o.spectral_radius)];
   if (o.felt) rows.push(item("n-felt", "felt stiffness", o.stable ? text(o.felt.stiffness) + " " + data.units.felt[0] : "none: unstable", o.felt.stiffness));
-  const band = o.stable && o.felt?.over_band, beyond = (band && band.outweighed_hz) || [];
+  const band = o.stable && o.felt?.over_band, beyond = (band && band.outweighed_bands_hz) || [];
   if (band) {
     const seen = band.hz.map((hz, i) => [hz, band.impedance[i]]).filter(([hz]) => !beyond.some(([low, high]) => low <= hz && (high === null || hz <= high)));
     const holds = band.holds_to_hz, bands = beyond.map(([low, high]) => `from ${text(low, 3)}${high === null ? " Hz on" : ` to ${text(high, 3)} Hz`}`).join(" and ");
