@@ -7,7 +7,9 @@ from support import exact
 from support.specs import values_of
 
 import wavesweep
+from wavesweep.errors import SpecError
 from wavesweep.loops.blocks import mass as mass_block
+from wavesweep.spec.keys import LARGEST, SMALLEST
 
 # mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
 # spring in the hand; stiff and overdamped; heavy and slow.
@@ -57,9 +59,21 @@ def test_devices_of_a_batch_come_out_as_one_by_one():
         np.testing.assert_allclose(together.B[i], alone.B, rtol=1e-14)
 
 
-@pytest.mark.parametrize("mass", [1e-310, 1e-300])
-def test_a_mass_next_to_nothing_is_no_warning(mass):
-    """Its damping by the mass is infinite, or nearly."""
-    loop = wavesweep.compile({"controller": {"kind": "dc"}, "device": {"mass": mass}})
-    table = loop.stable_intervals(span=(0.0, 5.0))
-    assert table["certified"].all() or table["doubt"][0] in ("overflow", "counts")
+@pytest.mark.parametrize(("kind", "limit"), [("dc", 3000.0), ("dc-slow", 150.0)])
+def test_the_least_mass_has_the_limit_of_a_bare_damper(kind, limit):
+    """A damper alone under a held force moves by F T/d in a step of T: stable to 2 d/T of the wall's own period."""
+    tables = {"controller": {"kind": kind}, "device": {"mass": SMALLEST}, "environment": {"B_VE": 0.0}}
+    table = wavesweep.compile(tables).stable_intervals(span=(0.0, 2e4))
+    assert table["low"].tolist() == [0.0]
+    np.testing.assert_allclose(table["high"], limit, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mass", [1e-163, 1e-200, SMALLEST / 2, 2 * LARGEST])
+def test_a_mass_whose_motion_would_leave_doubles_is_refused(mass):
+    loop = wavesweep.compile({"controller": {"kind": "dc"}})
+    for ask in (
+        lambda: loop.with_(**{"device.mass": mass}),
+        lambda: loop.stable_intervals(**{"device.mass": [1e-3, mass, 1e3]}),
+    ):
+        with pytest.raises(SpecError, match="a number from 1e-60 to 1e\\+60 in size, or 0"):
+            ask()

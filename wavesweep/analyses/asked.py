@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
-from math import isnan
 
 import numpy as np
 
 from wavesweep.arguments import real_numbers
 from wavesweep.errors import UsageError
 from wavesweep.spec import SYMBOLS, Axis, Spec
-from wavesweep.spec.axes import NARROWEST_SPAN
-from wavesweep.spec.checking import nearest
+from wavesweep.spec.checking import computable, nearest
 from wavesweep.spec.keys import Key
 from wavesweep.spec.resolving import LIMITS
 
@@ -43,10 +41,8 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
     if ends is None or ends.shape != (2,):
         raise UsageError(f"span: expected (low, high), found {span!r:.60}")
     low, high = map(float, ends)
-    if not -np.inf < low < high or high - low < NARROWEST_SPAN:
-        raise UsageError(
-            f"span: expected finite (low, high), low < high, at least {NARROWEST_SPAN:g} apart, found ({low!r}, {high!r})"
-        )
+    if not low < high:
+        raise UsageError(f"span: expected (low, high), low < high, found ({low!r}, {high!r})")
     return Axis(name, key.path, (), low, high, key.structural, "linear")
 
 
@@ -67,8 +63,8 @@ def _refuse_values(spec: Spec, axes: Sequence[Axis]) -> None:
     together, limited = [], {} if spec.drawing else LIMITS
     linked = {*limited, *(path for limits in limited.values() for path in limits)}
     for axis in axes:
-        # NaN is neither the least nor the largest, and is refused on its own.
-        ends = tuple(dict.fromkeys((axis.start, axis.stop, *filter(isnan, axis.values))))
+        # What is next to 0, or NaN, is neither the least nor the largest, and is refused on its own.
+        ends = tuple(dict.fromkeys((axis.start, axis.stop, *(value for value in axis.values if not computable(value)))))
         if axis.path in linked:
             together.append((axis.path, ends))
             continue

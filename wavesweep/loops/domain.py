@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import numbers_of, values_of
 from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.checking import computable
 from wavesweep.spec.conditions import conditions, faults
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
@@ -228,4 +229,4 @@ def _unsuitable_alone(drawing, items, others):
 
 def _broken(condition, known):
     values = [values_of(tree, known) for _, tree in condition.reads]
-    return np.logical_not(np.isfinite(values[0]) & condition.holds(*values))
+    return np.logical_not(computable(values[0]) & condition.holds(*values))

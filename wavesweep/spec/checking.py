@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from wavesweep.errors import Mistake
-from wavesweep.spec.keys import Key
+from wavesweep.spec.keys import LARGEST, SMALLEST, Key
 from wavesweep.spec.reading import Leaf, Place
 
 LONGEST_SHOWN = 60
+SIZES = f"a number from {SMALLEST:g} to {LARGEST:g} in size, or 0"
 MOST_MISTAKES = 20  # that are listed for one list
 LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes near this length
 
@@ -98,8 +99,15 @@ def check(key: Key, value: object) -> float | int | str | bool:
     beyond = (key.low is not None and number < key.low) or (key.above_low and number == key.low)
     if (key.choices and number not in key.choices) or beyond or (key.high is not None and number > key.high):
         raise Rejected(expectation(key, number), show(value))
+    if not computable(number):
+        raise Rejected(SIZES, show(value))
     # Adding 0.0 turns -0.0 into 0.0, so that equal specs have equal digests.
     return int(number) if key.type == "integer" else float(number) + 0.0
+
+
+def computable(number):
+    """Return whether a number, or each of an array, is 0 or of a size from which nothing underflows or overflows."""
+    return (number == 0) | ((abs(number) >= SMALLEST) & (abs(number) <= LARGEST))
 
 
 def expectation(key: Key, number: float | None = None) -> str:

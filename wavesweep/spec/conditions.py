@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache, partial
 
 from wavesweep.spec.block_types import LONGEST_DELAY, TICK_HZ, TYPES
-from wavesweep.spec.checking import expectation
+from wavesweep.spec.checking import SIZES, computable, expectation
 from wavesweep.spec.drawing import Drawing, scalars
 from wavesweep.spec.drawn_block import DrawnBlock, keys_of_block
 from wavesweep.spec.expressions import ONE, Tree, names_in, value_of
@@ -16,12 +16,11 @@ from wavesweep.spec.keys import LONGEST_FRAME, Key
 
 NOTHING = 1e-12  # relative to b: a local model does not divide by less
 MOST_STATES = 1200  # of the blocks: a delay of the most steps, and everything else; time grows with their third power
-LEAST = 1e-300  # least size of a divisor
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
 class Condition:
-    """What a number has to fulfil, also that it is finite.
+    """What a number has to fulfil, also that it is `computable`.
 
     own, others: path and tree of the number, and of others that it depends on; names: in these trees. holds: whether their
     values, or arrays of these, fulfil it. expected: the text of what is expected, or a function of the values that gives it.
@@ -64,7 +63,7 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
         expected = "0 beside loss or burst, since messages are lost either at random or by any pattern"
         yield Condition(lambda number: number == 0, expected, own[name])
     if block.type == "tf":
-        yield Condition(lambda first: abs(first) >= LEAST, "a first coefficient other than 0", own["den"])
+        yield Condition(lambda first: first != 0, "a first coefficient other than 0", own["den"])
     if block.dead_time:
         expected = f"at most {LONGEST_DELAY} ticks of the loop, {{:g}} s".format
         longest = lambda _, hz: expected(LONGEST_DELAY / hz)  # noqa: E731 - beside its text
@@ -98,6 +97,9 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
         if known[0] is None:
             wrong.add(path)
             yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
+        elif not computable(known[0]):
+            wrong.add(path)
+            yield path, SIZES, f"{known[0]:g}"
         elif None not in known and not condition.holds(*known):
             wrong.add(path)
             yield path, expected if isinstance(expected, str) else expected(*known), f"{known[0]:g}"

@@ -38,6 +38,7 @@ BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
+SMALLEST, LARGEST = 1e-60, 1e60  # sizes of numbers other than 0: what a loop makes of several stays within doubles
 MOST_SEED = 2**53 - 1  # the largest whole number that every reader of JSON keeps
 MOST_SLOW_STEPS = 10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
 
