@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.spec import Require
 from wavesweep.spec.require import SETTLED
+from wavesweep.stability.spectrum import GONE
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
 
@@ -48,4 +49,6 @@ class Bound:
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
         spiral = -omega * period * self.damping_ratio / np.sqrt(1 - self.damping_ratio**2)
-        return np.stack([np.log(self.radius_of(period)), spiral], -1) + 1j * (omega * period)[..., None]
+        return (
+            np.stack([np.log(self.radius_of(period)), np.maximum(spiral, np.log(GONE))], -1) + 1j * (omega * period)[..., None]
+        )

@@ -20,7 +20,7 @@ from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.stability.certificate import words
-from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of
+from wavesweep.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of
 from wavesweep.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.sweep.running import in_memory
 
@@ -101,7 +101,8 @@ def own_design(spec: Spec, loop=None) -> dict:
         modes = [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)]
         modes = modes or [(-1 + 0j, [])]  # without a state
     slowest = modes[0] if modes else None
-    damped = min(modes, key=lambda mode: np.nan_to_num(damping_ratio(mode[0]), nan=1.0), default=None)
+    ratios = [np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0 for mode, _ in modes]
+    damped = modes[int(np.argmin(ratios))] if modes else None
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
     named = {"slowest": slowest, "least_damped": damped if another else None}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}

@@ -194,7 +194,10 @@ class Spec(Studies):
         """Raise UsageError if [sweep] requires more than stability, which is all that `what` is about."""
         if self.require:
             expected = f"no [sweep] require with {what}, which is about stability alone"
-            raise UsageError(f"{self.name}: expected {expected} (--set sweep.require= leaves it out), found one")
+            raise UsageError(
+                f"{self.name}: expected {expected} (--set sweep.require= leaves it out; columns low_hz and high_hz of "
+                "stability-region name the mode at each end), found one"
+            )
 
     @property
     def frequency_hz(self) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ from wavesweep.errors import UsageError
 from wavesweep.monodromy.circle import inverse
 from wavesweep.monodromy.product import ROUNDING
 from wavesweep.monodromy.rounding import balance
+from wavesweep.stability.spectrum import GONE
 
 SAFE = 1.5  # on the largest value at points of a rim, for those between
 SMALL = 1e-3  # up to which eigenvalues may be 0 but for rounding
@@ -23,7 +24,7 @@ class Spiral:
     """The eigenvalues of modes with at least the damping ratio `ratio`, above 0 and below 1.
 
     A mode of the frame's eigenvalue z has s = log(z)/T, the principal logarithm, T being the time of the frame, and the damping
-    ratio `-Re s/|s|`. So z has to be within `r = exp(-c |angle|)`, `c = ratio/sqrt(1 - ratio^2)`.
+    ratio `-Re s/|s|`. So z has to be within `r = exp(-c |angle|)`, `c = ratio/sqrt(1 - ratio^2)`, or within GONE of 0.
     """
 
     ratio: float
@@ -35,9 +36,14 @@ class Spiral:
         return self.ratio / np.sqrt(1 - self.ratio**2)
 
     @property
+    def least(self) -> float:
+        """The size up to which eigenvalues may have any angle."""
+        return max(GONE, np.exp(-np.pi * self.c))
+
+    @property
     def small(self) -> float:
         """The size up to which eigenvalues are taken together."""
-        return min(SMALL, np.exp(-np.pi * self.c) / 4)
+        return min(SMALL, self.least / 4)
 
     def refuse(self, E) -> None:
         """Every loop can be damped."""
@@ -46,14 +52,16 @@ class Spiral:
         """By how much eigenvalues `1 + delta` are outside, in the logarithm."""
         with np.errstate(all="ignore"):
             s = np.log1p(delta)
-            return np.where(delta == -1, -np.inf, s.real + self.c * np.abs(s.imag))
+            return np.where(delta == -1, -np.inf, np.minimum(s.real + self.c * np.abs(s.imag), s.real - np.log(GONE)))
 
     def room(self, delta):
         """How large discs may be that are on one side."""
         z, s, c = np.abs(1 + delta), np.log1p(delta), self.c
         x, y = s.real, np.abs(s.imag)
         apart = np.minimum(_distance(x, y, c), _distance(x, 2 * np.pi - y, c))  # from both sides of the spiral's end
-        return np.fmax.reduce([-z * np.expm1(-apart), np.exp(-np.pi * c) - z, z - 1])
+        of_spiral = -z * np.expm1(-apart)
+        of_spiral = np.where(x + c * y > 0, np.minimum(of_spiral, z - GONE), of_spiral)
+        return np.fmax.reduce([of_spiral, self.least - z, z - 1])
 
     def label(self, delta, radius, room):
         """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`; room: see there."""

@@ -103,6 +103,9 @@ def excess(delta):
         return 2 * delta.real + delta.real**2 + delta.imag**2
 
 
+GONE = 0.1  # size of an eigenvalue below which a mode is over within a frame, and its damping ratio says nothing
+
+
 def damping_ratio(delta) -> np.ndarray:
     """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
     with np.errstate(all="ignore"):
@@ -115,13 +118,14 @@ def least_damping(E):
     """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
 
     It does if no rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower
-    ratio, at the angle of each eigenvalue. An eigenvalue of 0 is over at once and counts as 1.
+    ratio, at the angle of each eigenvalue. One below GONE counts as 1.
     """
     delta, finite = eigenvalues(E)
-    least = np.where(delta == -1, 1.0, np.nan_to_num(damping_ratio(delta))).min(-1, initial=1.0)
+    least = np.where(np.abs(1 + delta) < GONE, 1.0, np.nan_to_num(damping_ratio(delta))).min(-1, initial=1.0)
     balanced, _ = balance(np.where(finite[..., None, None], E, 0.0))
     lower = np.clip(least - TELLING, -1 + TELLING, None)
     spiral = np.abs(np.angle(1 + delta)) * (1j - lower / np.sqrt(1 - lower**2))[:, None]
+    spiral = np.maximum(spiral.real, np.log(GONE)) + 1j * spiral.imag
     rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2), initial=0)
     sure = finite & (_smallest(balanced, np.expm1(spiral)) > rounding[:, None]).all(-1)
     return np.where(finite, least, np.nan), sure
