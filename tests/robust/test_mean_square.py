@@ -10,7 +10,7 @@ import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.robust.checking import Norms, shrink_on_average
 from wavesweep.robust.graph import Graph
-from wavesweep.robust.mean_square import bracket_on_average, chances, decays
+from wavesweep.robust.mean_square import brackets_on_average, chances, decays
 from wavesweep.spec import load
 
 
@@ -51,7 +51,7 @@ def chain(spec, along="", **values):
 @pytest.mark.parametrize("a", [1.2, 2.0, 5.0])
 def test_a_deadbeat_loop_may_lose_one_message_in_a_squared(a):
     """p < 1/a^2 (B. Sinopoli et al., Kalman filtering with intermittent observations, IEEE Trans. Autom. Control 49, 2004)."""
-    found = bracket_on_average(chain(recursion(a), "p"), 0.001, (0.0, 1.0))
+    (found,) = brackets_on_average(chain(recursion(a), "p"), (0.0, 1.0))
     assert found.low == 0
     assert found.settled
     assert found.high == pytest.approx(1 / a**2, rel=2e-5)
@@ -64,7 +64,7 @@ def test_a_loop_with_bursts_has_the_radius_of_two_moments():
     spec["numbers"]["q"] = 0.3
     del spec["numbers"]["k"]
     spec["block"]["net"]["burst_end"], spec["wire"]["net.u"] = "q", "-1.3*plant.y"
-    found = bracket_on_average(chain(spec, "q"), 0.9, (0.0, 1.0))
+    (found,) = brackets_on_average(chain(spec, "q"), (0.0, 1.0))
 
     def radius(q):
         lost = np.diag([0.1, 1.0]) @ np.array([[0.95, q], [0.05, 1 - q]])
@@ -75,7 +75,7 @@ def test_a_loop_with_bursts_has_the_radius_of_two_moments():
 
 
 def test_held_inputs_have_the_radius_of_their_second_moments():
-    found = bracket_on_average(chain(recursion(1.2, "held"), "k"), 1.0, (0.0, 3.0))
+    (found,) = brackets_on_average(chain(recursion(1.2, "held"), "k"), (0.0, 3.0))
 
     def radius(k):
         sent, lost = np.array([[1.2 - k, 0], [-k, 0]]), np.array([[1.2, 1], [0, 1]])
@@ -86,6 +86,46 @@ def test_held_inputs_have_the_radius_of_their_second_moments():
         assert inside == pytest.approx(outside, rel=1e-4)
     assert decays(chain(recursion(1.2, "held"), k=1.0)) == "proved"
     assert decays(chain(recursion(1.2, "held"), k=0.1)) == "refuted"
+
+
+def test_an_interval_that_begins_above_the_middle_of_the_range_is_found():
+    """`x+ = 1.5 x - 1.2 x` with probability p, else 1.5 x: `0.09 p + 2.25 (1 - p) < 1`."""
+    spec = recursion(1.5)
+    spec["numbers"], spec["block"]["net"]["loss"], spec["wire"]["net.u"] = {"p": 0.9}, "1 - p", "-1.2*plant.y"
+    spec["sweep"] = {"along": "p", "p": {"start": 0, "stop": 1}}
+    rows = wavesweep.stability_region(spec).query("guarantee == 'mean_square'")
+    assert rows[["certified", "settled", "high"]].values.tolist() == [[True, True, 1.0]]
+    assert rows.fails_below[1] < 1.25 / 2.16 < rows.low[1] == pytest.approx(1.25 / 2.16, rel=2e-5)
+
+
+def test_all_intervals_are_found_in_which_either_most_messages_are_lost_or_most_arrive():
+    """Stable without and with all messages, and not if half are lost: two matrices of different eigenvectors, in turn."""
+    a, k = np.array([[-0.3, -1.2], [0.2, -1.1]]), np.array([0.5, 1.9])
+    spec = recursion(0.0)
+    spec["block"]["plant"] |= {"A": a.tolist(), "B": [[0], [1]], "C": [[1, 0], [0, 1]], "outputs": ["y", "z"]}
+    spec["numbers"], spec["wire"]["net.u"] = {"p": 0.1}, f"{k[0]}*plant.y + {k[1]}*plant.z"
+    found = brackets_on_average(chain(spec, "p"), (0.0, 1.0))
+
+    def radius(p):
+        sent = a + np.outer([0, 1], k)
+        return np.abs(np.linalg.eigvals((1 - p) * np.kron(sent, sent) + p * np.kron(a, a))).max()
+
+    assert [each.settled for each in found] == [True, True]
+    assert (found[0].low, found[1].high) == (0, 1)
+    for inside, outside in ((found[0].high, found[0].fails_from), (found[1].low, found[1].fails_below)):
+        assert radius(inside) < 1 < radius(outside)
+        assert inside == pytest.approx(outside, rel=1e-4)
+    for p in np.linspace(found[0].fails_from, found[1].fails_below, 50):
+        assert radius(p) > 1
+
+
+def test_probabilities_above_1_have_no_mean_square():
+    spec = recursion(0.5)
+    spec["block"]["net"]["loss"] = "2*p"
+    del spec["numbers"]["k"]
+    spec["wire"]["net.u"] = "-0.4*plant.y"
+    (found,) = brackets_on_average(chain(spec, "p"), (0.0, 1.0))
+    assert (found.low, found.high, found.settled) == (0, 0.5, True)
 
 
 @pytest.mark.parametrize("keys", [{"lost": 1}, {"late": 1}])
@@ -136,7 +176,7 @@ def moments(loop, g, chance):
 @pytest.mark.parametrize("seed", range(12))
 def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tick(seed):
     loop, spec, chance = lossy(np.random.default_rng(seed))
-    found = bracket_on_average(chain(spec, "g"), 0.02, (0.0, 100.0))
+    (found,) = brackets_on_average(chain(spec, "g"), (0.0, 100.0))
     assert np.isfinite(found.low)
     for g in (found.low, (found.low + found.high) / 2, found.high):
         assert np.abs(np.linalg.eigvals(moments(loop, g, chance))).max() < 1

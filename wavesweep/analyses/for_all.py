@@ -9,11 +9,12 @@ import numpy as np
 
 from wavesweep.analyses.interval_records import FELT, FIELDS, LINES, OPEN
 from wavesweep.analyses.unknown import FROM_ZERO, Case, Part, proofs, searched
-from wavesweep.analyses.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, drifts, text_of
+from wavesweep.analyses.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, text_of
 from wavesweep.errors import UsageError
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.loops.dead_time import timing
 from wavesweep.robust.joint import UNKNOWN
+from wavesweep.robust.mean_square import brackets_on_average
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.drawing import name_of
 from wavesweep.spec.for_all import GUARANTEES, values_of_range
@@ -174,6 +175,8 @@ class _Loop:
 
     def varying(self) -> list[Row]:
         """The rows of loops whose frames vary."""
+        if self.rules.at_random:
+            return self._on_average()
         rows = []
         for part in searched(self.cases, self.span, narrow=False):
             own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
@@ -184,11 +187,22 @@ class _Loop:
     def _bracketed(self, case, about) -> Row | None:
         loop = Loops(case.loop.drawing, self.values | case.fixed)
         family = None if case.ranges else self.rules.family(loop, self.along)
-        if family is None or drifts(family):
+        if family is None or family.drift is not None:
             return self._over_ranges(case, loop, about)
         found = bracketed(family, self.span, about)
-        if found is None:
-            return None
+        return found and self._row(case, family, found)
+
+    def _on_average(self) -> list[Row]:
+        """The rows of loops that lose messages at random: what the intervals of all cases have in common."""
+        rows = [Row(*self.span, Part(*self.span), settled=True, text="")]
+        for case in self.cases:
+            family = self.rules.family(Loops(case.loop.drawing, self.values | case.fixed), self.along)
+            own = [self._row(case, family, found) for found in brackets_on_average(family, self.span)]
+            both = [all_of(pair) for pair in product(rows, own)]
+            rows = [row for row in both if row.low < row.high]
+        return rows
+
+    def _row(self, case, family, found) -> Row:
         texts = [text_of(family, word) for word in found.words]
         part = Part(
             found.fails_below if texts[0] else found.low,
@@ -317,7 +331,7 @@ def _decided(spec, rules, number, case):
     family = rules.family(Loops(case.loop.drawing, values | case.fixed), "")
     said, pattern = decided(family, SOON)
     path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
-    if said != UNKNOWN or not path:
+    if said != UNKNOWN or not path or rules.at_random:
         return (said, pattern) if said != UNKNOWN else decided(family)
     value, axis = float(values[path]), next((axis for axis in spec.sweep if axis.path == path), None)
     low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
@@ -327,7 +341,7 @@ def _decided(spec, rules, number, case):
         family_along = rules.family(Loops(along.loop.drawing, values | along.fixed), path)
     except UsageError:  # its frames cannot be cut there
         return decided(family)
-    if drifts(family_along):  # nothing is proved along such a number without ranges
+    if family_along.drift is not None:  # nothing is proved along such a number without ranges
         return decided(family)
     for part in searched([along], span):
         said, pattern = decided_along(family_along, value, bracketed(family_along, span, (part.low, part.high)))

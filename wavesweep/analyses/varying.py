@@ -13,7 +13,7 @@ from wavesweep.loops.domain import domain
 from wavesweep.robust.frames import FRAME, LOST, RATIO, Frames, plan_of_controller, plan_of_drawing
 from wavesweep.robust.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.robust.loop_frames import LoopFrames
-from wavesweep.robust.mean_square import Chances, bracket_on_average, chances, decays
+from wavesweep.robust.mean_square import Chances, chances, decays
 from wavesweep.robust.messages import Sent, frames_with_messages
 from wavesweep.robust.norms import WORK
 from wavesweep.robust.plan import Plan
@@ -110,17 +110,11 @@ class Rules:
         return plan_of_drawing(drawing, {**values, path: max(lengths)}, lengths, self.elapsed)
 
 
-def drifts(family: LoopFrames | Chances) -> bool:
-    """Whether the drift of a family depends on the number along which it lies."""
-    return isinstance(family, LoopFrames) and family.drift is not None
-
-
-def bracketed(family: LoopFrames | Chances, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
+def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
     """What is proved and refuted about an interval of the nominal loop; None if no start of a proof is found."""
     low, high = about
-    find = bracket_on_average if isinstance(family, Chances) else bracket
     for share in STARTS:
-        found = find(family, low + share * (high - low), span)
+        found = bracket(family, low + share * (high - low), span)
         if np.isfinite(found.low):
             return found
     return None
@@ -206,12 +200,10 @@ def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]
     return found.verdict, text_of(family, found.word)
 
 
-def decided_along(family: LoopFrames | Chances, value: float, found: Bracket | None) -> tuple[str, str]:
+def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
     """The same at a value of a number, by what is found about an interval along it: its proof, and the patterns of its ends."""
     if found is not None and found.low <= value <= found.high:
         return PROVED, ""
-    if isinstance(family, Chances):
-        return (REFUTED, GROW) if family.refuted(value) else (UNKNOWN, "")
     word = next((each for each in (found.words if found else ()) if each and is_refuted(family, each, value)), ())
     return REFUTED if word else UNKNOWN, text_of(family, word)
 

@@ -12,10 +12,11 @@ operator outside the unit circle for all matrices within the errors is a refutat
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from math import comb
 
 import numpy as np
+from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
 from wavesweep.errors import UsageError
 from wavesweep.loops.values import values_of
@@ -30,9 +31,13 @@ from wavesweep.spec.expressions import degree, names_in
 from wavesweep.stability.spectrum import count_outside
 
 LARGEST = 800  # second moments, whose operator is formed
-SCANNED, BISECTIONS = 60, 60
+BISECTIONS = 60
+# Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its largest last coefficient, and the
+# least size at all of its points but two, relative to the largest.
+DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
 BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)  # of a number where moments stop to decay, how far beyond it is refuted
 NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted one the proof goes
+LEAST_AWAY = 0.01  # of half of an interval, how near at least
 STRETCHES = 200
 SIZING = 6  # rounds in which sizes of states are found
 ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
@@ -84,6 +89,13 @@ class Chances:
             more[:, 1:] += found * ends[:, i, 1:]
             found = more
         return (found / [comb(count, k) for k in range(count + 1)]).T
+
+    def probable(self, low: float, high: float) -> tuple[float, float]:
+        """The part of an interval in which all probabilities are at least 0 and at most 1."""
+        first, slope = self.factors[..., 0].ravel(), np.diff(self.factors).ravel()
+        first, slope = first[slope != 0], slope[slope != 0]
+        ends = np.sort([-first / slope, (1 - first) / slope], axis=0)
+        return float(ends[0].max(initial=low)) + 0.0, float(ends[1].min(initial=high))
 
     def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """The matrices of the symbols and the probabilities of the edges at x, in plain doubles."""
@@ -241,46 +253,97 @@ def decays(loop: Chances) -> str:
     return "refuted" if loop.refuted(0.0) else "unknown"
 
 
-def bracket_on_average(loop: Chances, start: float, limits: tuple[float, float], tolerance: float = 0.01) -> Bracket:
-    """Return the numbers around a start, within limits, for which second moments decay; see `joint.bracket`.
+def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: float = 0.01) -> list[Bracket]:
+    """Return the numbers within limits for which second moments decay, an element for each interval; see `joint.bracket`.
 
-    The proof holds for every number between, by forms on stretches without a gap. `words` are (0,) where a number is refuted.
+    An interval's proof holds for every number of it, by forms on stretches without a gap. `words` are (0,) where a number is
+    refuted. Intervals are searched in plain doubles: one that is much narrower than a panel of `_zeros` may be missed.
     """
-    if not loop.decays(start):
-        return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
-    (low, below, down), (high, above, up) = (_side(loop, start, limit) for limit in limits)
+    limits = loop.probable(*limits)
+    return [each for part in _parts(loop, *limits) if (each := _bracket(loop, part, limits, tolerance)).low < each.high]
+
+
+def _parts(loop, low, high):
+    """The parts of an interval in which second moments decay, in plain doubles.
+
+    The operator maps semidefinite matrices to such. So its spectral radius is one of its eigenvalues (M. G. Krein and M. A.
+    Rutman, Linear operators leaving invariant a cone, Uspekhi Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is
+    singular.
+    """
+
+    def distance(x):
+        operator = loop.operator(x)
+        return np.linalg.slogdet(np.eye(len(operator)) - operator)
+
+    edges = [low, *(x for x in sorted(_zeros(distance, low, high)) if low < x < high), high]
+    middles = [(one + other) / 2 for one, other in pairwise(edges)]
+    stable, parts = [loop.decays(x) for x in middles], []
+    for i, inside in enumerate(stable):
+        if inside and parts and parts[-1][1] == edges[i] and loop.decays(edges[i]):
+            parts[-1] = parts[-1][0], edges[i + 1]
+        elif inside:
+            parts.append((edges[i], edges[i + 1]))
+    outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
+    return [tuple(end if end in (low, high) else _polished(loop, part, end, outside) for end in part) for part in parts]
+
+
+def _polished(loop, part, end, outside):
+    """An end of a part by bisection, between its middle and the next one outside."""
+    inside = sum(part) / 2
+    beyond = min((x for x in outside if (x - end) * (end - inside) > 0), key=lambda x: abs(x - end), default=end)
+    for _ in range(BISECTIONS):
+        middle = (inside + beyond) / 2
+        inside, beyond = (middle, beyond) if loop.decays(middle) else (inside, middle)
+    return inside
+
+
+def _zeros(function, low, high):
+    """The zeros of an analytic function within an interval, given as sign and logarithm of its size.
+
+    They are those of Chebyshev interpolants. A panel is halved until the coefficients fall, and until the function is of
+    similar size at most of its points, after an exponential between two of them is divided out.
+    """
+    points, found, panels = chebpts2(DEGREE + 1), [], [(low, high)]
+    for _ in range(PANELS):
+        if not panels:
+            break
+        left, right = panels.pop(0)
+        with np.errstate(all="ignore"):
+            sign, size = np.array([function(x) for x in (left + right) / 2 + (right - left) / 2 * points]).T
+            size = size - (size[-4] - size[3]) / (points[-4] - points[3]) * points
+            values = sign * np.exp(size - size.max())
+            series = Chebyshev.fit(points, values, DEGREE, domain=(-1, 1))
+        tail = np.abs(series.coef[-2:]).max()
+        if right - left > NARROWEST * (high - low) and not (tail < RESOLVED and np.sort(np.abs(values))[2] > EVEN):
+            panels += [(left, (left + right) / 2), ((left + right) / 2, right)]
+        elif np.isfinite(values).all():
+            zeros = series.roots()
+            zeros = zeros.real[(np.abs(zeros.imag) < 1e-3) & (np.abs(zeros.real) <= 1)]
+            found += ((left + right) / 2 + (right - left) / 2 * zeros).tolist()
+    return found
+
+
+def _bracket(loop, part, limits, tolerance):
+    """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
+    sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
+    (low, below, down), (high, above, up) = sides
     near = [
         abs(end - reached) <= tolerance * max(abs(end), NEAR_START * (high - low))
-        for end, reached in (
-            (below if below is not None else limits[0], low),
-            (above if above is not None else limits[1], high),
-        )
+        for end, reached in ((limits[0] if np.isnan(below) else below, low), (limits[1] if np.isnan(above) else above, high))
     ]
-    words = tuple((0,) if each is not None else () for each in (below, above))
+    words = tuple(() if np.isnan(each) else (0,) for each in (below, above))
     stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
-    fails = [np.nan if each is None else each for each in (below, above)]
-    return Bracket(low, high, *fails, words, all(near), stretches)
+    return Bracket(low, high, below, above, words, all(near), stretches)
 
 
-def _side(loop, start, limit):
-    """The number that the proof reaches towards a limit, the refuted one beyond it, None without, and the stretches."""
-    stable, unstable = start, None
-    for x in (start + (limit - start) * np.geomspace(1e-6, 1.0, SCANNED)).tolist():
-        if not loop.decays(x):
-            unstable = x
-            break
-        stable = x
-    for _ in range(BISECTIONS if unstable is not None else 0):
-        middle = (stable + unstable) / 2
-        stable, unstable = (middle, unstable) if loop.decays(middle) else (stable, middle)
-    fails = None
-    if unstable is not None:
-        away = np.sign(limit - start) * max(abs(unstable), 1e-6 * abs(limit - start))
-        tried = (unstable + step * away for step in BEYOND)
-        fails = next((float(x) for x in tried if abs(x - start) <= abs(limit - start) and loop.refuted(x)), None)
-    goal = limit if unstable is None else stable - NEAREST * (abs(stable) + 1e-3 * abs(limit - start)) * np.sign(limit - start)
-    stretches, at = [], start
-    step = goal - start
+def _side(loop, start, end, limit):
+    """The number that the proof reaches towards an end, the refuted one beyond it, NaN without, and the stretches."""
+    fails, goal, way = np.nan, end, limit - start
+    if end != limit:
+        beyond = [end + step * np.sign(way) * max(abs(end), 1e-6 * abs(way)) for step in BEYOND]
+        fails = next((float(x) for x in beyond if abs(x - start) <= abs(way) and loop.refuted(x)), np.nan)
+        goal -= np.sign(way) * min(NEAREST * (abs(end) + 1e-3 * abs(way)), LEAST_AWAY * abs(end - start))
+    stretches, at, step = [], start, goal - start
     while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
