@@ -17,11 +17,11 @@ import numpy as np
 import pandas
 from joblib import Parallel, delayed
 
-from wavesweep.analyses.intervals import at_points
-from wavesweep.search.search import designs_of
-from wavesweep.search.study import design, job_of
-from wavesweep.search.wishes import evaluate
-from wavesweep.spec import Axis, load
+from wavesweep.core.analyses.intervals import at_points
+from wavesweep.core.spec import Axis, load
+from wavesweep.designs.search import designs_of
+from wavesweep.designs.study import design, job_of
+from wavesweep.designs.wishes import evaluate
 
 BETTER, PART = 1.02, 512
 REFERENCE = np.array([-np.log(100.0), 1.5])

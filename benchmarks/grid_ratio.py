@@ -11,8 +11,8 @@ import numpy as np
 
 import wavesweep
 from bench.measuring import seconds
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.monodromy.cut import close
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.monodromy.cut import close
 
 SPECS = Path(__file__).parents[1] / "sweeps" / "paper"
 DAMPING, STIFFNESS = np.linspace(0, 15, 100), np.linspace(0, 20000, 101)[1:]

@@ -16,7 +16,7 @@ from math import exp, log
 import numpy as np
 
 import wavesweep
-from wavesweep.errors import UsageError
+from wavesweep.core.errors import UsageError
 from wavesweep.identification.model import Model
 from wavesweep.identification.verdict import identified
 

@@ -24,10 +24,10 @@ from pathlib import Path
 import click
 
 import wavesweep
-from wavesweep.cli import main
-from wavesweep.cli.entry import COMMANDS, group
-from wavesweep.cli.words import MESSAGES, TERMS
-from wavesweep.spec import describing
+from wavesweep.core.cli import main
+from wavesweep.core.cli.entry import COMMANDS, group
+from wavesweep.core.cli.words import MESSAGES, TERMS
+from wavesweep.core.spec import describing
 
 HERE = Path(__file__).parent
 GALLERY = HERE / "gallery.md"
@@ -136,7 +136,7 @@ def steps() -> str:
 
 def columns() -> dict[str, tuple]:
     """The columns of every table."""
-    from wavesweep.tables import kinds
+    from wavesweep.core.tables import kinds
 
     return {name: kind.fields for name, kind in kinds().items() if kind.fields}
 
@@ -170,7 +170,7 @@ def _column(field, only: str) -> str:
 
 def doubts() -> str:
     """The words of the column `doubt`."""
-    from wavesweep.doubts import DOUBTS
+    from wavesweep.core.doubts import DOUBTS
 
     rows = [(f"`{word}`", _plain(each.meaning), _plain(each.advice)) for word, each in DOUBTS.items() if word]
     return _rows(("word", "meaning", "what to do"), rows)
@@ -267,12 +267,12 @@ def _laid_out(found, indent="", wide=110):
     return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
 
 
-OF_FILES = ("read", "read_table", "verify")  # of wavesweep.results: the rest writes what a run has computed
+OF_FILES = ("read", "read_table", "verify")  # of wavesweep.core.results: the rest writes what a run has computed
 
 
 def library() -> str:
     """Every public name of the package with its signature and docstring; of a compiled loop also its methods."""
-    from wavesweep.drawn_loop import DrawnLoop
+    from wavesweep.core.drawn_loop import DrawnLoop
 
     found = {name: getattr(wavesweep, name) for name in wavesweep.__all__}
     parts = []
@@ -329,7 +329,7 @@ def picture(name: str) -> str:
 
 
 def _picture(tables, name):
-    from wavesweep.plots import diagram
+    from wavesweep.core.plots import diagram
 
     picture = io.StringIO()
     diagram(replace(wavesweep.load(tables), name="the loop")).savefig(picture, format="svg")

@@ -5,7 +5,7 @@ import os
 import sys
 from pathlib import Path
 
-from wavesweep.reproducibility import ONE_THREAD
+from wavesweep.core.reproducibility import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests")]

@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 
 import wavesweep
-from wavesweep.cli import main
-from wavesweep.cli.entry import COMMANDS, WITHOUT_SUMMARY
+from wavesweep.core.cli import main
+from wavesweep.core.cli.entry import COMMANDS, WITHOUT_SUMMARY
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -2,8 +2,8 @@
 
 import pickle
 
-from wavesweep import errors
-from wavesweep.errors import Mistake, SpecError
+from wavesweep.core import errors
+from wavesweep.core.errors import Mistake, SpecError
 
 
 def test_usage_errors_leave_with_2_and_failures_with_1():

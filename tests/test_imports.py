@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 import wavesweep
-import wavesweep.plots
+from wavesweep.capabilities import CAPABILITIES
 
 PACKAGE = Path(wavesweep.__file__).parent
+NAMES = [each.name for each in CAPABILITIES]
 
-# Data flows to the right, imports point to the left. What stands above all may use all of it.
+# Data flows to the right, imports point to the left. What stands above all of the core may use all of it.
 LAYERS = (
     "errors",
     "bundled",
@@ -24,24 +25,21 @@ LAYERS = (
     "arguments",
     "columns",
     "doubts",
+    "reading",
+    "drawing",
     "spec",
     "loops",
     "monodromy",
     "stability",
     "response",
-    "passive",
-    "robust",
-    "identification",
-    "simulation",
-    "prove",
+    "energy",
     "store",
     "sweep",
     "analyses",
     "tables",
-    "export",
     "results",
-    "search",
     "plots",
+    "cli",
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
@@ -49,9 +47,15 @@ HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib",
 
 
 def layer_of(module):
-    """The layer of a dotted name below `wavesweep`; the command line and the package itself stand above all."""
-    room = module.split(".")[1] if "." in module else ""
+    """The layer of a dotted name below `wavesweep.core`; the library and the package itself stand above all."""
+    room = (*module.split(".")[2:3], "")[0]
     return LAYERS.index(room) if room in LAYERS else TOP
+
+
+def capability_of(module):
+    """The capability that a dotted name belongs to, empty for the core and what stands above."""
+    room = (*module.split(".")[1:2], "")[0]
+    return room if room in NAMES else ""
 
 
 def imports_of(source):
@@ -61,7 +65,7 @@ def imports_of(source):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            # `from wavesweep import spec` names a room, `from wavesweep.spec import load` is in it already.
+            # `from wavesweep import spec` names a room, `from wavesweep.core.spec import load` is in it already.
             below = node.module == "wavesweep"
             found |= {f"{node.module}.{alias.name}" if below else node.module for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -74,20 +78,46 @@ def imports_of(source):
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 
-def test_imports_point_left():
-    for source in SOURCES:
-        own = layer_of(".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts)))
-        # `__version__` is a name of the package that everybody may read.
-        names = imports_of(source) - {"wavesweep.__version__"}
+def dotted(source):
+    """The dotted name of a file of the package."""
+    return ".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
+
+
+def test_imports_of_the_core_point_left():
+    for source in (PACKAGE / "core").rglob("*.py"):
+        own = layer_of(dotted(source))
+        names = {name for name in imports_of(source) if name.startswith(("relative", "wavesweep.core."))}
         assert [name for name in names if name.startswith("relative")] == [], source
         assert [name for name in names if layer_of(name) > own] == [], source
 
 
+def test_a_capability_imports_the_core_alone_and_the_core_no_capability():
+    """Apart from edges that stand in a list: a new one fails, and one that is gone leaves the list."""
+    found = {
+        f"{own} -> {capability_of(name)}"
+        for source in SOURCES
+        if (own := dotted(source).removeprefix("wavesweep.")) not in ("wavesweep", "capabilities")
+        for name in imports_of(source)
+        if capability_of(name) not in ("", own.split(".")[0])
+    }
+    listed = set(Path(__file__).with_name("edges.txt").read_text(encoding="utf-8").splitlines())
+    assert sorted(found - listed) == []
+    assert sorted(listed - found) == []
+
+
+def test_every_folder_is_the_core_or_a_capability():
+    folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
+    assert folders - {"core"} == set(NAMES)
+
+
 def test_the_simulator_knows_nothing_of_blocks_and_lifting():
-    sources = set((PACKAGE / "simulation").rglob("*.py"))
+    beside = {"experiment.py", "table.py", "figure.py", "command.py"}  # which show the linear loop beside it
+    sources = {source for source in (PACKAGE / "simulation").rglob("*.py") if source.name not in beside}
     names = {name for source in sources for name in imports_of(source)}
-    rooms = [LAYERS.index(room) for room in ("loops", "monodromy", "stability", "response", "passive")]
-    assert {name for name in names if layer_of(name) in rooms} <= {"wavesweep.loops.controllers", "wavesweep.loops.page"}
+    rooms = [LAYERS.index(room) for room in ("loops", "monodromy", "stability", "response")]
+    known = {name for name in names if name.startswith("wavesweep.core.") and layer_of(name) in rooms}
+    assert known <= {"wavesweep.core.loops.controllers", "wavesweep.core.loops.page"}
+    assert not {name for name in names if capability_of(name) == "passive"}
 
 
 def loaded_by(program):
@@ -102,16 +132,16 @@ def loaded_by(program):
     [
         "import wavesweep",
         "import wavesweep; wavesweep.load({'controller': {'kind': 'pmw'}})",
-        "from wavesweep.cli import main; main(['--help'])",
-        "from wavesweep.cli import main; main(['zwidth', '--help'])",
-        "from wavesweep.cli import main; main(['explain', 'crowded'])",
+        "from wavesweep.core.cli import main; main(['--help'])",
+        "from wavesweep.core.cli import main; main(['zwidth', '--help'])",
+        "from wavesweep.core.cli import main; main(['explain', 'crowded'])",
     ],
 )
 def test_nothing_heavy_is_loaded_before_it_is_used(program):
     loaded = loaded_by(program)
     assert "wavesweep" in loaded
     assert loaded & {*HEAVY, "importlib.metadata"} == set()
-    rooms = {name.split(".")[1] for name in loaded if name.startswith("wavesweep.")}
+    rooms = {name.split(".")[2] for name in loaded if name.startswith("wavesweep.core.")}
     assert rooms == set() if program == "import wavesweep" else not rooms & {"sweep", "stability"}
 
 
@@ -120,14 +150,14 @@ def test_a_small_run_loads_neither_pandas_nor_scipy_and_check_no_matplotlib(tmp_
     spec = tmp_path / "wall.toml"
     spec.write_text('[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\nB_VE = [0.5, 1.0]\n')
     arguments = ["zwidth", str(spec), "--no-plot", "--quiet", "--out", str(tmp_path / "out")]
-    loaded = loaded_by(f"from wavesweep.cli import main\nassert main({arguments!r}) == 0")
+    loaded = loaded_by(f"from wavesweep.core.cli import main\nassert main({arguments!r}) == 0")
     assert {"numpy", "pyarrow.parquet"} <= loaded
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
-    assert not {name for name in loaded if name.startswith(("wavesweep.robust", "wavesweep.prove"))}
+    assert not {name for name in loaded if name.startswith(("wavesweep.for_all.joint", "wavesweep.prove.columns"))}
     # Arrow would import pandas where the exception of a signal is dropped.
     for suffix in ("csv", "parquet"):
         written = str(tmp_path / "out" / f"zwidth.{suffix}")
         assert "pandas" not in loaded_by(f"from wavesweep import results\nresults.read_table({written!r})")
-    assert not {"matplotlib", "wavesweep.plots"} & loaded_by(
-        f"from wavesweep.cli import main\nassert main(['check', {str(spec)!r}, '--quiet']) == 0"
+    assert not {"matplotlib", "wavesweep.core.plots"} & loaded_by(
+        f"from wavesweep.core.cli import main\nassert main(['check', {str(spec)!r}, '--quiet']) == 0"
     )

@@ -11,11 +11,11 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.reproducibility import one_thread
-from wavesweep.spec import load
-from wavesweep.tables.responses import responses
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.reproducibility import one_thread
+from wavesweep.core.spec import load
+from wavesweep.core.tables.responses import responses
 
 SPEC = {
     "controller": {"kind": "pmw"},
@@ -108,8 +108,8 @@ REFUSED = [
     (lambda _: wavesweep.bode(), "at least one spec"),
     (lambda _: wavesweep.design(WISHED, for_hands="nope"), "for_hands: expected one of vertices, box, found 'nope'"),
     (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a file, found 5"),
-    (lambda _: wavesweep.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
-    (lambda _: wavesweep.results.read(None), "expected the path of a CSV or Parquet file, found None"),
+    (lambda _: wavesweep.core.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
+    (lambda _: wavesweep.core.results.read(None), "expected the path of a CSV or Parquet file, found None"),
     (lambda _: wavesweep.compile(3), "expected a path, or nested tables as a dict, found 3"),
     (lambda _: wavesweep.compile(MultirateLoop(1e-3, (), {})), "a drawn loop: expected at least one block, found none"),
     (lambda _: _publish(partition=2.5), "partition: expected a whole number of rows >= 1, found 2.5"),
@@ -165,7 +165,7 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
         (tmp_path / name).write_text(text)
     for name in ("zwidth.csv", "zwidth.parquet")[text.startswith("a,a") :]:
         with pytest.raises(UsageError, match="expected a whole table"):
-            wavesweep.results.read(tmp_path / name)
+            wavesweep.core.results.read(tmp_path / name)
 
 
 def _direct():
@@ -173,7 +173,7 @@ def _direct():
 
 
 def _publish(**options):
-    wavesweep.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
+    wavesweep.core.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
 
 
 def test_specs_that_are_called_alike_have_rows_that_can_be_told_apart():

@@ -10,8 +10,8 @@ from support.drawn import NETWORK
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.analyses.verdict import own_design
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.check.verdict import own_design
+from wavesweep.core.errors import SpecError, UsageError
 
 HOLE = {
     "controller": {"kind": "pmw"},

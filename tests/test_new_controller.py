@@ -12,10 +12,10 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.analyses.assumptions import assumes
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.controllers import CONTROLLERS, Controller
-from wavesweep.loops.page import Page
+from wavesweep.core.analyses.assumptions import assumes
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.controllers import CONTROLLERS, Controller
+from wavesweep.core.loops.page import Page
 
 KIND = "dc-filtered"
 

@@ -42,7 +42,7 @@ def not_over_another(path, target, **named):
     return renamed(path, target, **named)
 
 os.open, os.rename = no_folders, not_over_another
-from wavesweep.cli import main
+from wavesweep.core.cli import main
 sys.exit(main())
 """
 FILES = ["zwidth.csv", "zwidth.datapackage.json", "zwidth.parquet"]

@@ -6,8 +6,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import wavesweep
-from wavesweep import plots
-from wavesweep.tables.intervals import intervals
+from wavesweep.core import plots
+from wavesweep.core.tables.intervals import intervals
 
 pytestmark = pytest.mark.slow
 

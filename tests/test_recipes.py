@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from support.recipes import radius
 
 import wavesweep
-from wavesweep.cli import main
-from wavesweep.results import read
+from wavesweep.core.cli import main
+from wavesweep.core.results import read
 
 FOLDER = pathlib.Path(__file__).parents[1] / "sweeps" / "recipes"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))

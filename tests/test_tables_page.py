@@ -9,9 +9,9 @@ import sys
 
 import pytest
 
-from wavesweep import results
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.core import results
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
 
 PAGE = (pathlib.Path(__file__).parents[1] / "wavesweep" / "TABLES.md").read_text(encoding="utf-8")
 # Two slices with an interval, whose ends have different numbers of digits, one without: that is what the traps are about.

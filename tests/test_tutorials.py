@@ -20,7 +20,7 @@ STEP = re.compile(
 @pytest.mark.slow
 @pytest.mark.parametrize("page", SHOWN)
 def test_a_page_runs_from_its_beginning_to_its_end(page, tmp_path, monkeypatch, capsys):
-    from wavesweep.cli import main
+    from wavesweep.core.cli import main
 
     monkeypatch.chdir(tmp_path)
     pathlib.Path("sweeps").symlink_to(ROOT / "sweeps")

@@ -32,8 +32,8 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:  # what an editor and a type checker read; at run time `__getattr__` loads the same names
-    from wavesweep import results
-    from wavesweep.api import (
+    from wavesweep.core import results
+    from wavesweep.core.api import (
         Loop,
         bode,
         compile,  # noqa: A004 - the name that the interface gives it
@@ -48,19 +48,25 @@ if TYPE_CHECKING:  # what an editor and a type checker read; at run time `__geta
         why,
         zwidth,
     )
-    from wavesweep.errors import CheckpointError, IllPosedLoopError, SpecError, UsageError, WavesweepError
-    from wavesweep.spec import Spec, load
+    from wavesweep.core.errors import CheckpointError, IllPosedLoopError, SpecError, UsageError, WavesweepError
+    from wavesweep.core.spec import Spec, load
 else:
 
     def __getattr__(name):
         from importlib import import_module
 
         if name == "results":  # a module with functions for users
-            return import_module("wavesweep.results")
+            return import_module("wavesweep.core.results")
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        homes = ("wavesweep.errors",) if name.endswith("Error") else ("wavesweep.spec",) if name in ("load", "Spec") else ()
-        return getattr(import_module(*homes or ("wavesweep.api",)), name)
+        homes = (
+            ("wavesweep.core.errors",)
+            if name.endswith("Error")
+            else ("wavesweep.core.spec",)
+            if name in ("load", "Spec")
+            else ()
+        )
+        return getattr(import_module(*homes or ("wavesweep.core.api",)), name)
 
 
 def __dir__():

@@ -2,6 +2,6 @@
 
 import sys
 
-from wavesweep.cli import main
+from wavesweep.core.cli import main
 
 sys.exit(main())

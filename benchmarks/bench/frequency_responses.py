@@ -12,9 +12,9 @@ import wavesweep
 from bench.measuring import Patience, Row, interleaved
 from bench.problems import checked, digest, load_paper, references
 from wavesweep import Spec
-from wavesweep.analyses.loops import loop_at_hand
-from wavesweep.response import steady
-from wavesweep.response.lifted import over_frame
+from wavesweep.core.analyses.loops import loop_at_hand
+from wavesweep.core.response import steady
+from wavesweep.core.response.lifted import over_frame
 
 PART = "response"
 CHECKED = 10  # frequencies of each request that the references know

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.results import Field
+from wavesweep.core.results import Field
 
 FIELDS = (
     Field("part", "string", "", "stiffness, response, compile, slices, workers, start, profile or accuracy"),

@@ -19,14 +19,15 @@ import numpy as np
 import wavesweep
 from bench.measuring import Row
 from bench.problems import COLUMNS, PROBLEMS, SPECS, Intervals, Problem
-from wavesweep import Spec, results
-from wavesweep.analyses.open_loops import open_loop, open_loops
-from wavesweep.monodromy.open_frame import cut_of
-from wavesweep.stability.boundary import polish
-from wavesweep.stability.crossings import sampled_polynomial
-from wavesweep.stability.real_roots import isolate
-from wavesweep.stability.regions import regions
-from wavesweep.stability.stable import trace_excludes_stability
+from wavesweep import Spec
+from wavesweep.core import results
+from wavesweep.core.analyses.open_loops import open_loop, open_loops
+from wavesweep.core.monodromy.open_frame import cut_of
+from wavesweep.core.stability.boundary import polish
+from wavesweep.core.stability.crossings import sampled_polynomial
+from wavesweep.core.stability.real_roots import isolate
+from wavesweep.core.stability.regions import regions
+from wavesweep.core.stability.stable import trace_excludes_stability
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
     open_loops: "draw, connect and lift",

@@ -4,11 +4,11 @@ import pytest
 from support.specs import KINDS
 
 from wavesweep import load
-from wavesweep.analyses.assumptions import assumed_by, assumes
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.passivity import passivity
-from wavesweep.tables.responses import responses
-from wavesweep.tables.why import why
+from wavesweep.core.analyses.assumptions import assumed_by, assumes
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
+from wavesweep.passive.table import passivity
+from wavesweep.sensitivity.table import why
 
 GIVEN = {"environment": {"integration": "trapezoidal", "delay": 7}, "device": {"velocity": "difference"}}
 

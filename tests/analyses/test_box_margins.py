@@ -9,12 +9,12 @@ import pytest
 from scipy.signal import cont2discrete
 
 from wavesweep import UsageError, load
-from wavesweep.analyses import box_margins
-from wavesweep.analyses.box_margins import Arc, margins_for_all
-from wavesweep.analyses.broken_loops import broken_at
-from wavesweep.passive.lifted_margins import margins_of
-from wavesweep.stability.frames import Frames
-from wavesweep.tables.margins import margins
+from wavesweep.core.stability.frames import Frames
+from wavesweep.margins import box_margins
+from wavesweep.margins.box_margins import Arc, margins_for_all
+from wavesweep.margins.broken_loops import broken_at
+from wavesweep.margins.lifted_margins import margins_of
+from wavesweep.margins.table import margins
 
 LAG = {
     "rates": {"tick_hz": 100},

@@ -6,12 +6,12 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
-from wavesweep.analyses.proving import ball_prover
-from wavesweep.export.source import exported
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.spec import load
-from wavesweep.sweep.grid import loops_of
+from wavesweep.core.loops.from_drawing import assembled
+from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import loops_of
+from wavesweep.prove.stretches import ball_prover
+from wavesweep.simulation.export.source import exported
 
 T = 1e-3
 

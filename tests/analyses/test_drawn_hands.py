@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.analyses.hands import hands_of
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.passivity import passivity
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.passive.hands import hands_of
+from wavesweep.passive.table import passivity
 
 BOX = {"mass": (0.05, 0.1), "damping": (3.0, 4.0), "stiffness": (300.0, 400.0)}
 SPAN = {"start": 0, "stop": 20000}

@@ -11,20 +11,20 @@ from support.drawn import ARM, NETWORK, PD, WALL, as_blocks
 from support.specs import KINDS, nested
 
 import wavesweep
-from wavesweep.analyses.intervals import Way, job_of, job_over
-from wavesweep.analyses.planning import plan
-from wavesweep.columns import joined
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.loops import blocks
-from wavesweep.loops.domain import refuse_unsuitable
-from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.spec import load, sweep_axes
-from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.job import cut_otherwise
-from wavesweep.sweep.running import blocks as rows_of
-from wavesweep.sweep.running import checkpoint_of, compute, in_memory
-from wavesweep.sweep.workers import Workers
-from wavesweep.tables.intervals import intervals
+from wavesweep.check.planning import plan
+from wavesweep.core.analyses.intervals import Way, job_of, job_over
+from wavesweep.core.columns import joined
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops import blocks
+from wavesweep.core.loops.domain import refuse_unsuitable
+from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.core.spec import load, sweep_axes
+from wavesweep.core.sweep.grid import make_grid
+from wavesweep.core.sweep.job import cut_otherwise
+from wavesweep.core.sweep.running import blocks as rows_of
+from wavesweep.core.sweep.running import checkpoint_of, compute, in_memory
+from wavesweep.core.sweep.workers import Workers
+from wavesweep.core.tables.intervals import intervals
 
 T = 1e-3
 

@@ -5,11 +5,11 @@ import pytest
 from support.held import damping_needed
 from support.specs import values_of
 
-from wavesweep.analyses.every_hand import damping
-from wavesweep.analyses.hands import hands_of
-from wavesweep.errors import UsageError
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals, rows_again
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals, rows_again
+from wavesweep.passive.every_hand import damping
+from wavesweep.passive.hands import hands_of
 
 VARYING = {"rates.ratio": {"values": [4, 6], "varying": True}}
 DRAWN = {

@@ -8,9 +8,9 @@ from support.responses import loop_of
 from support.specs import nested, random_values, values_of
 
 import wavesweep
-from wavesweep.analyses.feel import outweighed_in_words
-from wavesweep.response.steady import static_response
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.analyses.feel import outweighed_in_words
+from wavesweep.core.response.steady import static_response
+from wavesweep.core.tables.intervals import intervals
 
 KEYS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "b": "controller.b"}
 

@@ -10,14 +10,14 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
-from wavesweep.analyses import for_all as for_all_module
-from wavesweep.analyses.for_all import text_of_part
-from wavesweep.analyses.loops import radii_of
-from wavesweep.analyses.unknown import Part
-from wavesweep.spec import load
-from wavesweep.sweep.grid import distinct, loops_of
-from wavesweep.tables import kind_named
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.analyses.loops import radii_of
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import distinct, loops_of
+from wavesweep.core.tables import kind_named
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.for_all import rows as for_all_module
+from wavesweep.for_all.rows import text_of_part
+from wavesweep.for_all.unknown import Part
 
 PD = {
     "rates": {"tick_hz": 1000},
@@ -281,7 +281,7 @@ def test_hands_are_not_asked_for_beside_ranges():
 
 
 def wavesweep_hands():
-    from wavesweep.analyses.hands import hands_of
+    from wavesweep.passive.hands import hands_of
 
     return hands_of("port")
 

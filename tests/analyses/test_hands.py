@@ -6,13 +6,13 @@ from support.held import box_intervals, damping_needed, worst_modes
 from support.published import colgate_schenkel
 from support.tables import same
 
-from wavesweep.analyses import unknown
-from wavesweep.analyses.hands import hands_of
-from wavesweep.errors import UsageError
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.tables.interval_tally import Tallies, interval_lines
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.for_all import unknown
 from wavesweep.passive.hand import HandBox
-from wavesweep.spec import load
-from wavesweep.tables.interval_tally import Tallies, interval_lines
-from wavesweep.tables.intervals import intervals
+from wavesweep.passive.hands import hands_of
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}

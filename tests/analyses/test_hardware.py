@@ -5,15 +5,15 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.analyses.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
-from wavesweep.analyses.verdict import own_design
-from wavesweep.errors import WavesweepError
-from wavesweep.loops.from_drawing import REACTION
-from wavesweep.passive.held_loop import device_of
+from wavesweep.check.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
+from wavesweep.check.verdict import own_design
+from wavesweep.core.energy.held_loop import device_of
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.loops.from_drawing import REACTION
+from wavesweep.core.sweep.grid import own_loop
+from wavesweep.simulation import table as simulation
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.march import run_drawn, simulate
-from wavesweep.sweep.grid import own_loop
-from wavesweep.tables import simulation
 
 STEP = 5e-5  # m, of the encoder
 
@@ -230,8 +230,8 @@ def test_the_verdict_and_the_wishes_say_the_same():
     assert own["step_force"] == pytest.approx((300 + 1000) * 0.055e-3)
     assert found["depth"] == pytest.approx(3.3 / 300)
     assert {name: found[name] for name in own} == own
-    from wavesweep.search.family import scenarios_of
-    from wavesweep.search.wishes import evaluate
+    from wavesweep.designs.family import scenarios_of
+    from wavesweep.designs.wishes import evaluate
 
     wishes = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"operator.damping": np.zeros(1)}, 2000.0)
     assert wishes["chatter"].value[0] == pytest.approx(own["chatter"])

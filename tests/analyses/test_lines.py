@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.stability.lines import lines_of
+from wavesweep.core.stability.lines import lines_of
 
 RATES = {"drive": 8000.0, "wall": 1000.0}
 STATES = {"drive": ["mv", "mx", "lv", "lx"], "wall": ["x", "v"]}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses import open_loops
-from wavesweep.errors import IllPosedLoopError
-from wavesweep.monodromy.cut import with_batch
-from wavesweep.spec import load
-from wavesweep.sweep.grid import own_loop
+from wavesweep.core.analyses import open_loops
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.monodromy.cut import with_batch
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import own_loop
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 

@@ -7,10 +7,10 @@ import pytest
 from support.held import channel_norm, port_margin
 
 import wavesweep
-from wavesweep.analyses import passivity as analysis
+from wavesweep.core.spec import find_key, load
 from wavesweep.passive import channel
-from wavesweep.spec import find_key, load
-from wavesweep.tables.passivity import passivity
+from wavesweep.passive import job as analysis
+from wavesweep.passive.table import passivity
 
 OWN = ["channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"]
 OWN += ["stable", "damping_needed"]

@@ -5,8 +5,8 @@ import pytest
 from support.plants import bodies, joint
 
 import wavesweep
-from wavesweep.analyses.planning import plan, within_ticks
-from wavesweep.spec import load
+from wavesweep.check.planning import plan, within_ticks
+from wavesweep.core.spec import load
 
 LIMIT = 4164.33267612  # of kp, from the joint as one state-space model
 

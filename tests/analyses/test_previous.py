@@ -5,9 +5,9 @@ import pytest
 from support.exports import LEVELS, made, present, written
 
 import wavesweep
-from wavesweep.analyses.planning import within_ticks
-from wavesweep.errors import SpecError
-from wavesweep.prove import prove_column
+from wavesweep.check.planning import within_ticks
+from wavesweep.core.errors import SpecError
+from wavesweep.prove.columns import prove_column
 
 A, T, I = 0.2, 0.002, 0.025
 DECAY = np.exp(-1.0 / 0.1 * T)

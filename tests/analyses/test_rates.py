@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.loops.domain import domain
-from wavesweep.spec import load
-from wavesweep.sweep.grid import Loops, own_loop
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops.domain import domain
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import Loops, own_loop
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 I, STEPS = 0.025101925, np.linspace(0.002, 0.008, 25)

@@ -9,15 +9,15 @@ from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
-from wavesweep.analyses.verdict import own_design
-from wavesweep.cli.verdict import own_lines
-from wavesweep.errors import UsageError
-from wavesweep.monodromy.radius import errors_within, within
-from wavesweep.spec import load
-from wavesweep.tables import kind_named
-from wavesweep.tables.comparison import compare
-from wavesweep.tables.intervals import KINDS as TABLES
-from wavesweep.tables.intervals import intervals, rows_again
+from wavesweep.check.verdict import own_design
+from wavesweep.check.verdict_lines import own_lines
+from wavesweep.compare.table import compare
+from wavesweep.core.errors import UsageError
+from wavesweep.core.monodromy.radius import errors_within, within
+from wavesweep.core.spec import load
+from wavesweep.core.tables import kind_named
+from wavesweep.core.tables.intervals import KINDS as TABLES
+from wavesweep.core.tables.intervals import intervals, rows_again
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {

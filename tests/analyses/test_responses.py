@@ -5,10 +5,10 @@ import pytest
 from support.tables import same
 
 import wavesweep
-from wavesweep.analyses import responses as analysis
-from wavesweep.errors import UsageError
-from wavesweep.tables.responses import responses
-from wavesweep.tables.simulation import simulate
+from wavesweep.core.analyses import responses as analysis
+from wavesweep.core.errors import UsageError
+from wavesweep.core.tables.responses import responses
+from wavesweep.simulation.table import simulate
 
 
 def test_an_axis_that_a_spec_does_not_read_has_no_value_there():

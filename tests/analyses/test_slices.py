@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
 
 RECIPES = sorted((Path(__file__).parents[2] / "sweeps" / "recipes").rglob("*.toml"))
 RING = """

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses.subloops import common, subloops
-from wavesweep.errors import UsageError
-from wavesweep.spec import load
-from wavesweep.stability.intervals import Intervals
+from wavesweep.core.analyses.subloops import common, subloops
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.stability.intervals import Intervals
 
 
 def joints(first=(0.1, 0.5, 4), second=(0.1, 0.5, 4), gain="p*hb.y", **numbers):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.tables import same
 
-from wavesweep.analyses.intervals import job_of
-from wavesweep.spec import load
-from wavesweep.stability import together
-from wavesweep.sweep.running import in_memory
+from wavesweep.core.analyses.intervals import job_of
+from wavesweep.core.spec import load
+from wavesweep.core.stability import together
+from wavesweep.core.sweep.running import in_memory
 
 SWEEP = {"along": "K_VE", "K_VE": {"start": 0, "stop": 3000}, "B_VE": [0.5, 1.0, 4.0], "b": [6.0, 25.0]}
 KINDS = {"K_LM": [0.0, 700.0, 2000.0], "Kp": [0.0, 20.0]}

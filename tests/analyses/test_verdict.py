@@ -8,10 +8,10 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.analyses import verdict as judging
-from wavesweep.analyses.verdict import own_design
-from wavesweep.cli.verdict import verdict_lines
-from wavesweep.spec import SYMBOLS, load
+from wavesweep.check import verdict as judging
+from wavesweep.check.verdict import own_design
+from wavesweep.check.verdict_lines import verdict_lines
+from wavesweep.core.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]
 

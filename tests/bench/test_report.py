@@ -13,9 +13,9 @@ import bench
 import wavesweep
 from bench.costs import exponent
 from bench.stiffness import COMMAND, LIBRARY
-from wavesweep import results
-from wavesweep.cli import main
-from wavesweep.plots import drawn
+from wavesweep.core import results
+from wavesweep.core.cli import main
+from wavesweep.core.plots import drawn
 
 
 def rows(run, **wanted):
@@ -78,7 +78,7 @@ def test_the_threads_are_limited_before_numpy_is_loaded():
         "            print(os.environ.get('OPENBLAS_NUM_THREADS'))\n"
         "            sys.exit(0)\n"
         "sys.meta_path.insert(0, Watch())\n"
-        "from wavesweep.cli import main\n"
+        "from wavesweep.core.cli import main\n"
         "main(['bench', '--quick'])\n"
     )
     inherited = {name: value for name, value in os.environ.items() if not name.endswith("_THREADS")}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support.tables import rows_of
 
-from wavesweep.cli import main
-from wavesweep.sweep import estimates
-from wavesweep.tables.table import Table
+from wavesweep.core.cli import main
+from wavesweep.core.sweep import estimates
+from wavesweep.core.tables.table import Table
 
 SPEC = """
 [controller]
@@ -91,9 +91,9 @@ def sweep(monkeypatch):
         calls.note("plan", **given)
         return [f"kind {spec.values['controller.kind']}", "2 slices"]
 
-    monkeypatch.setattr("wavesweep.tables.intervals.intervals", intervals)
-    monkeypatch.setattr("wavesweep.tables.responses.responses", responses)
-    monkeypatch.setattr("wavesweep.analyses.planning.plan", plan)
+    monkeypatch.setattr("wavesweep.core.tables.intervals.intervals", intervals)
+    monkeypatch.setattr("wavesweep.core.tables.responses.responses", responses)
+    monkeypatch.setattr("wavesweep.check.planning.plan", plan)
     return calls
 
 
@@ -101,7 +101,7 @@ def sweep(monkeypatch):
 def no_word_on_a_busy_machine(monkeypatch, request):
     """A command that takes long says so after ten seconds; the tests of messages are about that."""
     if request.path.name != "test_messages.py":
-        monkeypatch.setattr("wavesweep.cli.messages.FIRST_WORD", 1e6)
+        monkeypatch.setattr("wavesweep.core.cli.messages.FIRST_WORD", 1e6)
 
 
 @pytest.fixture(autouse=True)

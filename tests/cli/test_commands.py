@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from wavesweep import load
-from wavesweep.cli.entry import COMMANDS, command_of, group
-from wavesweep.cli.files import own_folder
+from wavesweep.core.cli.entry import COMMANDS, command_of, group
+from wavesweep.core.cli.files import own_folder
 
 ROOT = Path(__file__).parents[2]
 
@@ -192,7 +192,7 @@ def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wa
 
 @pytest.mark.parametrize("wait", [False, True])
 def test_a_command_waits_for_another_run_if_it_is_told_to(wavesweep, tmp_path, monkeypatch, wait):
-    from wavesweep import results
+    from wavesweep.core import results
 
     asked, at_work = [], results.at_work
     monkeypatch.setattr(results, "at_work", lambda kinds, to, wait, say: asked.append(wait) or at_work(kinds, to, wait, say))

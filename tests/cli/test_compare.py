@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wavesweep as library
-from wavesweep import results
+from wavesweep.core import results
 
 WAVES = """
 [controller]
@@ -51,7 +51,7 @@ def compare(wavesweep, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("ports", ["", '[ports]\nwall = { stiffness = "k", damping = "d" }\n'])
 def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(ports, compare, monkeypatch):
-    monkeypatch.setattr("wavesweep.tables.comparison.intervals", lambda *_, **__: pytest.fail("it was computed"))
+    monkeypatch.setattr("wavesweep.compare.table.intervals", lambda *_, **__: pytest.fail("it was computed"))
     mass = '[rates]\ntick_hz = 1000\n[numbers]\nk = 1.0\nd = 0.1\n[block.m]\ntype = "mass"\nmass = 1.0\n'
     Path("drawn.toml").write_text(f'{mass}[wire]\n"m.f" = "-k*m.x - d*m.v"\n{ports}')
     code, _, err = compare(specs=("waves.toml", "drawn.toml"))
@@ -131,7 +131,7 @@ def test_the_summary_as_json_has_the_extremes_of_each_spec(compare):
 @pytest.fixture
 def figures(monkeypatch):
     """The figures of a run, as they are written."""
-    from wavesweep.plots import files
+    from wavesweep.core.plots import files
 
     drawn, save = [], files.save
     monkeypatch.setattr(files, "save", lambda canvas, *more: (drawn.append(canvas), save(canvas, *more)))

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.cli import completion, main
-from wavesweep.cli.entry import COMMANDS, group
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.spec import KEYS, SYMBOLS
-from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.keys import SIMULATE_KEYS
+from wavesweep.core.cli import completion, main
+from wavesweep.core.cli.entry import COMMANDS, group
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.reading.keys import SIMULATE_KEYS
+from wavesweep.core.spec import KEYS, SYMBOLS
 
 
 @pytest.fixture
@@ -158,16 +158,18 @@ def test_every_argument_of_a_command_is_completed():
 @pytest.mark.parametrize("words", ["zwidth a", "zwidth a.toml --set contr", "", "init p"])
 def test_completion_loads_nothing_heavy(words):
     program = (
-        "import sys\nfrom wavesweep.cli import main\n"
+        "import sys\nfrom wavesweep.core.cli import main\n"
         "try:\n    main([])\nfinally:\n    print('modules', *sys.modules, file=sys.stderr)"
     )
     typed = ["wavesweep", *(words.split() or [""])]
     given = {"_WAVESWEEP_COMPLETE": "bash_complete", "COMP_WORDS": "\n".join(typed), "COMP_CWORD": str(len(typed) - 1)}
     done = subprocess.run([sys.executable, "-c", program], env=os.environ | given, capture_output=True, text=True, check=True)
     loaded = set(done.stderr.splitlines()[-1].split()[1:])
-    assert "wavesweep.cli.completion" in loaded
-    assert loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.sweep", "wavesweep.loops"} == set()
-    assert words or not loaded & {"wavesweep.cli.studies", "wavesweep.cli.programs"}
+    assert "wavesweep.core.cli.completion" in loaded
+    assert (
+        loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.core.sweep", "wavesweep.core.loops"} == set()
+    )
+    assert words or not loaded & {"wavesweep.core.cli.studies", "wavesweep.core.cli.programs"}
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

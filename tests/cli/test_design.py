@@ -9,20 +9,20 @@ import pytest
 from support.chunks import finished
 
 import wavesweep
-from wavesweep.analyses.hands import Guarantee
-from wavesweep.analyses.interval_records import HAND_RECORD
-from wavesweep.cli import main
-from wavesweep.errors import WavesweepError
+from wavesweep.core.analyses.interval_records import HAND_RECORD
+from wavesweep.core.cli import main
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.results import read
+from wavesweep.core.spec import load
+from wavesweep.core.store.checkpoint import FileCheckpoint
+from wavesweep.core.sweep import running
+from wavesweep.designs import study
+from wavesweep.designs.best import miss
+from wavesweep.designs.family import Scenario, scenarios_of
+from wavesweep.designs.search import designs_of
+from wavesweep.designs.study import box_of, evaluated, job_of
 from wavesweep.passive.hand import HandBox
-from wavesweep.results import read
-from wavesweep.search import study
-from wavesweep.search.best import miss
-from wavesweep.search.family import Scenario, scenarios_of
-from wavesweep.search.search import designs_of
-from wavesweep.search.study import box_of, evaluated, job_of
-from wavesweep.spec import load
-from wavesweep.store.checkpoint import FileCheckpoint
-from wavesweep.sweep import running
+from wavesweep.passive.hands import Guarantee
 
 SPEC = """
 [environment]

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from support.drawn import ARM, WALL
 
-from wavesweep.cli import main, verdict
-from wavesweep.plots import figure_of
-from wavesweep.results import read
-from wavesweep.spec import load
-from wavesweep.tables.responses import BodeTally, bode_lines
+from wavesweep.check import verdict_lines as verdict
+from wavesweep.core.cli import main
+from wavesweep.core.plots import figure_of
+from wavesweep.core.results import read
+from wavesweep.core.spec import load
+from wavesweep.core.tables.responses import BodeTally, bode_lines
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep import results
-from wavesweep.cli import main
-from wavesweep.errors import IllPosedLoopError, UsageError
+from wavesweep.core import results
+from wavesweep.core.cli import main
+from wavesweep.core.errors import IllPosedLoopError, UsageError
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
         signal.pause()
 
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr("wavesweep.tables.intervals.intervals", terminated)
+    monkeypatch.setattr("wavesweep.core.tables.intervals.intervals", terminated)
     assert wavesweep("zwidth", spec) == (143, "", "Terminated.\n")
     assert signal.getsignal(signal.SIGTERM) is before
     assert sweep.seen == []
@@ -59,7 +59,7 @@ def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
 def run_as_program(before, cwd, *words):
     """Exit code, stdout and stderr of the command line in a process of its own, which runs `before` first."""
     program = f"import atexit, os, signal, sys\n{before}\nsys.argv = ['wavesweep', *{words!r}]\n"
-    program += "from wavesweep.cli import main\nsys.exit(main())"
+    program += "from wavesweep.core.cli import main\nsys.exit(main())"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=cwd, check=False)
     return done.returncode, done.stdout, done.stderr
 
@@ -93,9 +93,9 @@ def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, s
 def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
     program = (
         "import sys, os, signal\n"
-        "from wavesweep.cli import main\n"
+        "from wavesweep.core.cli import main\n"
         "from wavesweep import results\n"
-        "from wavesweep.tables import intervals, table\n"
+        "from wavesweep.core.tables import intervals, table\n"
         "def stream(table, out):\n"
         "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
         "results.stream = stream\n"
@@ -167,7 +167,7 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, ca
 
     words = ["zwidth", "wall.toml", "--no-plot", "--out", "there"]
     with monkeypatch.context() as patched:
-        patched.setattr("wavesweep.results.writing.package_text", full)
+        patched.setattr("wavesweep.core.results.writing.package_text", full)
         assert main(words) == 1
     said = capsys.readouterr().err
     (kept,) = (tmp_path / "there").glob(".zwidth-*.sqlite")
@@ -240,7 +240,7 @@ def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wa
 def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec, monkeypatch):
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here")[0] == 0
     held, waiting, released = (threading.Event() for _ in range(3))
-    monkeypatch.setattr("wavesweep.results.lock._name_in", lambda _: waiting.set() or "")
+    monkeypatch.setattr("wavesweep.core.results.lock._name_in", lambda _: waiting.set() or "")
 
     def hold():
         with results.at_work(["zwidth"], "here"):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from support.chunks import finished_in
 
-from wavesweep import load, results
-from wavesweep.store.checkpoint import FileCheckpoint
-from wavesweep.tables.table import digest_of
+from wavesweep import load
+from wavesweep.core import results
+from wavesweep.core.store.checkpoint import FileCheckpoint
+from wavesweep.core.tables.table import digest_of
 
 SPEC = """
 [device]

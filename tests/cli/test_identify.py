@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from identify_coverage import RATE, moved
 
-from wavesweep import load, results
+from wavesweep import load
+from wavesweep.core import results
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 

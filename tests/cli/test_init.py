@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 import wavesweep as package
-from wavesweep.cli.init import STARTING_RECIPES, starter
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.loops.controllers import keys_of_page
-from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
-from wavesweep.spec.devices import DEVICES
+from wavesweep.core.cli.init import STARTING_RECIPES, starter
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.loops.controllers import keys_of_page
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.spec import KEYS, STUDY_KEYS, load, sweep_axes
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
 KINDS = list(CONTROLLERS)

@@ -6,9 +6,9 @@ import numpy as np
 import pandas
 import pytest
 
-from wavesweep.results import publish
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.results import publish
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
 
 SPEC = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [0.5, 1.0, 2.0]}}
 

@@ -4,13 +4,13 @@ import json
 
 import pytest
 
-from wavesweep.cli import main
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.spec import KEYS, STUDY_KEYS, SYMBOLS
-from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.keys import AXIS_KEYS
-from wavesweep.spec.wishes import WISHES
+from wavesweep.core.cli import main
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.reading.keys import AXIS_KEYS
+from wavesweep.core.spec import KEYS, STUDY_KEYS, SYMBOLS
+from wavesweep.designs.wish_keys import WISHES
 
 EVERY = {**KEYS, **STUDY_KEYS}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep import results
+from wavesweep.core import results
 
 DOCS = Path(__file__).parents[2] / "docs"
 

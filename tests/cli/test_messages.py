@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from wavesweep.cli import main, messages
+from wavesweep.core.cli import main, messages
 
 
 @contextmanager
@@ -125,7 +125,7 @@ def test_a_warning_is_coloured_unless_no_color_is_set(monkeypatch, no_color, col
 
 @pytest.mark.usefixtures("sweep")
 def test_on_a_terminal_the_bar_of_the_work_is_not_the_last_word_while_many_rows_are_written(spec, monkeypatch):
-    monkeypatch.setattr("wavesweep.cli.output.NOTABLE", 0)
+    monkeypatch.setattr("wavesweep.core.cli.output.NOTABLE", 0)
     with terminal(monkeypatch) as said:
         assert main(["zwidth", spec, "--no-plot"]) == 0
         text = said()

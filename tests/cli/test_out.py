@@ -57,7 +57,7 @@ def test_a_link_in_place_of_the_file_is_left_alone(wavesweep, spec):
 
 @pytest.mark.parametrize("out", ["-", "t.csv"])
 def test_a_table_that_fails_in_its_middle_leaves_nothing(wavesweep, spec, monkeypatch, out):
-    from wavesweep.results import writing
+    from wavesweep.core.results import writing
 
     def fail(_):
         raise OSError(28, "No space left on device")

@@ -8,7 +8,7 @@ import pytest
 from reproduce import figures, open_choices, passive_bank
 from reproduce.specs import load_paper
 from reproduce.statements.stability import STATEMENTS
-from wavesweep.results import read
+from wavesweep.core.results import read
 
 pytestmark = pytest.mark.slow
 

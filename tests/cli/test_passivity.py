@@ -7,8 +7,8 @@ import pytest
 from support.held import more_damping, port_margin
 from support.specs import values_of
 
-from wavesweep import results
-from wavesweep.tables.passivity import PassivityTally
+from wavesweep.core import results
+from wavesweep.passive.table import PassivityTally
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,7 @@ import pyarrow.parquet
 import pytest
 from PIL import Image
 
-from wavesweep.tables.responses import responses
+from wavesweep.core.tables.responses import responses
 
 pytestmark = pytest.mark.slow
 
@@ -204,8 +204,8 @@ def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_pat
 
 def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
     from reproduce.figures import _named
-    from wavesweep import results
-    from wavesweep.spec import load
+    from wavesweep.core import results
+    from wavesweep.core.spec import load
 
     results.publish(_named("fig2", responses([load(spec)]), None), tmp_path)
     code, _, err = wavesweep("plot", tmp_path / "fig2.csv")

@@ -5,8 +5,8 @@ import json
 import pytest
 from support.drawn import DRIVE, NETWORK, WALL
 
-from wavesweep.cli import main
-from wavesweep.results import read
+from wavesweep.core.cli import main
+from wavesweep.core.results import read
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.cli import main
+from wavesweep.core.cli import main
 
 HERE = Path(__file__).parent / "said"
 ROOT = Path(__file__).parents[2]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import wavesweep as library
-from wavesweep import results
-from wavesweep.tables.simulation import simulate as tables_of
+from wavesweep.core import results
+from wavesweep.simulation.table import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")

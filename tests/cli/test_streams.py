@@ -68,7 +68,7 @@ def test_a_terminal_that_goes_away(tmp_path, ignored):
     (tmp_path / "wall.toml").write_text(SPEC.replace("num = 20 }\nB", "num = 400 }\nB"))
     program = "import signal, sys\n"
     program += f"signal.signal(signal.SIGHUP, signal.{'SIG_IGN' if ignored else 'SIG_DFL'})\n"  # the tests may run under nohup
-    program += "from wavesweep.cli import main\nsys.exit(main())\n"
+    program += "from wavesweep.core.cli import main\nsys.exit(main())\n"
     words = ["zwidth", "wall.toml", "--no-plot", "--out", "out", "--jobs", "1"]
     child, terminal = pty.fork()
     if child == 0:
@@ -88,6 +88,6 @@ def test_a_terminal_that_goes_away(tmp_path, ignored):
 
 def test_a_command_keeps_freed_memory_for_its_work(wavesweep, spec, monkeypatch):
     kept = []
-    monkeypatch.setattr("wavesweep.platform_compat.keep_memory", lambda: kept.append(True))
+    monkeypatch.setattr("wavesweep.core.platform_compat.keep_memory", lambda: kept.append(True))
     assert wavesweep("zwidth", spec)[0] == 0
     assert kept == [True]

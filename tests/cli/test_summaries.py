@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from wavesweep.plots.layout import best_of, best_row
-from wavesweep.spec import load
-from wavesweep.tables import kind_named
-from wavesweep.tables.interval_tally import Extreme, IntervalTally, Words
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.passivity import passivity
-from wavesweep.tables.responses import responses
+from wavesweep.core.plots.layout import best_of, best_row
+from wavesweep.core.spec import load
+from wavesweep.core.tables import kind_named
+from wavesweep.core.tables.interval_tally import Extreme, IntervalTally, Words
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
+from wavesweep.passive.table import passivity
 
 AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from support.drawn import ARM
 
-from wavesweep import results
-from wavesweep.plots import figure_of
-from wavesweep.spec import load
-from wavesweep.tables import kind_named
-from wavesweep.tables.why import why
+from wavesweep.core import results
+from wavesweep.core.plots import figure_of
+from wavesweep.core.spec import load
+from wavesweep.core.tables import kind_named
+from wavesweep.sensitivity.table import why
 
 HOLE = """
 [controller]

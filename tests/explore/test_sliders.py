@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import keys_of
 from wavesweep.explore.sliders import changed, sliders_of, text_of
-from wavesweep.spec import load
-from wavesweep.sweep.grid import keys_of
 
 ROOT = Path(__file__).parents[2]
 SPECS = [path for path in sorted(ROOT.glob("sweeps/**/*.toml")) if "[block." not in path.read_text(encoding="utf-8")]

@@ -16,8 +16,10 @@ from support.exports import COMPILERS, LEVELS, check, made, need, put, random_ta
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.export import exported
-from wavesweep.simulation import Effects, simulate, simulated
+from wavesweep.simulation.export import exported
+from wavesweep.simulation.from_spec import simulated
+from wavesweep.simulation.hardware import Effects
+from wavesweep.simulation.march import simulate
 
 MANY = int(os.environ.get("WAVESWEEP_EXPORTS", "0"))
 SEEDS, TICKS = (range(MANY), 100_000) if MANY else (range(8), 2000)

@@ -10,11 +10,11 @@ from support.drawn import DRIVE, as_blocks, drive
 from support.exports import COMPILERS, LEVELS, check, made, need, present, put, written
 
 import wavesweep
-from wavesweep.analyses.experiment import simulation_of
-from wavesweep.errors import UsageError
-from wavesweep.export import exported
-from wavesweep.export.source import _identifiers
-from wavesweep.spec import load
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.simulation.experiment import simulation_of
+from wavesweep.simulation.export import exported
+from wavesweep.simulation.export.source import _identifiers
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 NAMES = ("policy", "long-delay", "teleoperation", "wheel", "hybrid-test", "controllers/pmw-lm", "controllers/dc-lm")

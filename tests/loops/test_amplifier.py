@@ -7,9 +7,9 @@ from support.certified import Witness
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.analyses.assumptions import assumes
-from wavesweep.simulation import simulated
-from wavesweep.spec import load
+from wavesweep.core.analyses.assumptions import assumes
+from wavesweep.core.spec import load
+from wavesweep.simulation.from_spec import simulated
 
 SPAN = (0.0, 3000.0)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.loops.common_tick import with_common_tick
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.spec import load
+from wavesweep.core.loops.common_tick import with_common_tick
+from wavesweep.core.loops.from_drawing import assembled
+from wavesweep.core.spec import load
 
 LAG = {"type": "tf", "num": [1], "den": [0.2, 1]}
 PI = {"type": "pi", "kp": "k", "ki": 2.0, "every": 20}

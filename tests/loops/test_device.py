@@ -7,9 +7,9 @@ from support import exact
 from support.specs import values_of
 
 import wavesweep
-from wavesweep.errors import SpecError
-from wavesweep.loops.blocks import mass as mass_block
-from wavesweep.spec.keys import LARGEST, SMALLEST
+from wavesweep.core.errors import SpecError
+from wavesweep.core.loops.blocks import mass as mass_block
+from wavesweep.core.reading.keys import LARGEST, SMALLEST
 
 # mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
 # spring in the hand; stiff and overdamped; heavy and slow.

@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 from support import exact
 
-from wavesweep.loops.filters import butterworth
+from wavesweep.core.loops.filters import butterworth
 
 
 def response(block, z):

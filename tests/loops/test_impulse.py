@@ -7,8 +7,8 @@ from support.exports import made, present, put
 
 import wavesweep
 from wavesweep import load
-from wavesweep.export.source import exported
 from wavesweep.prove.ticks import Loop
+from wavesweep.simulation.export.source import exported
 
 T, M, D, KD = 1e-3, 0.1, 0.2, 2.0
 DECAY = np.exp(-D / M * T)

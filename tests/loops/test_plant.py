@@ -7,9 +7,9 @@ import scipy.linalg
 from support.plants import WAYS, bodies
 
 import wavesweep
-from wavesweep.errors import IllPosedLoopError, SpecError
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.spec import load
+from wavesweep.core.errors import IllPosedLoopError, SpecError
+from wavesweep.core.loops.from_drawing import assembled
+from wavesweep.core.spec import load
 
 ENTRIES = 4 * np.finfo(float).eps  # of its terms, the error of an entry (see `rounding`)
 

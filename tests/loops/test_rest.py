@@ -10,15 +10,15 @@ from support.drawn import as_blocks, random_tables
 from support.specs import KINDS
 
 import wavesweep
-from wavesweep.analyses.loops import drift_of
-from wavesweep.loops import blocks
-from wavesweep.loops.from_drawing import twins
-from wavesweep.loops.integrator_modes import decimal, shifts, value_in_fractions
-from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.monodromy.periodic import frame_of, ticks_of
-from wavesweep.spec import load
-from wavesweep.spec.parsing import parse
-from wavesweep.sweep.grid import Loops
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.drawing.parsing import parse
+from wavesweep.core.loops import blocks
+from wavesweep.core.loops.from_drawing import twins
+from wavesweep.core.loops.integrator_modes import decimal, shifts, value_in_fractions
+from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.core.monodromy.periodic import frame_of, ticks_of
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import Loops
 
 
 def value(text, **numbers):

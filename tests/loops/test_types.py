@@ -9,11 +9,11 @@ from support.exports import made, present, written
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.monodromy.periodic import frame_of, ticks_of
+from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.loops.from_drawing import assembled
+from wavesweep.core.monodromy.periodic import frame_of, ticks_of
 from wavesweep.prove.ticks import Loop
-from wavesweep.simulation import simulated
-from wavesweep.spec.block_types import TYPES
+from wavesweep.simulation.from_spec import simulated
 
 METHODS = "explicit", "implicit", "trapezoidal"
 CASES = [

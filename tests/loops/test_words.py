@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.loops.from_drawing import assembled, scalar_place
-from wavesweep.loops.integrator_modes import equations_of
+from wavesweep.core.loops.from_drawing import assembled, scalar_place
+from wavesweep.core.loops.integrator_modes import equations_of
+from wavesweep.core.spec import load
 from wavesweep.simulation.parts import loop_of
-from wavesweep.spec import load
 
 T = 1 / 400
 S = control.tf("s")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.monodromy import batches
-from wavesweep.monodromy.batches import CACHED, MANY, in_parts, product, sparse
+from wavesweep.core.monodromy import batches
+from wavesweep.core.monodromy.batches import CACHED, MANY, in_parts, product, sparse
 
 
 def chain(n, kind=float):

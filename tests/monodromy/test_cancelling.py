@@ -5,7 +5,7 @@ import pytest
 from support.intervals import intervals_of, pairs
 from support.specs import INTEGRATIONS, values_of
 
-from wavesweep.analyses.open_loops import wall_cut
+from wavesweep.core.analyses.open_loops import wall_cut
 
 IMPEDANCES = [1e-6, 2.273804480282737e-06, 0.3, 1e6]
 

@@ -6,9 +6,9 @@ import pytest
 from support.responses import loop_of
 from support.specs import values_of
 
-from wavesweep.errors import IllPosedLoopError
-from wavesweep.loops.block import Block
-from wavesweep.monodromy.interconnect import connect
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.block import Block
+from wavesweep.core.monodromy.interconnect import connect
 
 
 def transfer(block, w):

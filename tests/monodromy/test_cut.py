@@ -5,8 +5,8 @@ import pytest
 from support import exact
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.monodromy.cut import ADVANCE, OFFSET, V, close
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.monodromy.cut import ADVANCE, OFFSET, V, close
 
 SPECS = [(kind, seed) for kind in KINDS for seed in (range(2) if kind == "dc" else range(5))]
 

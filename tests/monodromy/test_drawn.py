@@ -9,18 +9,18 @@ from support.drawings import T, pmw, random_drawing
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.loops import blocks
-from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.monodromy.open_frame import cut_of, open_frame
-from wavesweep.monodromy.periodic import frame_of, in_a_row, then, ticks_of
-from wavesweep.monodromy.product import product_with_errors
-from wavesweep.response.lifted import Lifted
-from wavesweep.response.port import Ports, port_of
-from wavesweep.response.steady import respond
-from wavesweep.stability.along_any import stable_along_any
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops import blocks
+from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.core.monodromy.open_frame import cut_of, open_frame
+from wavesweep.core.monodromy.periodic import frame_of, in_a_row, then, ticks_of
+from wavesweep.core.monodromy.product import product_with_errors
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.steady import respond
+from wavesweep.core.stability.along_any import stable_along_any
+from wavesweep.core.stability.stable import stable_intervals
 
 
 def along_any(draw, span):

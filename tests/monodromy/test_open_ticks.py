@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.loops.from_drawing import FACTOR, PRODUCT, assembled
-from wavesweep.monodromy import open_ticks
-from wavesweep.monodromy.open_ticks import OpenTicks, facts_of
-from wavesweep.monodromy.periodic import frame_of
-from wavesweep.spec import load
+from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, assembled
+from wavesweep.core.monodromy import open_ticks
+from wavesweep.core.monodromy.open_ticks import OpenTicks, facts_of
+from wavesweep.core.monodromy.periodic import frame_of
+from wavesweep.core.spec import load
 
 
 def opened(tables, number, batch):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.monodromy.circle import on_circle
-from wavesweep.monodromy.shifts import DelayLines
+from wavesweep.core.monodromy.circle import on_circle
+from wavesweep.core.monodromy.shifts import DelayLines
 
 
 def random_system(seed):

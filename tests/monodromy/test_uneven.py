@@ -8,14 +8,14 @@ from scipy.linalg import expm
 from scipy.signal import butter, tf2ss
 
 import wavesweep
-from wavesweep.analyses.loops import drift_of, frames, radii_of
-from wavesweep.controllers import CONTROLLERS, WALL
-from wavesweep.errors import SpecError
-from wavesweep.loops.from_drawing import FACTOR, PRODUCT
-from wavesweep.monodromy.drift import closed
-from wavesweep.monodromy.open_ticks import OpenTicks
-from wavesweep.spec import load
-from wavesweep.sweep.grid import own_loop
+from wavesweep.core.analyses.loops import drift_of, frames, radii_of
+from wavesweep.core.controllers import CONTROLLERS, WALL
+from wavesweep.core.errors import SpecError
+from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT
+from wavesweep.core.monodromy.drift import closed
+from wavesweep.core.monodromy.open_ticks import OpenTicks
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import own_loop
 
 BASE = {"controller": {"Kp": 20.0}, "environment": {"K_VE": 700.0, "B_VE": 3.0}}
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from reproduce.specs import load_paper
-from wavesweep import bundled
-from wavesweep.errors import UsageError
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.responses import responses
+from wavesweep.core import bundled
+from wavesweep.core.errors import UsageError
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
 
 ROOT = Path(__file__).parents[2]
 NAMES = sorted(path.stem for path in (ROOT / "sweeps" / "paper").glob("*.toml"))
@@ -56,7 +56,7 @@ def test_the_wheel_has_every_spec_and_example_and_both_programs():
 
 
 def test_what_is_inside_an_installed_package_goes_first_and_nothing_anywhere_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(bundled, "__file__", str(tmp_path / "wavesweep" / "bundled.py"))
+    monkeypatch.setattr(bundled, "__file__", str(tmp_path / "wavesweep" / "core" / "bundled.py"))
     with pytest.raises(UsageError, match="benchmarks/bench: expected it in"):
         bundled.program("benchmarks/bench")
     for place in ("sweeps/paper", "wavesweep/_bundled/sweeps/paper"):

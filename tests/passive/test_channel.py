@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from support.held import channel_norm
 
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.passive import hinf
+from wavesweep.core.energy import hinf
+from wavesweep.core.energy.hinf import peak_by_levels
+from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.passive.channel import channel_of
-from wavesweep.passive.hinf import peak_by_levels
 
 THETA = np.pi * np.linspace(0, 1, 801) ** 2
 

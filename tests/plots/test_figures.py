@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import wavesweep
-import wavesweep.sweep
-from wavesweep import plots
-from wavesweep.plots import style
-from wavesweep.plots.files import save
-from wavesweep.plots.layout import lay_out
-from wavesweep.plots.style import about_figure, as_asked, figure, note_below, warn_above
-from wavesweep.tables.comparison import compare
-from wavesweep.tables.intervals import intervals
+import wavesweep.core.sweep
+from wavesweep.compare.table import compare
+from wavesweep.core import plots
+from wavesweep.core.plots import style
+from wavesweep.core.plots.files import save
+from wavesweep.core.plots.layout import lay_out
+from wavesweep.core.plots.style import about_figure, as_asked, figure, note_below, warn_above
+from wavesweep.core.tables.intervals import intervals
 
 pytestmark = pytest.mark.slow
 

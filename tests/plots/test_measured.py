@@ -5,10 +5,10 @@ import pytest
 
 import wavesweep
 from tests.identify.test_points import spec_of
-from wavesweep import plots
+from wavesweep.compare.table import compare
+from wavesweep.core import plots
+from wavesweep.core.plots.style import distinct_colour
 from wavesweep.identification.points import facts_of_points
-from wavesweep.plots.style import distinct_colour
-from wavesweep.tables.comparison import compare
 
 SWEEP = {"B_VE": [0.0, 1.0, 2.0, 3.0, 4.0]}
 WALLS = "B_VE,K_VE,stable\n0,1000,1\n2,3500,0\n2,3000,1\n9,100,1\n"

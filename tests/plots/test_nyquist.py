@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep import plots
-from wavesweep.plots.style import as_asked
-from wavesweep.tables.margins import margins
+from wavesweep.core import plots
+from wavesweep.core.plots.style import as_asked
+from wavesweep.margins.table import margins
 
 pytestmark = pytest.mark.slow
 FRAME, MASS, DAMPING, SPRING = 5e-3, 0.1, 0.02, 250.0

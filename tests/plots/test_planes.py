@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from wavesweep import plots
-from wavesweep.plots.regions import draw_region
-from wavesweep.plots.style import Look
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.regions import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
+from wavesweep.core import plots
+from wavesweep.core.plots.regions import draw_region
+from wavesweep.core.plots.style import Look
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.regions import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
 
 VIEW = View("B_VE", False, 500, 400)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep import plots
+from wavesweep.core import plots
 
 from .conftest import table_of_intervals
 

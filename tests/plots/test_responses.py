@@ -7,14 +7,14 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import wavesweep
-from wavesweep import plots
+from wavesweep.core import plots
 
 pytestmark = pytest.mark.slow
 
 
 def figure_of(*, bode, **more):
     """The figure of the responses of a loop with waves."""
-    from wavesweep.tables.responses import responses
+    from wavesweep.core.tables.responses import responses
 
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode} | more)
     table = responses([spec])
@@ -80,7 +80,7 @@ def test_more_than_a_dozen_curves_have_a_scale_of_colours():
 
 @pytest.mark.thorough
 def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
-    from wavesweep.tables.responses import responses
+    from wavesweep.core.tables.responses import responses
 
     axes = {"b": {"start": 5, "stop": 200, "num": 40}, "B_VE": {"start": 0, "stop": 5, "num": 10}}
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.1, 1.0, 30.0]} | axes})
@@ -89,13 +89,15 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
     curves = [line for line in whole.axes[0].lines if len(line.get_xdata()) == 3]
     assert len(curves) == 10 * 20
     assert "Shown: 20 of 40 values of b." in whole.get_supxlabel()
-    monkeypatch.setattr("wavesweep.sweep.running.BLOCK", 100)
+    monkeypatch.setattr("wavesweep.core.sweep.running.BLOCK", 100)
     for kept in (10**6, 500):
         monkeypatch.setattr(plots, "IN_MEMORY", kept)
         drawn = plots.drawn(table, said.append)
         assert sum(len(block["b"]) for block in drawn.blocks()) == 1200
         pictures = []
-        monkeypatch.setattr("wavesweep.plots.files.save", lambda figure, *_, keep=pictures: keep.append(figure._repr_png_()))
+        monkeypatch.setattr(
+            "wavesweep.core.plots.files.save", lambda figure, *_, keep=pictures: keep.append(figure._repr_png_())
+        )
         drawn.figure(None)
         assert pictures == [whole._repr_png_()]
     assert said == ["figure of spec: shown: 20 of 40 values of b"] * 2
@@ -134,7 +136,7 @@ def test_the_slow_nyquist_frequency_is_that_of_the_slow_rate_where_rates_do_not_
 
 
 def test_axes_at_the_hand_have_the_units_of_a_loop_that_turns():
-    from wavesweep.tables.responses import responses
+    from wavesweep.core.tables.responses import responses
 
     paths = [Path(__file__).parents[2] / "sweeps" / "recipes" / f"{name}.toml" for name in ("wheel", "engine")]
     bode = ["bode.frequency_hz=[1, 2]"]

@@ -8,20 +8,21 @@ import pytest
 from matplotlib.ticker import FixedLocator
 
 import wavesweep
-from wavesweep import plots
-from wavesweep.plots.simulation import _spans, extremes
-from wavesweep.plots.style import _cut_off, figure
-from wavesweep.results import fields, read_table, save
-from wavesweep.simulation import simulated, table
-from wavesweep.spec import load
-from wavesweep.tables.simulation import simulate as simulation_tables
+from wavesweep.core import plots
+from wavesweep.core.plots.style import _cut_off, figure
+from wavesweep.core.results import fields, read_table, save
+from wavesweep.core.spec import load
+from wavesweep.simulation.figure import _spans, extremes
+from wavesweep.simulation.from_spec import simulated
+from wavesweep.simulation.record import recorded
+from wavesweep.simulation.table import simulate as simulation_tables
 
 
 def simulation(kind="pmw-lm", **simulate):
     """The columns and facts of a simulation."""
     loop = {"controller": {"kind": kind}, "operator": {"stiffness": 100.0}}
     spec = load(loop | {"simulate": {"frequency_hz": 1} | simulate}).as_simulated()
-    return table(simulated(spec)), {"spec": spec.tables()}
+    return recorded(simulated(spec)), {"spec": spec.tables()}
 
 
 def _facts(kind):

@@ -10,13 +10,13 @@ from support.plants import joint
 from support.specs import KINDS, nested
 
 import wavesweep
-from wavesweep import plots
-from wavesweep.errors import UsageError
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.loops.wiring import wiring_of_drawing
-from wavesweep.plots.routes import APART, ROW
-from wavesweep.plots.wiring import WIDEST, placed
-from wavesweep.spec import load
+from wavesweep.core import plots
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.spec import load
+from wavesweep.picture.figure import WIDEST, placed
+from wavesweep.picture.routes import APART, ROW
+from wavesweep.picture.wiring import wiring_of_drawing
 
 TINY = 1e-6
 

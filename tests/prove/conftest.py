@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses.loops import drift_of
-from wavesweep.prove import prove_column
-from wavesweep.sweep.grid import loops_of
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.sweep.grid import loops_of
+from wavesweep.prove.columns import prove_column
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,10 @@ from support.held import damping_needed
 from support.marched_hands import growth, random_hand
 from support.specs import values_of
 
-from wavesweep.errors import UsageError
-from wavesweep.prove import every_hand
-from wavesweep.prove.every_hand import EveryHand
-from wavesweep.robust.frames import FRAME, Frames, plan_of_controller
+from wavesweep.core.errors import UsageError
+from wavesweep.for_all.frames import FRAME, Frames, plan_of_controller
+from wavesweep.passive import proof as every_hand
+from wavesweep.passive.proof import EveryHand
 
 WALL = {"device.velocity": "difference", "environment.integration": "explicit"}
 

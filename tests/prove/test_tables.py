@@ -4,9 +4,9 @@ import pytest
 from stability.test_meeting import line
 
 import wavesweep
-from wavesweep.analyses import intervals as analysis
-from wavesweep.cli import main
-from wavesweep.results.verification import verify
+from wavesweep.core.analyses import intervals as analysis
+from wavesweep.core.cli import main
+from wavesweep.core.results.verification import verify
 
 SPEC = """
 [rates]

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.cli import main
-from wavesweep.spec.writing import as_toml
+from wavesweep.core.cli import main
+from wavesweep.core.spec.writing import as_toml
 
 pytestmark = pytest.mark.slow
 PD = {

@@ -6,10 +6,10 @@ import pytest
 from support.drawn import random_tables
 
 import wavesweep
-from wavesweep.analyses.loops import loop_at_hand
-from wavesweep.response.gain import Gain
-from wavesweep.response.steady import respond
-from wavesweep.spec import load
+from wavesweep.core.analyses.loops import loop_at_hand
+from wavesweep.core.response.gain import Gain
+from wavesweep.core.response.steady import respond
+from wavesweep.core.spec import load
 
 LOOP = {  # a frame of 12 ticks
     "rates": {"tick_hz": 1000},

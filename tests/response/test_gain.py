@@ -6,8 +6,8 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.response.circle import Circle
-from wavesweep.response.gain import gain_of
+from wavesweep.core.response.circle import Circle
+from wavesweep.core.response.gain import gain_of
 
 
 def gain(values, frequency_hz):

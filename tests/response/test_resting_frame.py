@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses import open_loops
-from wavesweep.sweep.grid import own_loop
+from wavesweep.core.analyses import open_loops
+from wavesweep.core.sweep.grid import own_loop
 
 TABLES = {
     "rates": {"tick_hz": 1000},

@@ -7,8 +7,8 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.response.static import relative_response
-from wavesweep.response.steady import static_response
+from wavesweep.core.response.static import relative_response
+from wavesweep.core.response.steady import static_response
 
 
 def static(values):

@@ -6,7 +6,7 @@ from support import exact
 from support.responses import loop_of
 from support.specs import INTEGRATIONS, KINDS, random_values, values_of
 
-from wavesweep.response.steady import respond
+from wavesweep.core.response.steady import respond
 
 
 def response(values, frequency_hz):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analyses.steps import routes_of, step_at, step_between
-from wavesweep.errors import UsageError
+from wavesweep.core.analyses.steps import routes_of, step_at, step_between
+from wavesweep.core.errors import UsageError
 
 MOTOR = wavesweep.load(Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml")
 

@@ -10,10 +10,10 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from wavesweep import results
-from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results import files, publish
-from wavesweep.tables.table import Table
+from wavesweep.core import results
+from wavesweep.core.errors import UsageError, WavesweepError
+from wavesweep.core.results import files, publish
+from wavesweep.core.tables.table import Table
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

@@ -7,10 +7,10 @@ import re
 import pyarrow.parquet
 import pytest
 
-from wavesweep import results
-from wavesweep.results import publish
-from wavesweep.results.folder import changes
-from wavesweep.tables.table import Table
+from wavesweep.core import results
+from wavesweep.core.results import publish
+from wavesweep.core.results.folder import changes
+from wavesweep.core.tables.table import Table
 
 
 @pytest.fixture

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from wavesweep import results
-from wavesweep.cli import main
-from wavesweep.errors import UsageError
-from wavesweep.results import publish
-from wavesweep.results import writing as writing_module
-from wavesweep.results.verification import verify
-from wavesweep.tables.table import Table
+from wavesweep.core import results
+from wavesweep.core.cli import main
+from wavesweep.core.errors import UsageError
+from wavesweep.core.results import publish
+from wavesweep.core.results import writing as writing_module
+from wavesweep.core.results.verification import verify
+from wavesweep.core.tables.table import Table
 
 SPEC = """
 [controller]
@@ -105,7 +105,7 @@ def test_a_lost_part_is_noticed_and_so_is_a_changed_one(home, lost):
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("partition", [3, 10, 17, 64])
 def test_blocks_and_groups_leave_no_trace_in_the_parts(columns, facts, same, partition, tmp_path, monkeypatch):
-    from wavesweep.results.files import read_rows
+    from wavesweep.core.results.files import read_rows
 
     monkeypatch.setattr(writing_module, "GROUP_ROWS", 10)
     table = {name: np.resize(column, 64) for name, column in columns.items()}

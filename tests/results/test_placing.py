@@ -13,11 +13,11 @@ from functools import partial
 import pytest
 from support.tables import same
 
-from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results import at_work, placing, publish, read, read_table
-from wavesweep.results.folder import HEADER, PACKAGE
-from wavesweep.results.package import file_facts
-from wavesweep.tables.table import Table
+from wavesweep.core.errors import UsageError, WavesweepError
+from wavesweep.core.results import at_work, placing, publish, read, read_table
+from wavesweep.core.results.folder import HEADER, PACKAGE
+from wavesweep.core.results.package import file_facts
+from wavesweep.core.tables.table import Table
 
 FILES = ["zwidth.csv", "zwidth.datapackage.json", "zwidth.parquet"]
 RENAMES = 6  # at most: two files or folders moved away, four put in place
@@ -124,7 +124,7 @@ def test_a_run_waits_if_it_may(tmp_path):
 
 def test_a_lock_dies_with_its_holder(tmp_path):
     program = (
-        "import os, signal, sys; from wavesweep.results import at_work\n"
+        "import os, signal, sys; from wavesweep.core.results import at_work\n"
         "with at_work(['zwidth'], sys.argv[1]): os.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", program, tmp_path], check=False)

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from wavesweep import results
-from wavesweep.results import fields, publish, read
-from wavesweep.tables import kinds
-from wavesweep.tables.table import Table
+from wavesweep.core import results
+from wavesweep.core.results import fields, publish, read
+from wavesweep.core.tables import kinds
+from wavesweep.core.tables.table import Table
 
 TEXTS = ["", "rounding", 'b = 3, "slow"', "grün", "two, of them"]
 SOME = [0.0, -0.0, 1.0, 0.5, 1e10, -9999999999.0, 1e-7, 5e-324, 1.7976931348623157e308, 1 / 3, 2.0**53, 1234567.0, 0.00001]

@@ -13,23 +13,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep import results
-from wavesweep.analyses.hands import hands_of
-from wavesweep.analyses.intervals import job_of, searches_of
-from wavesweep.analyses.proved_again import prove_again
-from wavesweep.cli import main
-from wavesweep.errors import UsageError
-from wavesweep.results import publish
-from wavesweep.results.verification import verify
-from wavesweep.spec import load
-from wavesweep.sweep.job import cut_otherwise
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.margins import margins
-from wavesweep.tables.passivity import filter_choices, passivity
-from wavesweep.tables.responses import responses
-from wavesweep.tables.simulation import simulate
-from wavesweep.tables.table import Table
-from wavesweep.tables.why import why
+from wavesweep.core import results
+from wavesweep.core.analyses.intervals import job_of, searches_of
+from wavesweep.core.cli import main
+from wavesweep.core.errors import UsageError
+from wavesweep.core.results import publish
+from wavesweep.core.results.verification import verify
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.job import cut_otherwise
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
+from wavesweep.core.tables.table import Table
+from wavesweep.margins.table import margins
+from wavesweep.passive.hands import hands_of
+from wavesweep.passive.table import filter_choices, passivity
+from wavesweep.prove.again import prove_again
+from wavesweep.sensitivity.table import why
+from wavesweep.simulation.table import simulate
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
 TABLES = {
@@ -216,7 +216,7 @@ def test_a_package_that_asks_for_other_numbers_of_rows_has_none_computed(tmp_pat
     package = json.loads((tmp_path / "bode.datapackage.json").read_text())
     package["wavesweep"]["spec"]["bode"]["frequency_hz"] = {"start": 1, "stop": 50, "num": 1_000_000}
     (tmp_path / "bode.datapackage.json").write_text(json.dumps(package))
-    monkeypatch.setattr("wavesweep.tables.responses.responses", lambda *_, **__: pytest.fail("rows were computed"))
+    monkeypatch.setattr("wavesweep.core.tables.responses.responses", lambda *_, **__: pytest.fail("rows were computed"))
     assert "6 rows and not 2000000" in verify(tmp_path).differences[-1]
 
 
@@ -231,7 +231,7 @@ def test_a_file_of_a_few_bytes_and_many_rows_is_refused_by_its_metadata(folder, 
     said = verify(folder).differences
     assert len([text for text in said if "expected groups of at most 131072 rows, found one of 300000" in text]) == 2
     monkeypatch.setattr(pyarrow.parquet.ParquetFile, "read", lambda *_, **__: pytest.fail("rows were read"))
-    monkeypatch.setattr("wavesweep.results.files.memory", lambda: 1e7)
+    monkeypatch.setattr("wavesweep.core.results.files.memory", lambda: 1e7)
     with pytest.raises(UsageError, match="expected a table that fits into memory, found 300,000 rows"):
         results.read(folder / "zwidth.parquet")
 
@@ -322,7 +322,7 @@ def test_a_pipe_or_a_device_in_place_of_a_file_is_waited_for_by_no_command(colum
     publish(Table.of("zwidth", columns, facts), tmp_path / "out")
     (tmp_path / "out" / name).unlink()
     make(tmp_path / "out" / name)
-    program = "from wavesweep.cli import main\n"
+    program = "from wavesweep.core.cli import main\n"
     for words in ("zwidth wall.toml --no-plot --out out", "verify out", f"plot out/{name.replace('datapackage.json', 'csv')}"):
         program += f"print(main({words.split()}))\n"
     done = subprocess.run(

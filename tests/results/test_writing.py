@@ -7,11 +7,11 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from wavesweep import results
-from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results import publish, read_table, stream
-from wavesweep.results.files import GROUP_ROWS
-from wavesweep.tables.table import Table
+from wavesweep.core import results
+from wavesweep.core.errors import UsageError, WavesweepError
+from wavesweep.core.results import publish, read_table, stream
+from wavesweep.core.results.files import GROUP_ROWS
+from wavesweep.core.tables.table import Table
 
 
 def contents(directory):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.robust.boxes import cover
-from wavesweep.stability.frames import Frames
+from wavesweep.core.stability.frames import Frames
+from wavesweep.for_all.boxes import cover
 
 PLACE = np.array([0.137, -0.211, 0.048])
 

@@ -6,18 +6,18 @@ from scipy.linalg import expm
 from scipy.signal import butter
 from support.specs import INTEGRATIONS, values_of
 
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.errors import UsageError
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.loops.from_drawing import assembled, twins
-from wavesweep.monodromy.cut import with_batch
-from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.robust.frames import FRAME, LOST, Frames, frames_of_controller, frames_of_drawing
-from wavesweep.robust.joint import bracket
-from wavesweep.robust.loop_frames import Symbol
-from wavesweep.robust.words import growth
-from wavesweep.spec import load
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.loops.from_drawing import assembled, twins
+from wavesweep.core.monodromy.cut import with_batch
+from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.core.spec import load
+from wavesweep.core.stability.stable import stable_intervals
+from wavesweep.for_all.frames import FRAME, LOST, Frames, frames_of_controller, frames_of_drawing
+from wavesweep.for_all.joint import bracket
+from wavesweep.for_all.loop_frames import Symbol
+from wavesweep.for_all.words import growth
 
 LENGTHS = 16, 20, 25, 33
 

@@ -7,9 +7,9 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.robust.checking import Norms, shrink
-from wavesweep.robust.graph import Graph
-from wavesweep.robust.joint import PROVED, REFUTED, bracket, decide
+from wavesweep.for_all.checking import Norms, shrink
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
 
 ONE = Graph.least(np.ones((1, 1), bool))
 GOLDEN = (1 + 5**0.5) / 2

@@ -7,11 +7,11 @@ import pytest
 from support.messages import marched, random_loop, spec_of
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.robust.checking import Norms, shrink_on_average
-from wavesweep.robust.graph import Graph
-from wavesweep.robust.mean_square import brackets_on_average, chances, decays
-from wavesweep.spec import load
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.for_all.checking import Norms, shrink_on_average
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.mean_square import brackets_on_average, chances, decays
 
 
 def recursion(a, missing="zero", **channel):

@@ -5,11 +5,11 @@ import pytest
 from support.messages import marched, random_loop, spec_of
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.robust.joint import bracket, decide
-from wavesweep.robust.messages import Sent, frames_with_messages
-from wavesweep.robust.words import growth
-from wavesweep.spec import load
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.for_all.joint import bracket, decide
+from wavesweep.for_all.messages import Sent, frames_with_messages
+from wavesweep.for_all.words import growth
 
 PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
 

@@ -8,15 +8,15 @@ from scipy.linalg import expm
 from scipy.signal import butter
 from support.specs import values_of
 
-from wavesweep.robust import loop_numbers
-from wavesweep.robust.checking import shrink_over
-from wavesweep.robust.frames import Frames, plan_of_controller
-from wavesweep.robust.graph import Graph
-from wavesweep.robust.loop_numbers import TickSeries
-from wavesweep.robust.polynomials import Polynomials, monomials
-from wavesweep.robust.ranges import cover
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.for_all import loop_numbers
+from wavesweep.for_all.checking import shrink_over
+from wavesweep.for_all.frames import Frames, plan_of_controller
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.loop_numbers import TickSeries
+from wavesweep.for_all.polynomials import Polynomials, monomials
+from wavesweep.for_all.ranges import cover
 
 T = 1e-3
 HAND = "operator.mass", "operator.damping", "operator.stiffness"

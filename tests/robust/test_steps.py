@@ -14,17 +14,17 @@ from scipy.linalg import expm
 from scipy.signal import butter
 
 import wavesweep
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.errors import UsageError
-from wavesweep.loops import blocks
-from wavesweep.loops.direct import dc_slow
-from wavesweep.loops.page import Page
-from wavesweep.robust.frames import Frames, frames_of_controller, frames_of_drawing
-from wavesweep.robust.joint import PROVED, REFUTED, decide
-from wavesweep.robust.words import growth
-from wavesweep.simulation import simulated
-from wavesweep.spec import load
-from wavesweep.spec.block_types import TYPES, BlockType
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.drawing.block_types import TYPES, BlockType
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops import blocks
+from wavesweep.core.loops.direct import dc_slow
+from wavesweep.core.loops.page import Page
+from wavesweep.core.spec import load
+from wavesweep.for_all.frames import Frames, frames_of_controller, frames_of_drawing
+from wavesweep.for_all.joint import PROVED, REFUTED, decide
+from wavesweep.for_all.words import growth
+from wavesweep.simulation.from_spec import simulated
 
 T, PATTERN, K = 1e-3, [16, 33, 16, 25, 33, 33], 3.0
 METHODS = "explicit", "implicit", "trapezoidal"

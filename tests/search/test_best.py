@@ -3,8 +3,8 @@
 import tomllib
 from pathlib import Path
 
-from wavesweep.search.best import chosen, text_of
-from wavesweep.spec import load
+from wavesweep.core.spec import load
+from wavesweep.designs.best import chosen, text_of
 
 SPEC = {
     "controller": {"kind": "pmw"},

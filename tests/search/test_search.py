@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from wavesweep import compile  # noqa: A004 - the library calls it so
-from wavesweep.analyses.verdict import own_design
-from wavesweep.search import study
-from wavesweep.search.search import Judged, generations, spread, undominated
-from wavesweep.search.study import design
-from wavesweep.spec import load
+from wavesweep.check.verdict import own_design
+from wavesweep.core.spec import load
+from wavesweep.designs import study
+from wavesweep.designs.search import Judged, generations, spread, undominated
+from wavesweep.designs.study import design
 
 
 def hypervolume(objectives: np.ndarray, reference: np.ndarray) -> float:

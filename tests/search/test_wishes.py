@@ -8,16 +8,16 @@ from support.drawn import ARM, NETWORK, as_blocks
 from support.specs import KINDS
 
 import wavesweep
-from wavesweep.analyses.intervals import at_points
-from wavesweep.errors import SpecError
-from wavesweep.search import study
-from wavesweep.search import wishes as measures
-from wavesweep.search.best import judged
-from wavesweep.search.family import points_of, scenarios_of
-from wavesweep.search.search import Judged
-from wavesweep.search.wishes import Worst, evaluate
-from wavesweep.spec import SYMBOLS, Axis, load
-from wavesweep.sweep.grid import keys_of
+from wavesweep.core.analyses.intervals import at_points
+from wavesweep.core.errors import SpecError
+from wavesweep.core.spec import SYMBOLS, Axis, load
+from wavesweep.core.sweep.grid import keys_of
+from wavesweep.designs import study
+from wavesweep.designs import wishes as measures
+from wavesweep.designs.best import judged
+from wavesweep.designs.family import points_of, scenarios_of
+from wavesweep.designs.search import Judged
+from wavesweep.designs.wishes import Worst, evaluate
 
 TABLES = {
     "controller": {"kind": "pmw-lm", "Kp": 2.0},
@@ -347,7 +347,7 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
 def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):
     spec = wishes(delay_margin={"at_least": 1, "walls": [100]})
     sure = values_of(spec)["delay_margin"]
-    monkeypatch.setattr("wavesweep.search.wishes.radii_of", lambda _loops, size: np.full(size, np.nan))
+    monkeypatch.setattr("wavesweep.designs.wishes.radii_of", lambda _loops, size: np.full(size, np.nan))
     hidden = values_of(spec)["delay_margin"]
     assert sure.certified.all()
     assert not hidden.certified.any()

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from support.responses import loop_of
 
-from wavesweep.response.steady import respond
-from wavesweep.simulation import estimate, simulate
+from wavesweep.core.response.steady import respond
 from wavesweep.simulation.inputs import stepped_sine
+from wavesweep.simulation.march import simulate
+from wavesweep.simulation.record import estimate
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from wavesweep.simulation import Effects, simulate
+from wavesweep.simulation.hardware import Effects
+from wavesweep.simulation.march import simulate
 
 T = 1e-3
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from support.drawings import pmw, random_drawing
 
-from wavesweep.errors import UsageError
-from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.response.lifted import Lifted
-from wavesweep.response.port import Ports, port_of
-from wavesweep.response.steady import respond
-from wavesweep.simulation import Tone
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.steady import respond
+from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.march import run_drawn
 from wavesweep.simulation.record import components
 

@@ -8,8 +8,8 @@ from support.drawn import ARM, as_blocks
 from support.specs import nested, random_values
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.simulation import simulated
+from wavesweep.core.errors import UsageError
+from wavesweep.simulation.from_spec import simulated
 
 TWO_RATES = """
 [rates]

@@ -6,12 +6,13 @@ from scipy.linalg import expm
 from scipy.signal import butter
 from support.specs import INTEGRATIONS
 
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.robust.frames import LOST, Frames, frames_of_controller
-from wavesweep.robust.words import growth as growth_of
-from wavesweep.simulation import simulated, table
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.for_all.frames import LOST, Frames, frames_of_controller
+from wavesweep.for_all.words import growth as growth_of
+from wavesweep.simulation.from_spec import simulated
+from wavesweep.simulation.record import recorded
 
 FIG4 = {
     "controller": {"kind": "pmw", "b": 10.0},
@@ -88,7 +89,7 @@ def test_frames_of_one_length_are_those_of_the_ratio_to_the_last_bit(kind, ratio
     loop |= {"environment": {"integration": "trapezoidal", "delay": delay, "K_VE": 80.0}}
     force = 0.3 + np.random.default_rng(1).normal(size=80)
     specs = [load(loop | {"simulate": effects | more}) for more in ({}, {"frames": [ratio] * 3})]
-    own, framed = (table(simulated(spec, force)) for spec in specs)
+    own, framed = (recorded(simulated(spec, force)) for spec in specs)
     for name in own:
         np.testing.assert_array_equal(framed[name], own[name], err_msg=name)
 
@@ -172,7 +173,7 @@ def test_blocks_of_a_drawn_loop_follow_each_at_its_phase():
         k += 1
         if k == pattern[frame % 3]:
             gap, frame, k = k * 1e-3, frame + 1, 0
-    seen = table(simulated(load(DRAWN | {"simulate": {"frames": pattern}}), force))
+    seen = recorded(simulated(load(DRAWN | {"simulate": {"frames": pattern}}), force))
     np.testing.assert_allclose(seen["x"], rows, rtol=0, atol=1e-12 * np.abs(rows).max())
     np.testing.assert_array_equal(seen["phase"][:17], [*range(4), *range(7), *range(5), 0])
     np.testing.assert_array_equal(seen["frame"][[0, 3, 4, 10, 11, 15, 16, 20]], [0, 0, 1, 1, 2, 2, 3, 4])

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.simulation import hand_force, simulated, table
-from wavesweep.spec import load
-from wavesweep.tables import kind_named
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.tables import kind_named
+from wavesweep.simulation.from_spec import hand_force, simulated
+from wavesweep.simulation.record import recorded
 
 
 def spec(kind="pmw-lm", **simulate):
@@ -91,7 +92,7 @@ def test_a_call_that_makes_no_sense_is_refused(force, changes, words):
 
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
 def test_the_table_has_the_same_columns_for_every_controller(kind):
-    columns = table(simulated(spec(kind, late=3, dropped=0.2)))
+    columns = recorded(simulated(spec(kind, late=3, dropped=0.2)))
     assert list(columns) == [field.name for field in kind_named("simulate").fields]
     assert {len(column) for column in columns.values()} == {500}
     missing = {name for name, column in columns.items() if np.isnan(column).any()}
@@ -105,7 +106,7 @@ def test_the_table_has_the_same_columns_for_every_controller(kind):
 
 def test_no_infinity_gets_into_the_table_of_a_loop_that_diverges():
     run = simulated(load({"controller": {"kind": "dc"}, "environment": {"K_VE": 1e8}}))
-    columns = table(run)
+    columns = recorded(run)
     assert 2 < len(columns["tick"]) < 10_000
     assert run.stopped
     assert not any(np.isinf(column).any() for column in columns.values())

@@ -6,9 +6,9 @@ from support.exports import made, present, put
 
 import wavesweep
 from wavesweep import IllPosedLoopError, SpecError
-from wavesweep.analyses.assumptions import assumes
-from wavesweep.export.source import exported
-from wavesweep.spec import load
+from wavesweep.core.analyses.assumptions import assumes
+from wavesweep.core.spec import load
+from wavesweep.simulation.export.source import exported
 
 T, KP, KI, KD, TAU, TRACKING = 0.004, 1.5, 30.0, 0.02, 0.01, 0.05
 METHODS = "explicit", "implicit", "trapezoidal"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.messages import marched_blocks, random_blocks, spec_of_blocks
 
+from wavesweep.core.spec import load
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.hardware import Effects, losses
-from wavesweep.spec import load
 
 
 def test_messages_are_lost_as_often_as_the_chain_says():

@@ -8,8 +8,8 @@ import pytest
 from support.drawn import DRIVE, WALL, drive
 
 import wavesweep
-from wavesweep.spec import load
-from wavesweep.tables.simulation import simulate
+from wavesweep.core.spec import load
+from wavesweep.simulation.table import simulate
 
 NAMES = ["tick", "frame", "phase", "time_s", "ref", "load", "error", "speed", "angle", "torque", "twice"]
 

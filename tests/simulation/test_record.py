@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.simulation import estimate, simulate
 from wavesweep.simulation.inputs import sine, stepped_sine
+from wavesweep.simulation.march import simulate
+from wavesweep.simulation.record import estimate
 
 # The loop of Fig. 6 (`pmw-lm`, Kp = 20, the rest by default): exact responses, from 40-digit arithmetic.
 FREQUENCIES = [2.0, 11.25, 24.0]

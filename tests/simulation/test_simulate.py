@@ -5,9 +5,9 @@ import pytest
 from support.exact import SLOW, march
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.errors import IllPosedLoopError, UsageError
-from wavesweep.simulation import Effects, simulate
-from wavesweep.simulation.march import FARTHEST, STRONGEST
+from wavesweep.core.errors import IllPosedLoopError, UsageError
+from wavesweep.simulation.hardware import Effects
+from wavesweep.simulation.march import FARTHEST, STRONGEST, simulate
 
 
 @pytest.fixture

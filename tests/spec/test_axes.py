@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from wavesweep.spec.axes import linear, logarithmic
+from wavesweep.core.reading.axes import linear, logarithmic
 
 RANDOM = random.Random(7)  # noqa: S311 - a fixed sample, no secret
 SPANS = [(0.0, 15.0, 151), (0.0, 0.3, 4), (5.0, 5.0, 1), (0.0, 1.7e308, 7)] + [

@@ -6,9 +6,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.loops.values import values_of
-from wavesweep.spec.expressions import evaluate, value_of
-from wavesweep.spec.parsing import parse
+from wavesweep.core.drawing.expressions import evaluate, value_of
+from wavesweep.core.drawing.parsing import parse
+from wavesweep.core.loops.values import values_of
 
 mp = mpmath.mp.clone()
 mp.dps = 80

@@ -2,10 +2,10 @@
 
 import pytest
 
-from wavesweep.spec import load
-from wavesweep.spec.continuous import parted
-from wavesweep.spec.expressions import evaluate
-from wavesweep.spec.parsing import parse
+from wavesweep.core.drawing.continuous import parted
+from wavesweep.core.drawing.expressions import evaluate
+from wavesweep.core.drawing.parsing import parse
+from wavesweep.core.spec import load
 
 PLANTS = {"a": "mass", "b": "mass", "c": "mass", "s": "spring", "g": "tf"}
 SIGNALS = {"a.x", "a.v", "b.x", "b.v", "c.x", "s.f1", "g.y", "h.y", "push"}

@@ -5,8 +5,8 @@ import tomllib
 import pytest
 from support.drawn import ARM
 
-from wavesweep.errors import UsageError
-from wavesweep.spec import load
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
 
 LOOP = {"controller": {"kind": "pmw-lm"}}
 DESIGN = {

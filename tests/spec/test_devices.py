@@ -2,11 +2,11 @@
 
 import pytest
 
-from wavesweep.errors import SpecError
-from wavesweep.spec import KEYS, load
-from wavesweep.spec.checking import check
-from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.keys import SIMULATE_KEYS
+from wavesweep.core.errors import SpecError
+from wavesweep.core.reading.checking import check
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.reading.keys import SIMULATE_KEYS
+from wavesweep.core.spec import KEYS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
 COMPLETE = [name for name, device in DEVICES.items() if not device.unknown()]

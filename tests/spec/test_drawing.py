@@ -7,11 +7,11 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
-from wavesweep.errors import SpecError
-from wavesweep.spec import load, sweep_axes
-from wavesweep.spec.block_types import COLUMNS
-from wavesweep.spec.expressions import value_of
-from wavesweep.tables import kind_named
+from wavesweep.core.drawing.block_types import COLUMNS
+from wavesweep.core.drawing.expressions import value_of
+from wavesweep.core.errors import SpecError
+from wavesweep.core.spec import load, sweep_axes
+from wavesweep.core.tables import kind_named
 
 
 def changed(text, *changes):

@@ -8,10 +8,10 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.loops.values import values_of
-from wavesweep.spec.exact import exactly
-from wavesweep.spec.expressions import FUNCTIONS, Fault, evaluate, linear, singular, text_of, value_of
-from wavesweep.spec.parsing import LONGEST, parse
+from wavesweep.core.drawing.exact import exactly
+from wavesweep.core.drawing.expressions import FUNCTIONS, Fault, evaluate, linear, singular, text_of, value_of
+from wavesweep.core.drawing.parsing import LONGEST, parse
+from wavesweep.core.loops.values import values_of
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
 NAMES = {"__builtins__": {}, "pi": math.pi} | {name: getattr(math, name) for name in FUNCTIONS}

@@ -1,6 +1,6 @@
 """A spec remembers which keys were given, wherever they were given, and which have their defaults."""
 
-from wavesweep.spec import load
+from wavesweep.core.spec import load
 
 LOOP = {"controller": {"kind": "pmw"}}
 

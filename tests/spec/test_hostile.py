@@ -14,11 +14,11 @@ from functools import partial
 
 import pytest
 
-from wavesweep.cli import main
-from wavesweep.errors import UsageError
+from wavesweep.core.cli import main
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import KEYS, load
 from wavesweep.simulation import inputs
 from wavesweep.simulation.inputs import read_force
-from wavesweep.spec import KEYS, load
 
 TRIES = int(os.environ.get("WAVESWEEP_FUZZ", "0"))
 HEAD = '[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 20000 }\n'

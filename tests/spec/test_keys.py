@@ -5,8 +5,8 @@ from fractions import Fraction
 
 import pytest
 
-from wavesweep.spec.checking import Rejected, check, nearest, show
-from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, find_key
+from wavesweep.core.reading.checking import Rejected, check, nearest, show
+from wavesweep.core.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, find_key
 
 NUMERIC = [key for key in KEYS.values() if key.numeric]
 NOT_NUMBERS = [True, "1", "", None, [], [1], {}, math.nan, -math.inf, 10**400, -(10**5000), Fraction(1, 2)]

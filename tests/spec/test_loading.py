@@ -7,9 +7,9 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.spec import KEYS, load
-from wavesweep.spec.keys import VALUE_PATHS
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.reading.keys import VALUE_PATHS
+from wavesweep.core.spec import KEYS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
 FULL = """

@@ -14,12 +14,12 @@ import tomllib
 import pytest
 from support.drawn import ARM, DRIVE, PD, WALL
 
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.errors import SpecError
-from wavesweep.spec import KEYS, load
-from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.checking import show
-from wavesweep.spec.wishes import WISHES
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.errors import SpecError
+from wavesweep.core.reading.checking import show
+from wavesweep.core.spec import KEYS, load
+from wavesweep.designs.wish_keys import WISHES
 
 FOLDER = pathlib.Path(__file__).parent / "mistakes"
 BASES = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.toml")}

@@ -2,8 +2,8 @@
 
 import pytest
 
-from wavesweep.errors import SpecError
-from wavesweep.spec import SYMBOLS, load
+from wavesweep.core.errors import SpecError
+from wavesweep.core.spec import SYMBOLS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
 

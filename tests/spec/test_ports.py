@@ -5,10 +5,10 @@ import tomllib
 import pytest
 from support.drawn import DRIVE, NETWORK, WALL
 
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.spec import load
-from wavesweep.spec.block_types import RUN_COLUMNS
-from wavesweep.tables import kind_named
+from wavesweep.core.drawing.block_types import RUN_COLUMNS
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.tables import kind_named
 
 
 def tables(**changes):

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from wavesweep.spec.reading import locate, scan
+from wavesweep.core.reading.reading import locate, scan
 
 TEXT = '''\
 # [fake] key = 1

@@ -7,11 +7,11 @@ import pytest
 from scipy import signal
 
 import wavesweep
-from wavesweep.controllers import CONTROLLERS
-from wavesweep.errors import SpecError
-from wavesweep.loops.controllers import keys_of_page
-from wavesweep.spec import load
-from wavesweep.spec.resolving import butterworth_order
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.errors import SpecError
+from wavesweep.core.loops.controllers import keys_of_page
+from wavesweep.core.spec import load
+from wavesweep.core.spec.resolving import butterworth_order
 
 EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from wavesweep.cli import main
-from wavesweep.errors import SpecError
-from wavesweep.spec import KEYS, load
-from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.schema import schema
+from wavesweep.core.cli import main
+from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.errors import SpecError
+from wavesweep.core.spec import KEYS, load
+from wavesweep.core.spec.schema import schema
 
 ROOT = Path(__file__).parents[2]
 CHECKED = jsonschema.Draft202012Validator(schema())

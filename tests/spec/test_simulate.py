@@ -4,10 +4,10 @@ import pickle
 
 import pytest
 
-from wavesweep.errors import SpecError
-from wavesweep.spec import load
-from wavesweep.spec.experiment import step_seconds
-from wavesweep.spec.keys import SIMULATE_KEYS
+from wavesweep.core.errors import SpecError
+from wavesweep.core.reading.keys import SIMULATE_KEYS
+from wavesweep.core.spec import load
+from wavesweep.simulation.keys import step_seconds
 
 LOOP = {"controller": {"kind": "pmw"}}
 

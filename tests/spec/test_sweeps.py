@@ -2,8 +2,8 @@
 
 import pytest
 
-from wavesweep.errors import SpecError, UsageError
-from wavesweep.spec import KEYS, SYMBOLS, load, sweep_axes
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import KEYS, SYMBOLS, load, sweep_axes
 
 EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
 

@@ -5,8 +5,8 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from wavesweep.errors import SpecError
-from wavesweep.spec import load
+from wavesweep.core.errors import SpecError
+from wavesweep.core.spec import load
 
 EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
 BASE = {"controller": {"kind": "pmw-lm"}, "filters": {"lp2": EDGES}, "sweep": {"b": [1, 2]}}

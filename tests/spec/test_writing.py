@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.spec import load
-from wavesweep.spec.writing import as_toml
+from wavesweep.core.spec import load
+from wavesweep.core.spec.writing import as_toml
 
 ROOT = Path(__file__).parents[2]
 

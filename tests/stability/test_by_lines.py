@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.stability.by_lines import unstable_counts
-from wavesweep.stability.frames import Frames
+from wavesweep.core.stability.by_lines import unstable_counts
+from wavesweep.core.stability.frames import Frames
 
 STATES = 30  # of the delay
 

@@ -7,8 +7,8 @@ import pytest
 from support.intervals import cut_of
 from support.specs import random_values
 
-from wavesweep.stability import regions, stable
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.stability import regions, stable
+from wavesweep.core.stability.stable import stable_intervals
 
 K_FIXED = np.concatenate([[0], np.random.default_rng(5).uniform(0, 15, 11)])
 B_FIXED = np.exp(np.linspace(0, 9, 12))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from wavesweep.stability import along_any, covering
-from wavesweep.stability.along_any import stable_along_any
-from wavesweep.stability.dominance import Bent
-from wavesweep.stability.entries import panels_of
+from wavesweep.core.stability import along_any, covering
+from wavesweep.core.stability.along_any import stable_along_any
+from wavesweep.core.stability.dominance import Bent
+from wavesweep.core.stability.entries import panels_of
 
 SPAN = (-1.0, 1.0)
 KINDS = "touches", "crosses", "meets", "wild"

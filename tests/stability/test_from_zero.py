@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.spec.expressions import degree
-from wavesweep.spec.parsing import parse
+from wavesweep.core.drawing.expressions import degree
+from wavesweep.core.drawing.parsing import parse
+from wavesweep.core.errors import UsageError
 
 T, M = 0.005, 0.1
 

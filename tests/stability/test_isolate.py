@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from support import sturm
 
-from wavesweep.stability import bernstein
-from wavesweep.stability.bernstein import change_of_basis, largest_bernstein, roots_by_sign
-from wavesweep.stability.real_roots import EDGE, by_discs, isolate
+from wavesweep.core.stability import bernstein
+from wavesweep.core.stability.bernstein import change_of_basis, largest_bernstein, roots_by_sign
+from wavesweep.core.stability.real_roots import EDGE, by_discs, isolate
 
 METHODS = [isolate, by_discs]
 

@@ -8,9 +8,9 @@ from support.intervals import intervals_of, pairs
 from support.specs import KINDS, values_of
 
 import wavesweep
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.stability.crossings import poles_at_one
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.stability.crossings import poles_at_one
+from wavesweep.core.stability.stable import stable_intervals
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.stability.along_any import stable_along_any
+from wavesweep.core.stability.along_any import stable_along_any
 
 
 def line(every, **numbers):

@@ -11,7 +11,7 @@ from support.intervals import cut_of, intervals_of, mislabelled, pairs
 from support.specs import nested, random_values, values_of
 
 import wavesweep
-from wavesweep.stability import stable
+from wavesweep.core.stability import stable
 
 pytestmark = pytest.mark.slow
 

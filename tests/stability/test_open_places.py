@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep import plots, results
-from wavesweep.analyses.subloops import common
-from wavesweep.cli.entry import main
-from wavesweep.stability import along_any
-from wavesweep.stability.certificate import COUNTS, CROWDED
-from wavesweep.stability.intervals import in_rows, intervals_of, joined, without_seams
-from wavesweep.stability.regions import Regions
+from wavesweep.core import plots, results
+from wavesweep.core.analyses.subloops import common
+from wavesweep.core.cli.entry import main
+from wavesweep.core.stability import along_any
+from wavesweep.core.stability.certificate import COUNTS, CROWDED
+from wavesweep.core.stability.intervals import in_rows, intervals_of, joined, without_seams
+from wavesweep.core.stability.regions import Regions
 
 
 def regions(*parts):

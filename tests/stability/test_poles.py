@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.errors import UsageError
-from wavesweep.loops.domain import domain
-from wavesweep.spec.loading import naming
-from wavesweep.stability.entries import RIM
-from wavesweep.stability.frames import level, pole_inside
-from wavesweep.sweep.grid import own_loop
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.domain import domain
+from wavesweep.core.spec.loading import naming
+from wavesweep.core.stability.entries import RIM
+from wavesweep.core.stability.frames import level, pole_inside
+from wavesweep.core.sweep.grid import own_loop
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 

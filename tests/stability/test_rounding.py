@@ -7,9 +7,9 @@ import pytest
 from support.intervals import cut_of, intervals_of
 from support.specs import values_of
 
-from wavesweep.monodromy.circle import on_circle
-from wavesweep.stability.boundary import end_errors
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.monodromy.circle import on_circle
+from wavesweep.core.stability.boundary import end_errors
+from wavesweep.core.stability.stable import stable_intervals
 
 # Two crossings that nearly merge in front of z = 1; the truth is from 512-bit ball arithmetic.
 GRAZING = {

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.stability.sensitivity import crossings_of, tracked_eigenvalue
-from wavesweep.stability.spectrum import damping_ratio, least_damping
+from wavesweep.core.stability.spectrum import damping_ratio, least_damping
+from wavesweep.sensitivity.sensitivity import crossings_of, tracked_eigenvalue
 
 
 def matrices(r, blocks):

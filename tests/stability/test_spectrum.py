@@ -6,10 +6,10 @@ from flint import arb_mat, ctx
 from support import certified
 
 import wavesweep
-from wavesweep.cli.verdict import own_lines
-from wavesweep.monodromy.rounding import balance
-from wavesweep.stability import spectrum
-from wavesweep.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
+from wavesweep.check.verdict_lines import own_lines
+from wavesweep.core.monodromy.rounding import balance
+from wavesweep.core.stability import spectrum
+from wavesweep.core.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
 
 
 def test_balancing_changes_the_units_of_states_and_no_eigenvalue():

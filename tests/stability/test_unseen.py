@@ -8,8 +8,8 @@ from support.intervals import cut_of
 from support.specs import values_of
 
 import wavesweep
-from wavesweep.stability.spectrum import count_outside
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.stability.spectrum import count_outside
+from wavesweep.core.stability.stable import stable_intervals
 
 
 def test_a_window_in_which_the_tick_explodes_is_found():

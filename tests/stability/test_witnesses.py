@@ -7,8 +7,8 @@ from support.intervals import cut_of, excess, intervals_of, mislabelled, pairs
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.analyses.interval_search import Search
-from wavesweep.stability.stable import stable_intervals
+from wavesweep.core.analyses.interval_search import Search
+from wavesweep.core.stability.stable import stable_intervals
 
 pytestmark = pytest.mark.slow
 

@@ -7,11 +7,11 @@ import numpy as np
 from support import certified
 from support.intervals import cut_of
 
-from wavesweep.analyses.interval_search import Search
-from wavesweep.controllers import WALL
-from wavesweep.errors import IllPosedLoopError
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.sweep.grid import Loops
+from wavesweep.core.analyses.interval_search import Search
+from wavesweep.core.controllers import WALL
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.sweep.grid import Loops
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5

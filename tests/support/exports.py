@@ -9,8 +9,8 @@ import pytest
 
 import wavesweep
 from support.specs import nested, random_values
-from wavesweep.analyses.experiment import radius_of
-from wavesweep.export import exported
+from wavesweep.simulation.experiment import radius_of
+from wavesweep.simulation.export import exported
 
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
 COMPILERS = ("gcc", "clang")

@@ -4,13 +4,13 @@ import numpy as np
 
 import wavesweep
 from support.specs import nested
-from wavesweep.analyses.hands import Guarantee
-from wavesweep.analyses.loops import drift_of, frames
-from wavesweep.analyses.passive_ranges import hand_ranges, port_ranges
-from wavesweep.loops.controllers import loop_drawing
+from wavesweep.core.analyses.loops import drift_of, frames
+from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.sweep.grid import Loops, distinct, selected
 from wavesweep.passive import any_hand, channel, margin
-from wavesweep.passive.held_loop import HAND, HeldLoop
-from wavesweep.sweep.grid import Loops, distinct, selected
+from wavesweep.passive.hands import Guarantee
+from wavesweep.passive.ranges import hand_ranges, port_ranges
 
 WALL = "environment.K_VE"
 THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])  # rad per frame

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from wavesweep.analyses.loops import ports_of_batch
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.response.lifted import Lifted
-from wavesweep.sweep.grid import Loops
+from wavesweep.core.analyses.loops import ports_of_batch
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.sweep.grid import Loops
 
 
 def loop_of(values) -> Lifted:

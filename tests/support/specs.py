@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.controllers import CONTROLLERS
+from wavesweep.core.controllers import CONTROLLERS
 
 DEFAULTS = {
     "rates.fast_hz": 1000.0, "rates.ratio": 20,

@@ -3,8 +3,8 @@
 import pytest
 from support.tables import same
 
-from wavesweep.spec import load
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.spec import load
+from wavesweep.core.tables.intervals import intervals
 
 TABLES = {
     "environment": {"integration": "explicit"},

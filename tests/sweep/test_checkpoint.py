@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from support.chunks import changed, finished_in
 
-from wavesweep.analyses.interval_records import RECORD
-from wavesweep.errors import CheckpointError, UsageError
-from wavesweep.store import checkpoint
-from wavesweep.sweep import running
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.analyses.interval_records import RECORD
+from wavesweep.core.errors import CheckpointError, UsageError
+from wavesweep.core.store import checkpoint
+from wavesweep.core.sweep import running
+from wavesweep.core.tables.intervals import intervals
 
 
 class Stopped(BaseException):

@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import pytest
 
 import wavesweep
-from wavesweep.analyses.intervals import job_of
-from wavesweep.analyses.planning import plan
-from wavesweep.errors import UsageError
-from wavesweep.spec import load
-from wavesweep.sweep import estimates, job, running, workers
-from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
-from wavesweep.sweep.workers import WORTH, choose
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.responses import responses
+from wavesweep.check.planning import plan
+from wavesweep.core.analyses.intervals import job_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import load
+from wavesweep.core.sweep import estimates, job, running, workers
+from wavesweep.core.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
+from wavesweep.core.sweep.workers import WORTH, choose
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
 
 
 def spec_of(kind="pmw", **axes):

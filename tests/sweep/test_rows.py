@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from wavesweep.analyses.intervals import job_of
-from wavesweep.columns import joined
-from wavesweep.spec import load
-from wavesweep.store.checkpoint import MemoryCheckpoint
-from wavesweep.sweep import running
-from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
-from wavesweep.sweep.running import compute
-from wavesweep.sweep.workers import Workers
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.analyses.intervals import job_of
+from wavesweep.core.columns import joined
+from wavesweep.core.spec import load
+from wavesweep.core.store.checkpoint import MemoryCheckpoint
+from wavesweep.core.sweep import running
+from wavesweep.core.sweep.job import Chunks, cut_otherwise, cut_up
+from wavesweep.core.sweep.running import compute
+from wavesweep.core.sweep.workers import Workers
+from wavesweep.core.tables.intervals import intervals
 
 HERE = Workers(1, None, None, "a test")
 SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]

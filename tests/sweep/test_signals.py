@@ -120,8 +120,8 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
 def test_workers_that_are_killed_while_tasks_wait_for_them_are_an_error_at_once():
     program = """
 import os, signal, threading, time
-from wavesweep.errors import WavesweepError
-from wavesweep.sweep.pools import in_parallel
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.sweep.pools import in_parallel
 ids = {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
 threading.Timer(1, lambda: [os.kill(each, signal.SIGKILL) for each in ids]).start()
 try:
@@ -149,7 +149,7 @@ def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp
 
 def test_a_hangup_that_is_ignored_stays_so(tmp_path):
     program = (
-        "import os, signal\nfrom wavesweep.cli import stopping\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup\n"
+        "import os, signal\nfrom wavesweep.core.cli import stopping\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup\n"
     )
     program += "with stopping.signals_unwind(False):\n    os.kill(os.getpid(), signal.SIGHUP)\nprint('there')"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
@@ -157,7 +157,7 @@ def test_a_hangup_that_is_ignored_stays_so(tmp_path):
 
 
 def test_a_signal_that_arrives_while_an_object_is_finalised_is_not_lost(tmp_path):
-    program = "import os, signal, time\nfrom wavesweep.cli import stopping\n"
+    program = "import os, signal, time\nfrom wavesweep.core.cli import stopping\n"
     program += "class Last:\n    def __del__(self): os.kill(os.getpid(), signal.SIGTERM); time.sleep(0.1)\n"
     program += "try:\n    with stopping.signals_unwind(True):\n        Last()\n        time.sleep(5)\n"
     program += "except stopping.Stopped as error:\n    print(error.exit_code)"
@@ -167,7 +167,7 @@ def test_a_signal_that_arrives_while_an_object_is_finalised_is_not_lost(tmp_path
 
 @pytest.mark.parametrize("after", ["pass", "raise ImportError('initialization failed')"])
 def test_a_signal_whose_exception_a_library_drops_or_changes_counts(tmp_path, after):
-    program = "import os, signal\nfrom wavesweep.cli import stopping\n"
+    program = "import os, signal\nfrom wavesweep.core.cli import stopping\n"
     program += (
         "try:\n    with stopping.signals_unwind(False):\n        try:\n            os.kill(os.getpid(), signal.SIGTERM)\n"
     )

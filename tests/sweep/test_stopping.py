@@ -13,7 +13,7 @@ import pytest
 from support.chunks import finished
 from support.program import started
 
-from wavesweep.sweep import workers
+from wavesweep.core.sweep import workers
 
 pytestmark = pytest.mark.slow
 

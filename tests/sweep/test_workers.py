@@ -12,12 +12,12 @@ from concurrent.futures import Future
 import pytest
 from support.chunks import DieOnce, finished_in, meet
 
-from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.reproducibility import versions
-from wavesweep.sweep import clusters, workers
-from wavesweep.sweep.pools import in_parallel
-from wavesweep.sweep.workers import Workers, results
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.errors import UsageError, WavesweepError
+from wavesweep.core.reproducibility import versions
+from wavesweep.core.sweep import clusters, workers
+from wavesweep.core.sweep.pools import in_parallel
+from wavesweep.core.sweep.workers import Workers, results
+from wavesweep.core.tables.intervals import intervals
 
 
 @pytest.mark.sample(2)
@@ -139,7 +139,7 @@ def test_nothing_of_the_current_folder_is_run(tmp_path):
         (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")
     program = (
         "import sys; sys.path[:] = [p for p in sys.path if p]\n"
-        "from wavesweep.sweep.pools import in_parallel\n"
+        "from wavesweep.core.sweep.pools import in_parallel\n"
         "print(sorted(found for found, _ in in_parallel('loky', 2, [(len, 'a' * n) for n in range(4)])))"
     )
     run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -157,7 +157,7 @@ def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeyp
 
 @pytest.mark.parametrize("name", ["tool_version", "numpy_version"])
 def test_workers_of_another_version_are_refused_and_no_row_of_theirs_is_kept(long, monkeypatch, tmp_path, name):
-    monkeypatch.setattr("wavesweep.sweep.pools.versions", lambda: versions() | {name: "0.0.1"})
+    monkeypatch.setattr("wavesweep.core.sweep.pools.versions", lambda: versions() | {name: "0.0.1"})
     with pytest.raises(WavesweepError, match=r"expected workers with wavesweep .* and numpy .*, found one with .* 0\.0\.1"):
         intervals(long, jobs=2, backend="threading", checkpoint=tmp_path / "kept.sqlite")
     assert finished_in(tmp_path / "kept.sqlite") == []
@@ -256,8 +256,8 @@ def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
 FAULTS = """
 import resource
 import numpy as np
-from wavesweep.platform_compat import keep_memory
-from wavesweep.tables.intervals import intervals
+from wavesweep.core.platform_compat import keep_memory
+from wavesweep.core.tables.intervals import intervals
 
 if {keep}:
     keep_memory()

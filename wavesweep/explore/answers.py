@@ -9,25 +9,25 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.analyses.interval_records import FELT, LINES, OPEN
-from wavesweep.analyses.intervals import Way, cost_of, job_over
-from wavesweep.analyses.loops import loop_at_hand, radius_over
-from wavesweep.analyses.measured import read_points
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.analyses.responses import doubt_of
-from wavesweep.analyses.verdict import own_design
-from wavesweep.columns import complex_columns
-from wavesweep.controllers import WALL
-from wavesweep.errors import WavesweepError
+from wavesweep.check.verdict import own_design
+from wavesweep.core.analyses.interval_records import FELT, LINES, OPEN
+from wavesweep.core.analyses.intervals import Way, cost_of, job_over
+from wavesweep.core.analyses.loops import loop_at_hand, radius_over
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.analyses.responses import doubt_of
+from wavesweep.core.columns import complex_columns
+from wavesweep.core.controllers import WALL
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.monodromy.cut import Cut
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.response.steady import respond
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.sweep.grid import make_grid
+from wavesweep.core.sweep.running import in_memory
+from wavesweep.core.tables.regions import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
+from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
-from wavesweep.monodromy.cut import Cut
-from wavesweep.response.lifted import Lifted
-from wavesweep.response.steady import respond
-from wavesweep.spec import Axis, Spec
-from wavesweep.stability.plane import quick_columns, refined_curve
-from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.running import in_memory
-from wavesweep.tables.regions import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
+from wavesweep.identification.measured import read_points
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
 SECONDS = 0.4  # that these may take

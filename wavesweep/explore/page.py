@@ -13,8 +13,9 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.controllers import WALL
-from wavesweep.errors import SpecError, WavesweepError
+from wavesweep.core.controllers import WALL
+from wavesweep.core.errors import SpecError, WavesweepError
+from wavesweep.core.spec import Spec
 from wavesweep.explore.answers import (
     Plane,
     certified_plane,
@@ -30,7 +31,6 @@ from wavesweep.explore.behaviour import behaviour, choices, proved_margins
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.identification.points import facts_of_points
-from wavesweep.spec import Spec
 
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
 PREVIEW_S = 0.02  # that a preview by cells may take
@@ -241,13 +241,13 @@ def _design(page, values):
 
 
 def _intervals(spec):
-    from wavesweep.tables.intervals import intervals
+    from wavesweep.core.tables.intervals import intervals
 
     return intervals(spec, spec.along or None)
 
 
 def _responses(spec):
-    from wavesweep.tables.responses import responses
+    from wavesweep.core.tables.responses import responses
 
     return responses([spec])
 
@@ -256,8 +256,8 @@ TABLES = {"Stable intervals": _intervals, "Responses": _responses}
 
 
 def _table(title, table):
-    from wavesweep import results
-    from wavesweep.plots import drawn
+    from wavesweep.core import results
+    from wavesweep.core.plots import drawn
 
     table = drawn(table)
     csv, figure = results.pictured(table)

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
-from wavesweep.analyses.verdict import FAR, USUAL
-from wavesweep.errors import SpecError
-from wavesweep.loops.controllers import keys_of_page
-from wavesweep.spec import SYMBOLS, Key, Spec, load
-from wavesweep.spec.keys import BAND_EDGES
-from wavesweep.spec.resolving import longest_delay
-from wavesweep.spec.studies import K_VE_SPAN
-from wavesweep.spec.writing import as_toml
-from wavesweep.sweep.grid import is_plain
+from wavesweep.check.verdict import FAR, USUAL
+from wavesweep.core.errors import SpecError
+from wavesweep.core.loops.controllers import keys_of_page
+from wavesweep.core.reading.keys import BAND_EDGES
+from wavesweep.core.spec import SYMBOLS, Key, Spec, load
+from wavesweep.core.spec.resolving import longest_delay
+from wavesweep.core.spec.studies import K_VE_SPAN
+from wavesweep.core.spec.writing import as_toml
+from wavesweep.core.sweep.grid import is_plain
 
 FACTOR = 4.0  # times a gain's value: the end of its slider
 HALVINGS, DIGITS = 12, 3  # steps towards an end that the spec accepts, and digits of that end

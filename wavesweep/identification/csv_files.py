@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.errors import UsageError
-from wavesweep.spec.reading import read_bytes
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.reading import read_bytes
 
 SHOWN = 60  # letters of a file that a message repeats
 

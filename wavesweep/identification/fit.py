@@ -10,7 +10,7 @@ from operator import itemgetter
 import numpy as np
 from scipy.optimize import least_squares
 
-from wavesweep.errors import UsageError
+from wavesweep.core.errors import UsageError
 from wavesweep.identification.intervals import Estimate, estimated
 from wavesweep.identification.model import ORDER, OWN, STEP, Model, euler, measured, of_modes, readings, sensitivities
 

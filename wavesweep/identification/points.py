@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.errors import UsageError
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.checking import nearest
+from wavesweep.core.reading.reading import read_bytes
 from wavesweep.identification.csv_files import SHOWN, read_csv
-from wavesweep.spec.checking import nearest
-from wavesweep.spec.reading import read_bytes
 
 if TYPE_CHECKING:
-    from wavesweep.spec import Spec
+    from wavesweep.core.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
 DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}  # responses of position, velocity and acceleration

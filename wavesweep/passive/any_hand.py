@@ -4,15 +4,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.loops.block import Block
-from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.monodromy.circle import solve
-from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.passive.held_loop import HeldLoop
-from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels
-from wavesweep.passive.lifted_map import LiftedMap, TickMaps, read
-from wavesweep.response.linear_systems import solved
-from wavesweep.stability.spectrum import is_stable
+from wavesweep.core.energy.held_loop import HeldLoop
+from wavesweep.core.energy.hinf import SOFT, Peak, angles, peak_by_levels
+from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps, read
+from wavesweep.core.loops.block import Block
+from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.monodromy.circle import solve
+from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.core.response.linear_systems import solved
+from wavesweep.core.stability.spectrum import is_stable
 
 SLACK = 1e-10  # of the damping and of 1 N*s/m: no frequency needs more than so much more
 LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on

@@ -5,15 +5,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.loops.block import Block
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.loops.from_drawing import assembled
-from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.passive.hinf import Peak, angles, peak_by_levels
-from wavesweep.passive.lifted_map import TickMaps, reached, read
-from wavesweep.spec.drawing import Drawing, path_of
-from wavesweep.spec.expressions import names_in
+from wavesweep.core.drawing.drawing import Drawing, path_of
+from wavesweep.core.drawing.expressions import names_in
+from wavesweep.core.energy.hinf import Peak, angles, peak_by_levels
+from wavesweep.core.energy.lifted_map import TickMaps, reached, read
+from wavesweep.core.loops.block import Block
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.loops.from_drawing import assembled
+from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.core.monodromy.periodic import ticks_of
 
 TOLERANCE = 1e-10  # relative, of the norm
 ENDS = (

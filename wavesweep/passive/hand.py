@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.arguments import real_numbers
-from wavesweep.passive.held_loop import HAND
+from wavesweep.core.arguments import real_numbers
+from wavesweep.core.energy.held_loop import HAND
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,19 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.loops.domain import guards_at
-from wavesweep.loops.from_drawing import POSITION
-from wavesweep.loops.multirate import MultirateLoop
-from wavesweep.monodromy.circle import inverse, on_circle, solve
-from wavesweep.monodromy.open_ticks import facts_of
-from wavesweep.monodromy.periodic import ticks_of
-from wavesweep.monodromy.rounding import balance
+from wavesweep.core.energy.held_loop import HeldLoop, device_keys
+from wavesweep.core.energy.hinf import SOFT, Peak, angles, peak_by_levels, tick
+from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
+from wavesweep.core.loops.domain import guards_at
+from wavesweep.core.loops.from_drawing import POSITION
+from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.monodromy.circle import inverse, on_circle, solve
+from wavesweep.core.monodromy.open_ticks import facts_of
+from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.core.monodromy.rounding import balance
+from wavesweep.core.response.port import Ports, port_of
 from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
-from wavesweep.passive.held_loop import HeldLoop, device_keys
-from wavesweep.passive.hinf import SOFT, Peak, angles, peak_by_levels, tick
-from wavesweep.passive.lifted_map import LiftedMap, TickMaps
-from wavesweep.response.port import Ports, port_of
 
 SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop

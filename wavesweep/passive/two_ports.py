@@ -19,15 +19,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.errors import UsageError
-from wavesweep.loops.from_drawing import OUTPUT, POSITION
-from wavesweep.monodromy.circle import inverse, on_circle, solve
-from wavesweep.passive.held_loop import HeldLoop
-from wavesweep.passive.lifted_map import LiftedMap, TickMaps
+from wavesweep.core.drawing.drawing import ENVIRONMENT
+from wavesweep.core.energy.held_loop import HeldLoop
+from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import OUTPUT, POSITION
+from wavesweep.core.monodromy.circle import inverse, on_circle, solve
+from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.stability.spectrum import eigenvalues, is_stable
 from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
-from wavesweep.response.port import Ports, port_of
-from wavesweep.spec.drawing import ENVIRONMENT
-from wavesweep.stability.spectrum import eigenvalues, is_stable
 
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
 LONGEST = 100  # ticks of a frame

@@ -10,9 +10,9 @@ from typing import Any
 
 from flint import acb_mat, arb, arb_mat
 
-from wavesweep.loops import definitions
-from wavesweep.loops.definitions import Rows
-from wavesweep.spec.drawn_block import DELTA
+from wavesweep.core.drawing.drawn_block import DELTA
+from wavesweep.core.loops import definitions
+from wavesweep.core.loops.definitions import Rows
 
 Matrices = tuple[Rows, Rows, Rows, Rows]
 

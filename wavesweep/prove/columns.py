@@ -11,10 +11,10 @@ from typing import Any
 
 from flint import arb, ctx
 
+from wavesweep.core.drawing.drawing import Drawing, name_of
 from wavesweep.prove.crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
 from wavesweep.prove.polynomials import Budget, Family
 from wavesweep.prove.ticks import Loop, UndecidedError
-from wavesweep.spec.drawing import Drawing, name_of
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
 HOPELESS = 3  # precisions at which crossings are crowded, after which more bits do not tell them apart

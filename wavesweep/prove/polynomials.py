@@ -18,9 +18,9 @@ import numpy as np
 from flint import acb, arb, arb_mat, arb_poly, ctx
 from scipy.sparse.csgraph import connected_components
 
+from wavesweep.core.drawing.drawn_block import Plant
+from wavesweep.core.drawing.expressions import Tree, degree, evaluate, is_constant
 from wavesweep.prove.ticks import Loop, UndecidedError, reads
-from wavesweep.spec.drawn_block import Plant
-from wavesweep.spec.expressions import Tree, degree, evaluate, is_constant
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
 MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such

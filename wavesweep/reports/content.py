@@ -9,14 +9,14 @@ from hashlib import sha256
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.errors import WavesweepError
+from wavesweep.core.errors import WavesweepError
 from wavesweep.reports import page as html
 from wavesweep.reports.words import counterexamples, interval_rows, question, words_of_spec
 
 if TYPE_CHECKING:
-    from wavesweep.spec import Spec
-    from wavesweep.tables.kind import Line
-    from wavesweep.tables.table import Table
+    from wavesweep.core.spec import Spec
+    from wavesweep.core.tables.kind import Line
+    from wavesweep.core.tables.table import Table
 
 INTERVALS, WHY, MARGINS = "Stable intervals", "What sets the limits", "Margins"
 RUN, RESPONSE = "Simulation", "Frequency response"
@@ -104,9 +104,12 @@ def report(spec: Spec, asked: Request) -> str:
 
 def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, Callable[[Any], Table]]]:
     """Title -> the command of a table, with {} for the spec, and a function of the watcher of its progress that makes it."""
-    from wavesweep.analyses.broken_loops import cuts_of
-    from wavesweep.analyses.hands import hands_of
-    from wavesweep.tables import intervals, margins, responses, simulation, why
+    from wavesweep.core.tables import intervals, responses
+    from wavesweep.margins import table as margins
+    from wavesweep.margins.broken_loops import cuts_of
+    from wavesweep.passive.hands import hands_of
+    from wavesweep.sensitivity import table as why
+    from wavesweep.simulation import table as simulation
 
     hands, cut = hands_of(asked.hands), asked.cut or next(iter(cuts_of(spec)), "")
     along_wall = not spec.drawing and spec.names.find(spec.along).path == spec.wall[0]
@@ -128,7 +131,7 @@ def _for_hands(asked: Request) -> str:
 
 def _with_step(spec: Spec) -> Spec:
     """The spec of `simulate` with a step in place of the sine that is the default of a hand's force."""
-    from wavesweep.spec import load
+    from wavesweep.core.spec import load
 
     tables = replace(spec, for_simulation=True).tables()
     kept = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
@@ -138,9 +141,9 @@ def _with_step(spec: Spec) -> Spec:
 
 def _found(title: str, table: Table, command: str) -> Found:
     """A table written, drawn and summarised, as its command does all of it."""
-    from wavesweep import results
-    from wavesweep.plots import drawn
-    from wavesweep.tables import kind_named
+    from wavesweep.core import results
+    from wavesweep.core.plots import drawn
+    from wavesweep.core.tables import kind_named
 
     kind, notices = kind_named(table.kind), [(str(each), False) for each in table.facts.get("notices", ())]
     tally = kind.tally(table)
@@ -151,9 +154,9 @@ def _found(title: str, table: Table, command: str) -> Found:
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
     """The verdict of `check` on the spec's own numbers, and whether they lie in a proved range, as then stability is proved."""
-    from wavesweep.analyses.assumptions import over_preset, unusual
-    from wavesweep.analyses.verdict import verdict
-    from wavesweep.cli.verdict import own_lines, verdict_lines
+    from wavesweep.check.verdict import verdict
+    from wavesweep.check.verdict_lines import own_lines, verdict_lines
+    from wavesweep.core.analyses.assumptions import over_preset, unusual
 
     found = verdict(spec)
     lines = (*own_lines(spec, found), *(line for _, line in verdict_lines(spec, found)), *unusual(spec), *over_preset(spec))
@@ -197,7 +200,7 @@ def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
 
 def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request) -> Iterator[str]:
     """Versions, digests, and the commands that give all of it again."""
-    from wavesweep.reproducibility import versions
+    from wavesweep.core.reproducibility import versions
 
     found = list(found)
     again = f"wavesweep report {name}{_for_hands(asked)}" + (f" --cut {quote(asked.cut)}" if asked.cut else "")
@@ -218,7 +221,7 @@ def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request)
 
 def _text(spec: Spec, asked: Request) -> Iterator[str]:
     """The spec as it was written; that of nested tables as TOML."""
-    from wavesweep.spec.writing import as_toml
+    from wavesweep.core.spec.writing import as_toml
 
     yield html.element("h2", f"The spec, {spec.name}.toml")
     if asked.overrides:

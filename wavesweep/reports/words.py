@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.columns import Columns, axes_of, whose_column
-from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.spec import sweep_axes
-from wavesweep.spec.require import words_of
-from wavesweep.tables.columns import fields_of
+from wavesweep.core.columns import Columns, axes_of, whose_column
+from wavesweep.core.errors import SpecError, WavesweepError
+from wavesweep.core.spec import sweep_axes
+from wavesweep.core.tables.columns import fields_of
+from wavesweep.require.keys import words_of
 
 if TYPE_CHECKING:
-    from wavesweep.spec import Axis, Spec
-    from wavesweep.tables.table import Table
+    from wavesweep.core.spec import Axis, Spec
+    from wavesweep.core.tables.table import Table
 
 MOST_VALUES = 6  # of an axis that are named
 MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one the rows with the largest and the least end
@@ -127,7 +127,7 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
 
 def _beyond(spec: Spec, along: str, axes: dict[str, float], end: float, side: float) -> Iterator[list[str]]:
     """Yield the value next to an end with which the loop is unstable, and the eigenvalue that makes it so."""
-    from wavesweep.analyses.poles import poles
+    from wavesweep.margins.poles import poles
 
     for step in BEYOND:
         value = end + side * step * abs(end or 1.0)

@@ -7,22 +7,3 @@ shows as a difference between two programs and not as the same mistake twice. A 
 `parts` turns a drawing into laws and sums, `ticks` orders them into a program per kind of tick, `march` runs these with the
 effects of `hardware`; `body` moves the device, `inputs` has the forces of the hand, `record` the results.
 """
-
-from wavesweep.simulation.from_spec import hand_force, record_path, simulated
-from wavesweep.simulation.hardware import Effects
-from wavesweep.simulation.inputs import Tone
-from wavesweep.simulation.march import simulate
-from wavesweep.simulation.record import Energy, Simulation, estimate, table
-
-__all__ = [
-    "Effects",
-    "Energy",
-    "Simulation",
-    "Tone",
-    "estimate",
-    "hand_force",
-    "record_path",
-    "simulate",
-    "simulated",
-    "table",
-]

@@ -5,14 +5,14 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from wavesweep.errors import UsageError
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.inputs import Input
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.parts import Frames
 from wavesweep.simulation.record import Simulation
-from wavesweep.spec import Spec
 
 
 def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wavesweep.errors import UsageError
-from wavesweep.spec.checking import Rejected, check
-from wavesweep.spec.keys import SIMULATE_KEYS
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.checking import Rejected, check
+from wavesweep.core.reading.keys import SIMULATE_KEYS
 
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 

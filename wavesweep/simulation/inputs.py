@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.arguments import real_numbers
-from wavesweep.errors import UsageError
+from wavesweep.core.arguments import real_numbers
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.checking import apart
 from wavesweep.identification.csv_files import read_csv
-from wavesweep.spec.checking import apart
-from wavesweep.spec.experiment import MOST_TICKS
+from wavesweep.simulation.keys import MOST_TICKS
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
 _MOST = 2.0**53  # ticks; more cannot be counted by doubles

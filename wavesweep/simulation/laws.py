@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.simulation.body import exponential_minus_one, zero_order_hold
 from wavesweep.simulation.named import root
-from wavesweep.spec.block_types import TYPES
 
 Sum = tuple[tuple[float, str], ...]
 """A sum of products: the factor and the name of each term."""

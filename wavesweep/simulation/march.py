@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.errors import UsageError
-from wavesweep.loops.controllers import loop_drawing
+from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
 from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, tick_lengths
 from wavesweep.simulation.parts import (
@@ -34,7 +35,6 @@ from wavesweep.simulation.parts import (
 )
 from wavesweep.simulation.record import Simulation, energies
 from wavesweep.simulation.ticks import Ticks, actual, arrived, besides, keep, run
-from wavesweep.spec.drawing import Drawing
 
 Messages = Mapping[str, Sequence[int | None]]
 FARTHEST = 1e3  # m

@@ -10,11 +10,11 @@ from itertools import accumulate, product
 from math import lcm
 from typing import Any
 
-from wavesweep.errors import UsageError
+from wavesweep.core.drawing.block_types import RUN_COLUMNS, TYPES, without_rule
+from wavesweep.core.drawing.drawing import AT, Drawing, scalars
+from wavesweep.core.drawing.expressions import degree, names_in, value_of
+from wavesweep.core.errors import UsageError
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
-from wavesweep.spec.block_types import RUN_COLUMNS, TYPES, without_rule
-from wavesweep.spec.drawing import AT, Drawing, scalars
-from wavesweep.spec.expressions import degree, names_in, value_of
 
 FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
 DEPTH, SPEED = "wall depth", "wall speed"  # what they multiply

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.columns import complex_columns
-from wavesweep.errors import UsageError
+from wavesweep.core.columns import complex_columns
+from wavesweep.core.errors import UsageError
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.parts import Loop
 
@@ -87,7 +87,7 @@ def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -
         return Energy(hand, device, user, slow, local, user - slow - local)
 
 
-def table(simulation: Simulation) -> dict[str, np.ndarray]:
+def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     """Return the columns of the table `simulate` for a simulation, a row per fast tick, in SI units.
 
     The columns do not depend on the controller: signals that it does not have are NaN throughout. A drawn loop has inputs,

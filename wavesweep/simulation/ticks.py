@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.errors import IllPosedLoopError
+from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.simulation.laws import Sum
 from wavesweep.simulation.parts import DEPTH, FORCE, POSITION, SPEED, VELOCITY, Loop, Part, Rhythm, Wall
 

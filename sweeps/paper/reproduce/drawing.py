@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.regions import draw_region, handles_of, view_of
-from wavesweep.plots.scales import scale_magnitudes
-from wavesweep.plots.style import (
+from wavesweep.core.plots.regions import draw_region, handles_of, view_of
+from wavesweep.core.plots.scales import scale_magnitudes
+from wavesweep.core.plots.style import (
     IDEAL,
     LINES,
     ONE_COLUMN,
@@ -20,8 +20,8 @@ from wavesweep.plots.style import (
     fitting,
     wide,
 )
-from wavesweep.plots.words import label
-from wavesweep.tables.regions import curves_of, region_of
+from wavesweep.core.plots.words import label
+from wavesweep.core.tables.regions import curves_of, region_of
 
 NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 MARKS = "osv^D<>p"

@@ -12,13 +12,13 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec
-from wavesweep.analyses.loops import ports_of_batch, radii_of
-from wavesweep.columns import Columns
-from wavesweep.loops.controllers import loop_drawing
-from wavesweep.response.lifted import Lifted
-from wavesweep.response.steady import respond as respond_at
-from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.grid import Loops
+from wavesweep.core.analyses.loops import ports_of_batch, radii_of
+from wavesweep.core.columns import Columns
+from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.response.steady import respond as respond_at
+from wavesweep.core.sweep.grid import Loops
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)

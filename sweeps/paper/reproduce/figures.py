@@ -17,12 +17,12 @@ from reproduce.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE_2, ME
 from reproduce.paper_loops import PaperLoops
 from reproduce.specs import load_paper
 from reproduce.statements import STATEMENTS
-from wavesweep.plots import with_figure
-from wavesweep.plots.words import symbol, valued
-from wavesweep.results import fields_of
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.responses import responses
-from wavesweep.tables.table import Table, facts_of
+from wavesweep.core.plots import with_figure
+from wavesweep.core.plots.words import symbol, valued
+from wavesweep.core.results import fields_of
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
+from wavesweep.core.tables.table import Table, facts_of
 
 
 def _named(name: str, table: Table, draw: Callable[[], Any] | None) -> Table:

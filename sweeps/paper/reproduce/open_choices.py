@@ -9,11 +9,11 @@ import numpy as np
 
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.analyses.loops import radius_over
-from wavesweep.results import Field
-from wavesweep.spec import KEYS
-from wavesweep.tables.intervals import intervals
-from wavesweep.tables.table import Table, facts_of
+from wavesweep.core.analyses.loops import radius_over
+from wavesweep.core.results import Field
+from wavesweep.core.spec import KEYS
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.table import Table, facts_of
 
 AXES = {  # column: axis of the spec
     "delay": "environment.delay",

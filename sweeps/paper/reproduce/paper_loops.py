@@ -11,13 +11,13 @@ from reproduce.felt_responses import CONTROLLERS, FeltResponse, estimated, respo
 from reproduce.readings import Reading
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.analyses.open_loops import wall_cut
-from wavesweep.loops.controllers import keys_of_page, loop_drawing
-from wavesweep.monodromy.cut import with_batch
+from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.loops.controllers import keys_of_page, loop_drawing
+from wavesweep.core.monodromy.cut import with_batch
+from wavesweep.core.spec import find_key
+from wavesweep.core.spec.studies import K_VE_SPAN
+from wavesweep.core.stability.stable import stable_intervals
 from wavesweep.passive.channel import ChannelNorm, channel_norm
-from wavesweep.spec import find_key
-from wavesweep.spec.studies import K_VE_SPAN
-from wavesweep.stability.stable import stable_intervals
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.loops.block import Block
-from wavesweep.monodromy.circle import solve
+from wavesweep.core.loops.block import Block
+from wavesweep.core.monodromy.circle import solve
 
 
 def alias_angles(theta, ratio: int):

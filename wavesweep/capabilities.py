@@ -1,0 +1,98 @@
+"""The capabilities: what the program does beyond its core, a line for each. Nothing of one is imported until it is asked for.
+
+A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, and what it offers to
+others stands in the module of that name, e.g. `on_check.py`. It imports the core and no other capability; the core asks this
+list what there is. A capability is taken away by deleting its folder, its tests and its line.
+"""
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from types import MappingProxyType, ModuleType
+from typing import NamedTuple
+
+
+class Capability(NamedTuple):
+    """One capability.
+
+    name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
+    offers: modules of the folder that the core or others may ask for, see `offered`.
+    """
+
+    name: str
+    commands: Mapping[str, str] = MappingProxyType({})
+    tables: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    offers: tuple[str, ...] = ()
+
+
+CAPABILITIES = (
+    Capability(
+        "check",
+        {"check": "Judge a spec's own design, and say what to do next."},
+    ),
+    Capability(
+        "compare",
+        {"compare": "Compare the Z-width and the responses of several specs, in a figure and two tables."},
+        kinds=("compare", "compare-bode"),
+    ),
+    Capability(
+        "simulation",
+        {
+            "simulate": "Simulate the loop tick by tick, optionally with contact, friction and hardware limits.",
+            "export": "Write the controller as C, with test vectors: what was analysed is what runs.",
+        },
+        tables=("simulate",),
+        kinds=("simulate", "simulate-response"),
+    ),
+    Capability(
+        "passive",
+        {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
+        kinds=("passivity", "passivity-filters", "passivity-ports"),
+    ),
+    Capability(
+        "sensitivity",
+        {"why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number."},
+        kinds=("why",),
+    ),
+    Capability(
+        "margins",
+        {"margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal."},
+        kinds=("margins",),
+    ),
+    Capability(
+        "designs",
+        {"design": "Search for designs that meet a wish, for all devices and hands that they have to hold for."},
+        tables=("design",),
+        kinds=("design",),
+    ),
+    Capability(
+        "reports",
+        {"report": "Write a report of a spec for a design review: one HTML file."},
+    ),
+    Capability(
+        "identification",
+        {"identify": "Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec."},
+        tables=("measured",),
+        kinds=("identify", "identify-response"),
+    ),
+    Capability(
+        "explore",
+        {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
+    ),
+    Capability("for_all", tables=("for_all",)),
+    Capability("require"),
+    Capability("prove"),
+    Capability("picture"),
+)
+
+
+def home_of(command: str) -> Capability | None:
+    """The capability that has a command; None if none has it."""
+    return next((each for each in CAPABILITIES if command in each.commands), None)
+
+
+def modules(name: str) -> Iterator[ModuleType]:
+    """Import the module of this name of every capability that offers it."""
+    for each in CAPABILITIES:
+        if name in each.offers:
+            yield import_module(f"wavesweep.{each.name}.{name}")

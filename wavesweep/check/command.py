@@ -1,0 +1,241 @@
+"""`wavesweep check`."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import click
+
+from wavesweep.check.verdict_lines import DETAIL, distance
+from wavesweep.core.cli.messages import width
+from wavesweep.core.cli.options import FORMATS, folder, override
+from wavesweep.core.cli.talk import talk
+from wavesweep.core.doubts import DOUBTS
+
+if TYPE_CHECKING:
+    from wavesweep.check.verdict_lines import Facts, Ranked
+    from wavesweep.core.spec import Axis, Spec
+
+PATIENT = 1.0  # s, after which ranges that are not done have a bar on a terminal
+MOST = 15  # lines without --all
+STEPS = 3  # commands that are named, at most
+
+
+@click.command("check")
+@click.argument("spec")
+@click.option(
+    "--all",
+    "whole",
+    is_flag=True,
+    help="Print all that is known, not only the 15 lines that matter most: also states, methods, times, and what is skipped.",
+)
+@click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
+@click.option(
+    "--root-locus",
+    "locus",
+    metavar="NUMBER",
+    help="Draw the poles over a number as well, over its range in [sweep], or that in which the verdict looks.",
+)
+@folder("Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.", or_file=True)
+@click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable.")
+@override
+def check(
+    spec: str, whole: bool, plot: bool, locus: str | None, out: str | None, exit_code: bool, overrides: tuple[str, ...]
+) -> int:
+    """Judge a spec's own design, and say what to do next.
+
+    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
+    whether the loop is stable. Then comes what decides it, in up to 15 lines, the most important ones: the range in which the
+    loop stays stable if one number changes and all others are kept; the delay up to which it is stable; the stiffness that the
+    hand feels; the slowest mode and, if it rings, the least damped one; the norm of the wave channel; the assumptions. A number
+    that the spec does not give has its default, and is marked so. The last lines name the commands that go on from there.
+
+    With --all nothing is left out, and the states of the loop follow, the methods, the numbers of slices and workers, the
+    estimated time, and the axes and keys that are skipped, with the reason.
+
+    Nothing is written, except with --plot the picture of the loop, diagram.png, and with --root-locus its poles per frame over
+    a number, root-locus.png. Earlier ones are replaced.
+
+    \b
+    Examples:
+      wavesweep check mine.toml --set environment.delay=20
+      wavesweep check mine.toml --all
+      wavesweep check mine.toml --exit-code --quiet
+      wavesweep check mine.toml --plot --out loop.svg
+      wavesweep check sweeps/templates/drive.toml --root-locus kp
+    """
+    from wavesweep.check.planning import plan, within_ticks
+    from wavesweep.check.verdict import further, own_design
+    from wavesweep.check.verdict_lines import own_lines, verdict_lines
+    from wavesweep.core import spec as specs
+    from wavesweep.core.analyses.assumptions import over_preset, unusual
+    from wavesweep.core.cli.messages import printable, progress, say, show_json
+    from wavesweep.identification.measured import read_points
+
+    loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
+    # Errors come before anything is printed.
+    poles = _axis_of_poles(loaded, locus) if locus is not None else None
+    read_points(loaded)
+    places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
+
+    def show(lines: Iterable[str]) -> int:
+        text = "\n".join(lines)
+        if text and not silent:
+            click.echo(printable(text))
+        return len(text.splitlines())
+
+    with progress(talk().quiet, "at work on the ranges of its numbers") as report:
+        verdict = own_design(loaded)
+        said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
+        verdict |= further(loaded, verdict, report and _after(PATIENT, report))
+    lines = plan(loaded, estimated=whole or talk().as_json)
+    if loaded.design:
+        from wavesweep.designs import study
+
+        lines += study.plan(loaded)
+    own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
+    ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
+    steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
+    files = [str(path) for path in _drawn(loaded, places, poles)]
+    if talk().as_json:
+        summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
+        summary |= {"verdict": verdict, "plan": lines, "notices": [*own, *within]}
+        show_json(summary | ({"files": files} if files else {}))
+    if whole:
+        show([*(line for _, line in ranked), *lines, *steps])
+    else:
+        show([*_foremost(ranked, MOST - said - len(steps)), *steps])
+    if files and not silent:
+        say(f"Wrote {', '.join(files)}")
+    return int(exit_code and not verdict["stable"])
+
+
+def _folded(line: str) -> list[str]:
+    """A line as lines that a terminal shows whole, of about the same length."""
+    indent = " " * (len(line) - len(line.lstrip()) + 4)
+    cut = partial(wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    fewest = len(cut(width()))
+    return next(lines for narrower in range(width() // 2, width() + 1) if len(lines := cut(narrower)) == fewest)
+
+
+def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
+    """Yield the lines of the lowest ranks, in their order: as many as there is room for."""
+    folded, kept = [_folded(line) for _, line in ranked], set()
+    for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
+        if ranked[number][0] < DETAIL and len(folded[number]) <= most:
+            kept.add(number)
+            most -= len(folded[number])
+    yield from (line for number in sorted(kept) for line in folded[number])
+
+
+def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list[tuple[str, str]]:
+    """The commands that go on from a verdict, each with what it gives.
+
+    plan: the lines about all commands. whole: whether all that is known has been said.
+    """
+    from wavesweep.margins.broken_loops import cuts_of
+
+    possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
+    doubts = [each["doubt"] for each in verdict["limits"] if each["doubt"] and each["doubt"] in DOUBTS]
+    name, stable, drawing = shlex.quote(spec.source or spec.name), verdict["stable"], spec.drawing
+    region = next((name for name in ("zwidth", "stability-region") if name in possible), "")
+    steps = [(f"explain {doubts[0]}", "what this doubt means, and what helps")] if doubts else []
+    if region and stable and not spec.require and len(verdict["limits"]) > 1:
+        steps.append((f"why {name}", "what sets each limit"))
+    if region:
+        what = "all stable walls" if region == "zwidth" else "all stable intervals"
+        steps.append((f"{region} {name}", f"{what}, for all of [for_all]" if spec.for_all else what))
+    elif limits := [each for each in verdict["limits"] if each["stable"] is not None]:
+        axis = min(limits, key=distance)
+        span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
+        steps.append((f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""))
+    if "design" in possible:
+        steps.append((f"design {name}", "designs that meet the wishes of [design]"))
+    if not stable and (not drawing or drawing.hand or drawing.inputs):
+        steps.append((f"simulate {name}", "what it does, tick by tick"))
+    if stable and drawing and not drawing.hand and cuts_of(spec):
+        steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
+    if stable:
+        steps.append((f"report {name}", "all of it in one HTML file"))
+    return [*steps[:STEPS], *([] if whole else [(f"check {name} --all", "the rest: states, methods, times")])]
+
+
+def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iterator[str]:
+    """Yield the lines of the next steps, with what each gives if there is room for it."""
+    room = width() - len("  wavesweep   ")
+    wide = max((len(line) for line, text in steps if len(line) + len(text) <= room), default=0)
+    yield f"next{', with the same --set' if overrides else ''}:"
+    for line, text in steps:
+        fits = text and max(len(line), wide) + len(text) <= room
+        yield f"  wavesweep {line:{wide}}  {text}" if fits else f"  wavesweep {line}"
+
+
+def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:
+    """The file of each picture. Errors: UsageError for a place that cannot be used, or one without a picture."""
+    from wavesweep.core.cli.files import own_folder, refuse_inputs, refuse_other_things
+
+    if not figures:
+        if out is not None:
+            raise click.UsageError("--out: expected --plot or --root-locus, since nothing else is written, found none")
+        return {}
+    from wavesweep.core import plots, results
+
+    to = Path(out or own_folder([spec.name], overrides))
+    places = {name: to / f"{name}.png" for name in figures}
+    if to.suffix[1:].lower() in FORMATS and not to.is_dir():
+        if len(figures) > 1:
+            raise click.UsageError(f"--out {out}: expected a folder, since two pictures are drawn")
+        places = {figures[0]: to}
+    for path in places.values():
+        results.refuse_unusable(path.parent)
+    refuse_other_things(*places.values())
+    refuse_inputs(spec.files, *places.values())
+    plots.refuse_settings()
+    return places
+
+
+def _axis_of_poles(spec: Spec, name: str) -> Axis:
+    """The values of a root locus: over the range of a number in [sweep], or that in which the verdict looks."""
+    import numpy as np
+
+    from wavesweep.check.verdict import searched
+    from wavesweep.core.analyses.asked import axes_asked, key_named
+    from wavesweep.margins.locus import LOCUS
+
+    key = key_named(spec, name)
+    of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
+    if of_sweep and of_sweep[0].values:
+        return of_sweep[0]
+    start, stop = (of_sweep[0].start, of_sweep[0].stop) if of_sweep else searched(spec, name, key.path)
+    (axis,) = axes_asked(spec, {name: np.linspace(start, stop, LOCUS)})
+    return axis
+
+
+def _drawn(spec: Spec, places: Mapping[str, Path], poles: Axis | None) -> Iterator[Path]:
+    """Draw the loop, its poles over an axis, or both, and yield the paths of the files."""
+    if not places:
+        return
+    from wavesweep import __version__
+    from wavesweep.core import plots
+    from wavesweep.core.plots.files import save_all
+    from wavesweep.core.plots.style import about_figure
+    from wavesweep.margins.locus import locus_of
+
+    facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
+    for name, path in places.items():
+        canvas = plots.diagram(spec) if name == "diagram" else locus_of(spec, poles)
+        yield from save_all(canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts))
+
+
+def _after(seconds: float, report: Callable[..., None]) -> Callable[..., None]:
+    """The same report, from so many seconds on: what takes less shows no bar."""
+    from time import monotonic
+
+    started = monotonic()
+    return lambda *done: report(*done) if monotonic() - started > seconds else None

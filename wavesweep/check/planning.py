@@ -1,0 +1,291 @@
+"""The lines of `wavesweep check`: a run described before it runs."""
+
+from collections.abc import Iterator
+from functools import cache, partial
+
+import numpy as np
+
+from wavesweep.core.analyses.intervals import job_of, method
+from wavesweep.core.analyses.loops import drift_of, refuse_singular
+from wavesweep.core.analyses.open_loops import exact_cut
+from wavesweep.core.analyses.responses import response_job
+from wavesweep.core.drawing.drawing import scalars
+from wavesweep.core.drawing.expressions import sum_of, value_of
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops.controllers import keys_of_page
+from wavesweep.core.loops.page import steps_of
+from wavesweep.core.spec import Spec
+from wavesweep.core.sweep.estimates import expected_bytes, expected_seconds
+from wavesweep.core.sweep.grid import Loops, make_grid, own_loop
+from wavesweep.core.sweep.workers import choose
+from wavesweep.passive.job import jobs_of, not_computed
+
+PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
+MANY = 30_000_000  # rows: some 5 GB of CSV
+
+
+def plan(spec: Spec, estimated: bool = True) -> list[str]:
+    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped.
+
+    estimated: with the time and the disk that each command takes, for which samples of the work are done.
+    """
+    drawing = spec.drawing
+    lines = [*(_drawn_lines(spec) if drawing else _loop_lines(spec))]
+    for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
+        if command != "zwidth" or not drawing or drawing.wall:
+            lines += _interval_lines(spec, command, along, estimated)
+    if not drawing:
+        return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated), *_skipped_lines(spec)]
+    if drawing.hand is None and not spec.routes:
+        lacking = "bode, passivity" if drawing.inputs else "bode, passivity, simulate"
+        names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
+        return [*lines, f"  {lacking}: not possible, [ports] names {names}"]
+    without_hand = ["  passivity: not possible, [ports] names no hand"]
+    return [*lines, *_bode_lines(spec, estimated), *(_passivity_lines(spec, estimated) if drawing.hand else without_hand)]
+
+
+def _loop_lines(spec):
+    yield f"{spec.source or spec.name}: valid, controller {spec.kind}"
+    loop = own_loop(spec)
+    drawn, drift = loop.drawn(), drift_of(loop)
+    ticks, ms = _count(drawn.ticks, "tick"), f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
+    if spec.uneven:
+        steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
+        yield f"  loop: the rates do not divide; both are in step again after a frame of {ticks} and {steps}, {ms}"
+        yield "    a slow step reads the last fast tick before it, and its result is there in the next one"
+    else:
+        yield f"  loop: frame of {ticks}, {ms}"
+    labels = drawn.labels()
+    yield from _state_lines(drift, [labels[name] for name in drift.states])
+    free = drift_of(loop.changed({"environment.K_VE": 0.0}))
+    if len(free.moved) + len(free.folded) > len(drift.moved) + len(drift.folded):
+        yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
+
+
+def _interval_lines(spec, command, along, estimated):
+    try:
+        job = job_of(spec, along)
+    except (SpecError, UsageError) as error:
+        return [f"  {command}: not possible with this spec: {error}"]
+    grid, axis, expected = job.grid, job.asked.axis, cache(partial(expected_seconds, job))
+    product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
+    repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
+    slices = f"{_count(job.slices, 'slice')}{repeated}"
+    lines = [
+        f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: {slices}",
+        f"    method: {method(job.asked)}",
+    ]
+    if not estimated:
+        return lines
+    workers = choose(None, None, None, len(job.chunks), expected)
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    return [
+        *lines,
+        f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    disk: about {_size(expected_bytes(job))} until the results are in place",
+        *_advice([job]),
+    ]
+
+
+def _advice(jobs):
+    """The advice for tables that few programs can read as a single CSV."""
+    for rows in (round(job.kind.rows * job.size) for job in jobs):
+        if rows > MANY:
+            advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
+            yield f"    about {rows:.2g} rows: {advice}"
+
+
+def _size(count):
+    return f"{_short(count / 1e6)} MB" if count < 1e9 else f"{_short(count / 1e9)} GB"
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or minutes, in words."""
+    return f"{_short(seconds)} s" if seconds < 100 else f"{_short(seconds / 60)} min"
+
+
+def _short(number):
+    """A number with two digits, or as a whole one."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+
+
+def _bode_lines(spec, estimated):
+    points = spec.frequency_hz
+    try:
+        names, routes = tuple(axis.name for axis in spec.bode), spec.routes or (None,)
+        jobs = [response_job(spec, spec.bode, points, names, route=route) for route in routes]
+    except (SpecError, UsageError) as error:
+        return [f"  bode: not possible with this spec: {error}"]
+    several = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
+    frequencies = several if len(points) > 1 else f"1 frequency, {points[0]:g} Hz"
+    curves = _count(sum(job.grid.loops for job in jobs), "curve")
+    between = f" ({', '.join(' to '.join(route) for route in spec.routes)})" if spec.routes else ""
+    return [
+        f"  bode: {curves}{between} of {frequencies}; method: lifted resolvent of both rates",
+        *(_long_lines(jobs) if estimated else ()),
+    ]
+
+
+def _passivity_lines(spec, estimated):
+    axes = tuple(axis for axis in spec.sweep if axis.values)
+    make_grid(spec, axes)  # a sweep that no command could do is a mistake of the spec
+    try:
+        jobs = jobs_of(spec, axes)
+    except (SpecError, UsageError) as error:
+        return [f"  passivity: not possible with this spec: {error}"]
+    left_out, channels = not_computed(jobs["port"].grid), jobs["channel"].slices if "channel" in jobs else 0
+    norm = f", norm of {_count(channels, 'wave channel')}" if channels else ""
+    what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
+    how = "method: level sets of the frame's energy balance, without a frequency grid"
+    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *(_long_lines([*jobs.values()]) if estimated else ())]
+
+
+def _long_lines(jobs):
+    """The chunks, the time and the disk of a table of several chunks; otherwise it is there at once, and nothing is kept."""
+    if all(len(job.chunks) == 1 for job in jobs):
+        return [*_advice(jobs)]
+    chunks, size, seconds = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs))), 0.0
+    for job in jobs:
+        expected = cache(partial(expected_seconds, job, PATIENCE))
+        seconds += expected() / choose(None, None, None, len(job.chunks), expected).count
+    work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
+    return [f"    work: {work}; disk: about {size} until the results are in place", *_advice(jobs)]
+
+
+def _drawn_lines(spec):
+    """Yield when the blocks of a drawn loop run, its drift, and the method by which each number is swept."""
+    refuse_singular(spec, spec.drawing)
+    loop = Loops(spec.drawing, spec.values)
+    drawing, drawn, drift = loop.drawing, loop.drawn(), drift_of(loop)
+    period, labels = 1e3 * float(drawn.period), drawn.labels()
+    yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
+    yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"
+    inside = {block.name: plant.name for plant in drawing.plants for block in plant.members}
+    placed, when = {each.block.name: each for each in drawn.placed}, {}
+    for block in drawing.blocks:
+        each = placed[inside.get(block.name, block.name)]
+        when.setdefault((each.every, each.phase), []).append(f"{block.name} ({block.type})")
+    for (every, phase), blocks in sorted(when.items()):
+        ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
+        yield f"  runs {ticks}: {', '.join(blocks)}"
+    yield from _plant_lines(drawing)
+    yield from _dead_time_lines(drawing, spec.values)
+    terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
+    terms += [some for _, some, _ in drawing.outputs]
+    read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
+    if unread := [block.name for block in drawing.blocks if block.name not in read]:  # which may be a slip
+        yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
+    yield from _state_lines(drift, [labels[state] for state in drift.states])
+    yield from _number_lines(spec)
+
+
+def _plant_lines(drawing):
+    """What acts continuously, and which forces of plants on themselves are computed from samples."""
+    for plant in (each for each in drawing.plants if each.couplings):
+        names = [block.name for block in plant.members]
+        yield f"  one plant, within which all acts continuously: {', '.join(names)}"
+        yield from (f"    {port}: {sum_of(terms)}" for port, terms in plant.couplings)
+    plants = {block.name for block in drawing.blocks if block.plant}
+    for port, terms in drawing.wires:
+        sampled = [term for term in terms if term[0].rpartition(".")[0] in plants]
+        if sampled and port.rpartition(".")[0] in plants:
+            yield f"  from samples of every tick, and held over it: {port}: {sum_of(sampled)}"
+
+
+def _dead_time_lines(drawing, values):
+    """How long dead times are in ticks, and what they read or bring between two ticks."""
+    for name, tree in drawing.dead_times.items():
+        seconds, wires = value_of(tree, scalars(values)), dict(drawing.wires)
+        arriving = [port for plant in drawing.plants for port, each in plant.arriving if each == name]
+        sensed = [signal for plant in drawing.plants for signal, each in plant.sensed if each == name]
+        held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
+        readers = [port for port, terms in wires.items() if any(signal == f"{name}.y" for signal, _ in terms)]
+        readers = [port for port in readers if sensed or port not in arriving]
+        parts = [f"reads {_listed(sensed)} between two ticks"] if sensed else []
+        parts += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
+        parts += [f"is read in ticks by {_listed(readers)}"] if readers else []
+        yield f"  {name}: {1e3 * seconds:.6g} ms, {_count(f'{seconds * drawing.rate(values):.6g}', 'tick')}; {', '.join(parts)}"
+
+
+def within_ticks(spec: Spec) -> Iterator[str]:
+    """Yield two lines about each algebraic loop of a drawn spec: what reads what in the same tick, and what that does to gains.
+
+    1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose way meets all of the loop.
+    """
+    drawing, drawn = spec.drawing, Loops(spec.drawing, spec.values).drawn()
+    inside, ahead = drawing.inside, {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
+    wires = {inside.get(port, port): terms for port, terms in drawing.wires}
+    for ring in drawn.rings():
+        from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
+
+        blocks = [each.block for each in drawn.placed if each.block.name in ring]
+        ports, outputs = ([f"{b.name}.{port}" for b in blocks for port in getattr(b, side)] for side in ("inputs", "outputs"))
+        through = block_diag(*(block.D for block in blocks))
+        back = np.array([[float(drawn.sums.get(port, {}).get(name, 0.0)) for name in outputs] for port in ports])
+        rest = float(np.linalg.det(np.eye(len(ports)) - back @ through))
+        acting = {name for name, row in zip(outputs, through, strict=True) if row.any()}
+        read = {port: [each for each in wires.get(port, ()) if inside.get(each[0], each[0]) in acting] for port in ports}
+        reads = ", ".join(f"{port} reads {sum_of(terms)}" for port, terms in read.items() if terms)
+        gain = f"a gain on this way acts {1 / rest:.4g} times, 1/(1 - L) with L = {1 - rest:.4g} round the loop"
+        yield f"solved within a tick: {_listed(ring)}: {reads} of the same tick; {gain}"
+        terms = [term for some in read.values() for term in some]
+        implicit = [term for term in terms if term[0] in ahead]
+        name, so = (implicit or terms)[0][0], f"so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; "
+        yield f"  {so if implicit else ''}prev({name}) in a wire reads {name} as it was before the tick"
+
+
+def _state_lines(drift, names):
+    """names: of all states, as they are shown."""
+    yield f"  {_count(len(drift.kept), 'state')}: {_listed([names[i] for i in drift.kept])}"
+    for lead, others in drift.moved:
+        along = _listed([names[index] for index, _ in others])
+        yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
+    if drift.folded:
+        yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.folded])} that nothing changes"
+    if drift.unread:
+        yield f"  states left out, since nothing in the loop reads them: {_listed([names[i] for i in drift.unread])}"
+
+
+RUN = 3  # names with numbers that follow each other, from which on the first and the last are enough
+
+
+def _listed(names):
+    """The names of states in their order, those of a long delay as `net u1 to net u140`."""
+    runs = []
+    for name in names:
+        stem = name.rstrip("0123456789")
+        if runs and stem != name and name == f"{stem}{runs[-1][1] + 1}" and runs[-1][0] == stem:
+            runs[-1][1:] = runs[-1][1] + 1, [*runs[-1][2], name]
+        else:
+            runs.append([stem, int(name.removeprefix(stem) or -2), [name]])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) >= RUN else ", ".join(run) for _, _, run in runs)
+
+
+def _number_lines(spec):
+    """A line per method, with the numbers that go this way."""
+    ways = {"": [], "panels": [], "values": []}
+    for name, path in spec.names.symbols.items():
+        if spec.names.keys[path].structural:
+            ways["values"].append(name)
+        else:
+            ways["" if exact_cut(Loops(spec.drawing, spec.values), name) else "panels"].append(name)
+    texts = {
+        "": "exact, one scalar gain of a frame",
+        "panels": "by panels: they are in keys or in several places, act more than once a frame, or decide a drift",
+        "values": "as values only, since they decide how the loop is built",
+    }
+    yield from (f"  intervals along {', '.join(names)}: {texts[way]}" for way, names in ways.items() if names)
+
+
+def _count(number, noun):
+    return f"{number} {noun}{'' if str(number) == '1' else 's'}"
+
+
+def _skipped_lines(spec):
+    read, kind = keys_of_page(spec.values), spec.values["controller.kind"]
+    for axes, table in ((spec.sweep, "sweep"), (spec.bode, "bode")):
+        for axis in make_grid(spec, axes).ignored:
+            yield f"  {table}.{axis.name}: skipped, {kind} does not read it; its rows would be repeated"
+    unread = [path for path in spec.values if path not in read]
+    if unread:
+        yield f"  not read by {kind}: {', '.join(unread)}"

@@ -1,0 +1,270 @@
+"""The lines of `check`: the verdict on the spec's own design.
+
+Each line has a rank, by which the short form of `check` chooses: 0 is always shown, and a DETAIL only with --all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import inf, pi
+from shlex import quote
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+
+Facts = Mapping[str, Any]
+Ranked = tuple[float, str]
+BELOW = ("all below has every message in time:", "all below is of the spec's own numbers, at constant rates:")
+RINGS = 0.5  # damping ratio, below which a mode rings
+DETAIL = 9.0
+SEARCHED = " (where the search starts)"
+LONG_UNIT = 12  # letters of a unit that is not said twice in a line
+
+
+def own_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield whether the design is stable, in a line or two, and what it assumes if it is better only by that."""
+    yield from _stability(spec, found)
+    if _favourable(found):
+        yield f"  assumes: {found['assumes']}"
+
+
+def _favourable(found: Facts) -> bool:
+    """Whether the design is better only by what it assumes, which is then said with the verdict."""
+    from wavesweep.core.analyses.assumptions import FAVOURABLE
+
+    return FAVOURABLE in found["assumes"]
+
+
+def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
+    """Yield what the verdict says beside `own_lines`, each line with its rank."""
+    from wavesweep.core.sweep.grid import own_loop
+    from wavesweep.for_all.rows import in_words
+    from wavesweep.identification.check_lines import measured_lines
+    from wavesweep.passive.channel import has_waves
+    from wavesweep.passive.margin import LONGEST
+
+    if found.get("for_all"):
+        yield 1, f"  {in_words(found['for_all'])}"
+        if of_hands := found.get("every_hand"):
+            yield 1.5, f"  {_every_hand(of_hands)}"
+        yield 1, f"  {BELOW[found['for_all']['kind'] == 'for_all']}"
+    yield from _limit_lines(spec, found)
+    if found["delay"] and found["spectral_radius"] is not None:
+        yield 2.5, f"  {_delay(found['delay'])}"
+    if found["stable"] and found["felt"]:
+        yield from ((rank, f"  {line}") for rank, line in _felt(found["felt"], *spec.units_felt))
+    hardware = _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
+    yield from ((rank, f"  {line}") for rank, line in hardware)
+    if found["stable"]:
+        rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
+        yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
+        yield from _mode(2.5, "least damped mode", found["least_damped"]) if rings else ()
+    if found["channel_norm"] is not None:
+        yield 5, f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    elif not spec.drawing and has_waves(own_loop(spec).drawing):
+        yield 6, f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
+    for line in measured_lines(spec, found.get("measured", {})):
+        yield 6 if line.startswith(" ") else 1, f"  {line}"
+    if found["assumes"] and not _favourable(found):
+        yield 4, f"  assumes: {found['assumes']}"
+
+
+def _every_hand(found: Facts) -> str:
+    """What every passive hand needs of the device's damping while frames vary."""
+    needed, device = found["needed"], found["device"]
+    enough = "no damping is proved to suffice" if needed is None else f"{needed:.4g} N*s/m of damping suffice"
+    safe = needed is not None and needed <= device
+    refuted = found["refuted"] is not None and found["refuted"] > device
+    verdict = "stable" if safe else f"not stable with {found['by']}" if refuted else "not known"
+    return f"for every passive hand, whatever the frames do: {verdict}; {enough}, the device has {device:.4g}"
+
+
+def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
+    """The range of each number in which the design stays as it is, the nearest end with the lowest rank."""
+    bounded = [each for each in found["limits"] if _bounded(each)]
+    for each in bounded:
+        yield 2 + distance(each), f"  {_limit(spec, each)}"
+        if going_on := _going_on(spec, each):
+            yield DETAIL, f"    {going_on}"
+    others = [each for each in found["limits"] if each not in bounded]
+    if others:
+        state = "stable" if found["stable"] else "unstable"
+        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
+        yield 5, f"  {state} at every value searched: {spans}"
+
+
+def distance(limit: Facts) -> float:
+    """The rank of a limit among others, from 0 for one that is not known or not stable to 1 for ends that are far away."""
+    value = limit["value"]
+    if not limit["stable"] or not value:
+        return 0.0
+    factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
+    return 1 - 1 / max(min(abs(each) for each in factors), 1.0)
+
+
+def _stability(spec: Spec, found: Facts) -> Iterator[str]:
+    """Whether the design is stable."""
+    from wavesweep.require.keys import BOUNDED
+
+    frame = 1e3 * found["period_s"]
+    radius = found["spectral_radius"]
+    known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
+    said = "stable" if found["stable"] else "UNSTABLE" if known else "not known whether it is stable"
+    why = "numbers overflow, or rounding hides them"
+    if radius is not None:
+        why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
+    yield f"{spec.name}, {spec.kind}: {said} ({why})"
+    if spec.drawing and found.get("only_oscillates"):
+        yield f"  {BOUNDED}"
+
+
+def _bounded(limit: Facts) -> bool:
+    """Whether stability changes in the range searched, or is not known there."""
+    whole = [[limit["from"], limit["to"]]]
+    return limit["stopped"] or limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole)
+
+
+def _limit(spec: Spec, limit: Facts) -> str:
+    name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
+    default = "" if spec.drawing or spec.names.find(name).path in spec.given else " (default)"
+    here = f"{name} = {value:g}{unit}{default}"
+    return f"{here}: {_stable_where(limit, unit if len(unit) < LONG_UNIT else '')}"
+
+
+def _going_on(spec: Spec, limit: Facts) -> str:
+    """What finds the rest of a range that ended early, unless both ends of the interval are known."""
+    from wavesweep.check.verdict import searched
+
+    name = limit["name"]
+    start, stop = searched(spec, name, spec.names.find(name).path)
+    ended = [limit["low"] is None and limit["from"] > start, limit["high"] is None and limit["to"] < stop]
+    if not (limit["stopped"] and any(ended)):
+        return ""
+    axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
+    return f"the whole range takes longer: wavesweep stability-region {quote(spec.source or spec.name)} {axes}"
+
+
+def _stable_where(limit: Facts, unit: str) -> str:
+    value = limit["value"]
+    if limit["stable"] is None:
+        return f"not known ({limit['doubt']})"
+    proved = "" if limit["certified"] else f", not proved ({limit['doubt']})"
+    if not limit["stable"]:
+        spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
+        searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
+        if not (spans or limit["certified"]):
+            return f"no stable value known in {searched} ({limit['doubt']})"
+        return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
+    low, high, open_ = limit["low"], limit["high"], limit["open"]
+    start = f"from {low:.6g}" if low is not None else f"from {limit['from']:g}{SEARCHED if limit['from'] else ''}"
+    end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
+    if open_:
+        return f"known to be stable {_known_where(limit, open_, start, end, unit)} ({limit['doubt']})"
+    factors = _factors(limit) if value else ""
+    return f"stable {start} {end}{factors}{proved}"
+
+
+def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) -> str:
+    """The part of a range in doubt in which the design is known to be stable, the open places, and what is beyond them."""
+    from wavesweep.core.tables.interval_tally import open_in_words
+
+    low = limit["from"] if limit["low"] is None else limit["low"]
+    high, places = limit["to"] if limit["high"] is None else limit["high"], open_in_words(open_, unit)
+    if open_["from"] >= limit["value"]:
+        beyond = f", and stable again {end}" if high > open_["to"] else ""
+        return f"{start} up to at least {min(high, open_['from']):.6g}{unit}; {places}{beyond}"
+    if open_["to"] <= limit["value"]:
+        beyond = f", and stable again {start}" if low < open_["from"] else ""
+        return f"at least from {max(low, open_['to']):.6g} {end}; {places}{beyond}"
+    return f"in places {start} {end}; {places}"
+
+
+def _span(limit: Facts, low: float, high: float) -> str:
+    """An interval; an end of the searched range is not an end of stability."""
+    start = SEARCHED if low == limit["from"] != 0 else ""
+    return f"{low:.6g}{start} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
+
+
+def _factors(limit: Facts) -> str:
+    """The factors by which the value may shrink and grow."""
+    ways = [("fall to", limit["low"]), ("rise to", limit["high"])]
+    said = [f"{way} {100 * end / limit['value']:.3g} %" for way, end in ways if end]
+    return f" (may {' and '.join(said)})" if said else ""
+
+
+def _unit(spec: Spec, name: str) -> str:
+    unit = spec.names.find(name).unit
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def _delay(delay: Facts) -> str:
+    here = f"delay = {delay['ticks']} of {delay['frame']} ticks"
+    if delay["most"] is None:
+        return f"{here}: unstable at this delay"
+    if delay["most"] == delay["frame"]:
+        return f"{here}: stable up to a whole frame"
+    least = "at least " if delay["most"] == delay["tried"] else ""
+    return f"{here}: stable up to {least}{delay['most']} ticks"
+
+
+def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
+    """What the hand feels of the wall."""
+    from wavesweep.core.analyses.feel import outweighed_in_words, sizes_in_words
+
+    stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
+    if felt["rigid"] or (stiffness is None and damping is None):
+        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
+        return
+    if band is None:
+        known = (
+            f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
+            for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
+        )
+        yield 2.5, f"felt at rest: {' and '.join(known)}"
+        return
+    holds = band["holds_to_hz"]
+    holds = f"within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
+    yield 2.5, "; ".join(filter(None, [f"felt at rest: {stiffness:.6g} {units[0]}", holds, outweighed_in_words(band)]))
+    if sizes := sizes_in_words(band):
+        yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
+
+
+def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[Ranked]:
+    """What encoder, friction and motors do to the design."""
+    unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
+    if "chatter" in found:
+        known = "makes a force that is not known to be bounded"
+        if found["chatter"] is not None:
+            rounding = f"all rounding by at most {found['chatter']:.4g}"
+            known = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
+        yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {known}"
+    if "holds_to" in found:
+        held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"
+        yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
+        yield DETAIL, f"  after {source}"
+        if not stable:
+            yield 2, "  only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
+    if "passive_to" in found:
+        yield 5, f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
+    if found.get("depth") is not None:
+        depth, most = f"{found['depth']:.4g} {length}", f"{found['max_force']:.4g} {force}"
+        yield 4, f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
+
+
+def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
+    if mode is None:
+        yield rank, f"  {name}: none"
+        return
+    yield (
+        rank,
+        f"  {name}: falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
+        + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
+        + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""),
+    )
+    if mode["states"]:
+        yield DETAIL, f"    most in {', '.join(mode['states'])}"
+
+
+def _text(value: float | None, digits: int = 6) -> str:
+    return "not known" if value is None else f"{value:.{digits}g}"

@@ -1,0 +1,128 @@
+"""What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from types import MappingProxyType
+
+from wavesweep.core.drawing.drawing import path_of, scalars
+from wavesweep.core.drawing.expressions import names_in, text_of, value_of
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.loops.controllers import assumption_of_page, keys_of_page
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.spec import KEYS, Spec
+from wavesweep.core.spec.resolving import longest_delay
+from wavesweep.core.sweep.grid import Grid, Loops
+
+MOST_BUILT = 32
+FAVOURABLE = "kind default"  # in a sentence of `assumes` that rests on some
+INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
+
+
+def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
+    """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
+
+    swept: paths of the axes of the result, which have no single value. If the spec gives one of the three no value of its
+    own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows
+    all of that itself; its sentence says within which limits of its blocks it is linear.
+    """
+    if spec.drawing:
+        found = list(_limits(spec, swept))
+        return f"linear while {', '.join(found)}; simulate goes beyond" if found else ""
+    read, values = keys_of_page(spec.values), spec.values
+    parts = [assumption_of_page(values)]
+    if DELAY in read:
+        delay, ratio = values[DELAY], values["rates.ratio"]
+        within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
+        ticks = "tick" if delay == 1 and not within else "ticks"
+        parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
+    if VELOCITY in read:
+        parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
+    late = values["device.delay"]
+    if "device.delay" in swept:
+        parts.append("amplifier's delay swept")
+    elif late:
+        parts.append(f"amplifier late by {late} tick{'s' * (late > 1)}")
+    kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
+    if not kept:
+        return ", ".join(parts)
+    usual = {INTEGRATION: '"explicit"', DELAY: str(longest_delay(values["rates.ratio"])), VELOCITY: '"difference"'}
+    defaults = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
+    return f"{', '.join(parts)}; {defaults}: engines usually have {_listed([usual[path] for path in kept])}"
+
+
+def _limits(spec, swept) -> Iterator[str]:
+    """Yield the limits of each block that has some, with the values of numbers that are not swept."""
+
+    def shown(tree):
+        moving = {path_of(name) for name, _ in names_in(tree)} & set(swept)
+        return text_of(tree) if moving else f"{value_of(tree, known):g}"
+
+    known = scalars(spec.values)
+    for block in spec.drawing.blocks:
+        limits = dict(block.limits)
+        if "high" in limits:
+            port, high = f"{block.name}.{'u' if block.type == 'saturation' else 'y'}", shown(limits["high"])
+            low = shown(limits["low"]) if "low" in limits else f"-{high}"
+            yield f"|{port}| <= {high}" if low == f"-{high}" else f"{low} <= {port} <= {high}"
+
+
+def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str]:
+    """Yield a sentence for each cycle of blocks that read one another in the same tick, and are solved together.
+
+    swept: paths of the axes of a result. Of those that decide how the loop is built, the least MOST_BUILT values are looked at,
+    since small ones take a delay away.
+    """
+    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.structural and axis.path in swept] if spec.drawing else []
+    values = [(axis, value) for axis in axes for value in sorted(axis.values)[:MOST_BUILT]]
+    built = [(f" at {axis.name} = {value:g}", {axis.path: value}) for axis, value in values]
+    rings: dict[str, list[str]] = {}
+    for at, changed in (built or [("", {})]) if spec.drawing else ():
+        with suppress(WavesweepError):
+            for ring in Loops(spec.drawing, spec.with_values(changed).values).drawn().rings():
+                rings.setdefault(_listed(ring), []).append(at)
+    for ring, places in rings.items():
+        reads = "read one another" if " and " in ring else "reads itself"
+        yield f"solved within a tick{','.join(places)}: {ring}, which {reads} in the same tick; prev(...) reads the one before"
+
+
+# Ranges in which the numbers of devices and hands lie, in the unit of the key.
+USUAL = MappingProxyType({"device.mass": (1e-3, 20.0), "device.damping": (0.0, 200.0), "operator.mass": (0.0, 20.0)})
+
+
+def unusual(spec: Spec) -> Iterator[str]:
+    """Yield a sentence for each number of the spec that is so far from those of devices that its unit may be wrong."""
+    for path, (low, high) in USUAL.items():
+        if path in spec.given and not low <= spec.values[path] <= high:
+            unit, value = KEYS[path].unit, spec.values[path]
+            yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
+
+
+def notices_of(grid: Grid) -> list[str]:
+    """A sentence for each axis that the controller does not read, and one for numbers that a preset does not give."""
+    kind = grid.spec.kind
+    ignored = [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in grid.ignored]
+    return [*ignored, *over_preset(grid.spec)]
+
+
+def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})) -> Iterator[str]:
+    """Yield a sentence about the numbers of a preset device that the spec itself gives otherwise; options: other numbers."""
+    if spec.preset:
+        used, numbers = {**spec.values, **options}, DEVICES[spec.preset].numbers.items()
+        own = [(path, used[path], number.value) for path, number in numbers if path in used]
+        given = [f"{path} = {value:g} and not {other:g}" for path, value, other in own if value != other]
+        if given:
+            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
+
+
+def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
+    """The sentence of one spec, or those of several with their names, one a line; swept: see `assumes`, by any of them."""
+    several = len(specs) > 1
+    own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
+    said = [assumes(spec, mine.intersection(swept)) for spec, mine in zip(specs, own, strict=True)]
+    if len(set(said)) == 1:
+        return said[0]
+    return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
+
+
+def _listed(words):
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,184 @@
+"""Records of intervals, what the hand feels at their ends, and the lines that a spectrum shows there."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.core.analyses.lines import lines_in_loops, strongest_in_cut
+from wavesweep.core.analyses.loops import feels, felt_of, hand_of, watched_drift
+from wavesweep.core.analyses.open_loops import Opened, by_zeros
+from wavesweep.core.columns import Columns
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
+from wavesweep.core.response.resting import Resting, resting
+from wavesweep.core.stability.intervals import Intervals, in_rows
+from wavesweep.core.sweep.grid import Loops
+from wavesweep.require.bound import Bound
+
+if TYPE_CHECKING:
+    from wavesweep.core.analyses.interval_search import Search
+
+FIELDS = (
+    ("slice", "<i4"),
+    ("intervals", "<i4"),
+    ("interval", "<i4"),
+    ("low", "<f8"),
+    ("high", "<f8"),
+    ("low_omega", "<f8"),
+    ("high_omega", "<f8"),
+    ("certified", "?"),
+    ("residual", "<f8"),
+    ("doubt", "i1"),
+)
+FELT = ("felt_low", "felt_high")
+LINES = ("low_hz", "high_hz")
+OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
+_LAST = (*((name, "<f8") for name in (*FELT, *LINES)), *OPEN)
+RECORD = np.dtype([*FIELDS, *_LAST])
+END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
+# Guarantees for hands have the hand that sets each end as well, and whether they are proved for every hand.
+HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?"), *_LAST])
+
+
+def records_of(found: Intervals) -> np.ndarray:
+    """The intervals as records, sorted by slice (numbered from 0 in the chunk); see `in_rows`."""
+    found, open_ = in_rows(found)
+    records = np.zeros(found.column.size, RECORD)
+    records["slice"] = found.column
+    records["intervals"], records["interval"] = found.count, np.maximum(found.index, 0)
+    for name in ("low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):
+        records[name] = getattr(found, name)
+    for name, _ in OPEN:
+        records[name] = getattr(open_, name.removeprefix("open_"))
+    return records
+
+
+def open_places(columns: Columns, row: int) -> dict[str, float] | None:
+    """The open places of a row: how many, where the first begins, where the last ends; None without."""
+    if not columns["open_places"][row]:
+        return None
+    ends = {side: float(columns[f"open_{end}"][row]) for side, end in (("from", "low"), ("to", "high"))}
+    return {"places": int(columns["open_places"][row]), **ends}
+
+
+BATCH = 256  # modes that are followed through their frames at once
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
+BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
+AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
+
+
+def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> None:
+    """Fill in the stiffness felt at both ends of these rows, along a number that is no wall.
+
+    stiffness(some, p): that of the loops of the rows `some`, at these values of the number. A 0 takes a branch out of the loop,
+    so ends at 0 are computed apart. At a crossing of z = 1 a frame does not determine the state at rest, since a mode that
+    alternates from tick to tick repeats in it; the stiffness is smooth there, and follows from both sides.
+    """
+    p, omega = (
+        np.concatenate([records[name][rows] for name in names]) for names in (("low", "high"), ("low_omega", "high_omega"))
+    )
+    own, found = np.tile(np.arange(rows.size), 2), np.empty(p.size)
+    with np.errstate(all="ignore"):
+        for some in (np.flatnonzero(p == 0), np.flatnonzero(p != 0)):
+            if some.size:
+                found[some] = stiffness(own[some], p[some])
+        at = np.flatnonzero((omega == 0) & (p != 0))
+        if at.size:
+            sides = np.multiply.outer([1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[at])
+            beside = stiffness(np.tile(own[at], 4), sides.ravel()).reshape(4, -1)
+            near, far = beside[0] + beside[1], beside[2] + beside[3]
+            found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
+    for name, part in zip(FELT, np.split(found, 2), strict=True):
+        records[name][rows] = part
+
+
+def fill_in_felt(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
+    """Fill in the stiffness felt at both ends of the intervals of the loops `members`; opened: these without the number."""
+    rows = np.flatnonzero(records["intervals"] > 0)
+    rows = rows[np.isin(records["slice"][rows], members)] if len(search.groups) > 1 else rows
+    at = np.searchsorted(members, records["slice"][rows])
+    known = opened if opened and opened.loops.at_rest else _resting(search, loops)
+    if known is not None:
+        ends, twice = np.concatenate([records[end][rows] for end in ("low", "high")]), np.tile(at, 2)
+        both = known.stiffness(twice, ends)
+        if known is opened and opened.loops.beside:
+            unknown = np.flatnonzero(np.isnan(both) & ~np.isnan(ends))
+            of = np.unique(twice[unknown])
+            for columns in (of[part] for part in by_zeros(loops, of)) if unknown.size else ():
+                alone = Opened.of_each(loops.some(columns), search.number, columns.size, felt=True)
+                some = unknown[np.isin(twice[unknown], columns)]
+                if alone and alone.loops.at_rest:
+                    both[some] = alone.stiffness(np.searchsorted(columns, twice[some]), ends[some])
+        for name, part in zip(FELT, np.split(both, 2), strict=True):
+            records[name][rows] = part
+        unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
+        rows, at = rows[unknown], at[unknown]
+
+    def stiffness(some, p):
+        found, columns, varied = np.empty(p.size), at[some], _buildable(search, loops)
+        for part in np.arange(p.size)[:, None] if search.in_pieces else by_zeros(loops, columns):
+            found[part] = felt_of(varied.some(columns[part]).changed({search.along: p[part]}), part.size)
+        return found
+
+    if rows.size:
+        felt_at_ends(records, rows, stiffness)
+
+
+def _buildable(search, loops):
+    """The loops at any value of the number: without the whole numbers of ticks of dead times, which follow from it."""
+    building = loops.drawing.building if search.in_pieces else ()
+    return Loops(loops.drawing, {path: v for path, v in loops.values.items() if path not in building})
+
+
+def _resting(search, loops) -> Resting | None:
+    """The loops at rest, if the number is one scalar gain of them."""
+    if not scalar_place(loops.drawing, search.number) or seen_by_hand(loops.drawing, search.number):
+        return None
+    with suppress(IllPosedLoopError):
+        drift = watched_drift(loops.changed({search.along: np.array(search.span)}))
+        if not (drift.moved or drift.folded):
+            one = loops.changed({search.along: 1.0})
+            return resting(one.drawn(search.number), hand_of(loops.drawing), PRODUCT, FACTOR)
+    return None
+
+
+def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
+    """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
+    few, bound = 1 if search.in_pieces else BATCH, search.bound or Bound()
+    ends, omegas = (np.stack([records[name] for name in pair]) for pair in (("low", "high"), ("low_omega", "high_omega")))
+    end, rows = np.nonzero(~np.isnan(omegas) & np.isin(records["slice"], members))
+    p, omega = ends[end, rows], omegas[end, rows]
+    at, found = np.searchsorted(members, records["slice"][rows]), omega / (2 * np.pi)
+    if opened and opened.loops.cut and not bound.damping_ratio:
+        found = strongest_in_cut(loops.drawing, opened, at, omega, bound)
+    else:
+        for part in (slice(first, first + few) for first in range(0, rows.size, few)):
+            varied = _buildable(search, loops).some(at[part])
+            varied = varied.changed({search.along: np.where(p[part] == 0, TINY, p[part])})
+            with suppress(IllPosedLoopError):
+                drawn = varied.drawn()
+                period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[part].shape)
+                if drawn.ticks > 1:
+                    found[part] = lines_in_loops(varied, bound.logarithms(period, omega[part]))[:, 0]
+    for name, own in zip(LINES, (end == 0, end == 1), strict=True):
+        records[name][rows[own]] = found[own]
+
+
+def loop_by_loop(parts, along: str, of_loop: Callable[[Loops], np.ndarray]) -> np.ndarray:
+    """Records of intervals along a number, sorted by slice, with what the hand feels at their ends.
+
+    parts: (members, loops) pairs. of_loop: gives the records of one loop.
+    """
+    found = {}
+    for members, loops in parts:
+        for place, number in enumerate(members.tolist()):
+            loop = loops.one(place)
+            found[number] = records = of_loop(loop)
+            records["slice"] = number
+            if feels(loop.drawing) and records["intervals"][0]:
+                felt_at_ends(
+                    records, np.arange(records.size), lambda _, p, loop=loop: felt_of(loop.changed({along: p}), p.size)
+                )
+    return np.concatenate([found[number] for number in sorted(found)])

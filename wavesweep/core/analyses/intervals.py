@@ -1,0 +1,264 @@
+"""The job of stable intervals along an axis."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.core.analyses.interval_records import RECORD, loop_by_loop
+from wavesweep.core.analyses.interval_search import Search, Searches
+from wavesweep.core.analyses.loops import drift_of, frames, frames_of, refuse_singular
+from wavesweep.core.analyses.open_loops import exact_cut
+from wavesweep.core.columns import Columns
+from wavesweep.core.drawing.drawing import name_of, path_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.dead_time import breaks, timing
+from wavesweep.core.loops.domain import domain, unsuitable
+from wavesweep.core.spec import Axis, Require, Spec, no_axis, sweep_axes
+from wavesweep.core.stability.certificate import words
+from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
+from wavesweep.core.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
+from wavesweep.prove.stretches import OPERATIONS
+from wavesweep.require.bound import Bound
+
+if TYPE_CHECKING:
+    from wavesweep.for_all.rows import ForAllGuarantee
+    from wavesweep.passive.every_hand import EveryHandGuarantee
+    from wavesweep.passive.hands import Guarantee
+
+# Seconds per slice and squared order, measured: one polynomial per slice; panels, along any
+# parameter but the wall, and for crowded poles of high order.
+BY_POLYNOMIAL, BY_PANELS = 0.2e-6, 15e-6
+BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
+CROWDED = 24  # states
+VARIED = 1.001  # times its own value, another one of a number that varies
+STRUCTURES = 8  # of a sweep's loops, whose way is looked for
+MOST_TICKS = 64  # pieces of a range, up to which one is a sample
+FEW = 1000  # loops of several structures, up to which a call for each takes longer than states that fill them up
+
+
+class Way(Enum):
+    """How the intervals along a number are found: from a cut, where it is one scalar gain of a frame, by panels, or by both."""
+
+    CUT = "cut"
+    PANELS = "panels"
+    BOTH = "both"
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """What is asked of the loops: their stable intervals along `axis`, found in that way.
+
+    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. require: of
+    every mode, in place of stability alone. order: see `Searches`.
+    """
+
+    axis: Axis
+    way: Way = Way.PANELS
+    guarantee: "Guarantee | ForAllGuarantee | EveryHandGuarantee | None" = None
+    require: Require | None = None
+    order: int = 0
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The range of the axis."""
+        return float(self.axis.start), float(self.axis.stop)
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What the records depend on besides the spec."""
+        along = {"along": self.axis.name} | ({"require": self.require.written()} if self.require else {})
+        return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
+
+
+def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: Along) -> Job:
+    """The job of what is asked; guarantees have records of their own."""
+    dtype = RECORD if asked.guarantee is None else asked.guarantee.dtype
+    return Job(INTERVALS, grid, chunks, resolved, dtype, asked.identity, asked)
+
+
+def _task(job, chunk):
+    asked, path = job.asked, job.asked.axis.path
+    if asked.guarantee is None:
+        return searches_of(job, chunk).records
+    changes = job.loop_values(chunk)
+    parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=path))
+    return partial(loop_by_loop, parts, path, partial(asked.guarantee.records_of, along=path, span=asked.span))
+
+
+def searches_of(job: Job, chunk: Chunk) -> Searches:
+    """The searches for the intervals of the loops of a chunk."""
+    changes, known = job.loop_values(chunk), job.grid.loops <= CHECKED
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=OPERATIONS)
+
+
+def _columns(job, combination, records):
+    """The axes, `along`, and the fields of the records."""
+    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+    found["doubt"] = words(found["doubt"])
+    along = np.full(records.size, job.asked.axis.name, dtype=object)
+    return job.grid.axis_columns(combination) | {"along": along} | found
+
+
+def _sample(job):
+    """The job in one of the pieces into which dead times of other whole ticks cut its range, and the times it is of that."""
+    spec, axis = job.grid.spec, job.asked.axis
+    if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
+        return job, 1
+    ends = breaks(*own_loop(spec, axis.path), axis.path, job.asked.span)
+    middle = (len(ends) - 1) // 2
+    at = min(middle, MOST_TICKS)
+    longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
+    piece = replace(axis, start=ends[at], stop=ends[at + 1])
+    return replace(job, asked=replace(job.asked, axis=piece)), (len(ends) - 1) * longer
+
+
+# Some slices have several intervals. Bytes of a row: 130 in the CSV and 30 in the Parquet file, measured on millions of rows.
+INTERVALS = Kind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
+
+
+def _searches(
+    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=0.0
+) -> Searches:
+    """The searches for the intervals of `size` loops of the spec.
+
+    changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
+    factors of it. felt, checked, prove: see `Search`.
+    """
+    parts: dict = {}
+    path, require = asked.axis.path, asked.require
+    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=path):
+        bound = require and Bound.of(require).over(frames_of(loops))
+        parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
+    searches = []
+    for (drawing, bound), alike in parts.items():
+        drawn = drawing.tied(path, ties) if ties else drawing
+        groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
+        searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prove, bound))
+    return Searches(tuple(searches), asked.order)
+
+
+def job_of(spec: Spec, along: str | None = None) -> Job:
+    """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
+    axis, others = sweep_axes(spec, along)
+    return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
+
+
+def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
+    """The job of a grid; require: see `Along`. Errors: UsageError or SpecError if it cannot be done."""
+    spec, asked = grid.spec, Along(axis, require=require)
+    if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
+        raise UsageError(no_axis(spec, axis.name))
+    resolved = resolve_all(grid, rates=True)
+    for end in asked.span:
+        wrong = spec.drawing and unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any()
+        if wrong or spec.uneven or axis.path == FAST:
+            spec.with_values({axis.path: end})
+    if spec.drawing:
+        refuse_singular(spec, spec.drawing)
+    index = some_loops(grid)
+    changes = grid.loop_values(index)
+    parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path)]
+    for loops in parts:
+        if require and require.settling and name_of(axis.path) in loops.drawing.rating:
+            raise UsageError(f"{axis.name} changes the time of a frame: require radius along it, and not settling")
+        domain(*loops, axis.path, asked.span)
+    orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
+    way = ways[0] if len({*ways}) == 1 else Way.BOTH
+    cost = BY_DISCS if _takes_discs(require) else expected_cost(orders[0], ways[0])
+    order = max(orders) if len(orders) > 1 and way is Way.CUT and not require and grid.loops <= FEW else 0
+    return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way, order=order))
+
+
+def guaranteed(job: Job, guarantee: "Guarantee | ForAllGuarantee | EveryHandGuarantee") -> Job:
+    """The job of the intervals that are guaranteed for hands or numbers."""
+    return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
+
+
+@lru_cache(maxsize=64)
+def _order_of_drawing(drawing, path, items):
+    """States of a loop, and the way along the number."""
+    loops = Loops(drawing, {path: np.array(v) if isinstance(v, tuple) else v for path, v in items})
+    cut = exact_cut(loops, name_of(path))
+    if cut is not None:
+        return cut.order, Way.CUT
+    return frames(loops, drift_of(loops)).shape[-1], Way.PANELS
+
+
+def expected_cost(order: int, way: Way) -> float:
+    """Seconds that a slice of a loop with `order` states takes, roughly.
+
+    A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
+    """
+    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED else BY_PANELS
+    return share * max(order, 2) ** 2
+
+
+def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
+    """Expected s per slice of the spec along the axis, and its way."""
+    order, way = _order_of(spec, own_loop(spec, axis.path), axis)
+    return expected_cost(order, way), way
+
+
+def _order_of(spec, loops, axis):
+    return _order_of_drawing(loops.drawing, axis.path, items_of(_like_own(spec, loops)))
+
+
+def _like_own(spec, loops):
+    """The values of loops, those of the spec in place of others of the same sign, which have the same structure as a rule.
+
+    A compiled loop is asked about other values again and again.
+    """
+    kept, found = {path_of(name) for name in loops.drawing.shaping}, dict(loops.values)
+    for path, value in loops.values.items():
+        own, one = spec.values.get(path), value[0] if np.ndim(value) else value
+        if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
+            found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
+    return found
+
+
+def at_points(
+    spec: Spec,
+    axis: Axis,
+    points: Mapping[str, np.ndarray],
+    ties: tuple[str, ...] = (),
+    felt: bool = True,
+    require: Require | None = None,
+) -> Columns:
+    """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
+
+    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
+    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
+    `Along`.
+    """
+    count = len(next(iter(points.values())))
+    records = _searches(spec, Along(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
+    return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+
+
+CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
+PANELS = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
+
+
+def method(asked: Along) -> str:
+    """How the intervals are found, in a line."""
+    found = {
+        Way.CUT: CUT,
+        Way.PANELS: PANELS,
+        Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others",
+    }[asked.way]
+    of_size = asked.require and Bound.of(asked.require).of_size
+    if of_size:
+        found += "; of frames over the required radius, whose unit circle is its circle"
+    if not _takes_discs(asked.require):
+        return found
+    discs = DISCS.format("each other and the unit circle" if asked.require.bounded else "the spiral of the damping ratio")
+    return f"{discs}; and {found}" if of_size else discs
+
+
+def _takes_discs(require):
+    return bool(require and (require.damping_ratio or require.bounded))

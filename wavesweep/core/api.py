@@ -1,0 +1,512 @@
+"""The library: a compiled loop with vectorised methods, and the commands as calls; both return DataFrames and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import count, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+
+import numpy as np
+
+from wavesweep.core.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
+from wavesweep.core.analyses.loops import drift_of, refuse_singular
+from wavesweep.core.columns import Columns, joined
+from wavesweep.core.drawn_loop import DrawnLoop, refuse_infinite
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops.from_drawing import OUTPUT
+from wavesweep.core.loops.multirate import MultirateLoop, first_of
+from wavesweep.core.monodromy.drift import drift_of_drawn
+from wavesweep.core.spec import Axis, Require, Spec, load
+from wavesweep.core.spec.loading import naming
+from wavesweep.core.sweep.grid import Grid, keys_of, make_grid, own_loop
+from wavesweep.core.sweep.running import Options
+from wavesweep.core.tables import intervals, kind_named, responses
+from wavesweep.core.tables.columns import fields_of
+from wavesweep.core.tables.frame import frame, framed
+from wavesweep.identification import table as of_identify
+from wavesweep.margins import table as of_margins
+from wavesweep.passive import table as of_passivity
+from wavesweep.sensitivity import table as of_why
+from wavesweep.simulation import table as simulation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+Source = Spec | str | Path | Mapping[str, Any]
+Span = tuple[float, float]
+
+
+@overload
+def compile(source: Source) -> Loop: ...
+@overload
+def compile(source: MultirateLoop) -> DrawnLoop: ...
+def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
+    """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `MultirateLoop`) once, for any number of calls."""
+    if isinstance(source, MultirateLoop):
+        source.refuse_wrong_names()
+        refuse_infinite(source)
+        return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
+    return _compiled(_spec(source))
+
+
+def _compiled(spec: Spec) -> Loop:
+    refuse_singular(spec, own_loop(spec).drawing)
+    return Loop(spec, keys_of(spec))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A compiled loop.
+
+    The methods take `axes` by name, each a number or a list, and compute the product of the lists. An axis is named by its
+    symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
+    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop these are also the keys of blocks that
+    are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the spec. If only the
+    wall (K_VE, B_VE) changes, nothing is compiled again.
+    """
+
+    spec: Spec
+    read: frozenset[str]
+
+    def __repr__(self) -> str:
+        """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
+        symbols = {name: path for name, path in self.spec.names.symbols.items() if path in self.read}
+        numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
+        loop = own_loop(self.spec)
+        drawn, drift = loop.drawn(), drift_of(loop)
+        what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
+        frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
+        return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
+
+    def _repr_html_(self) -> str | None:
+        """For notebooks: the question, its stable intervals and their figure. None, for the text alone, without an axis."""
+        from html import escape
+        from io import StringIO
+
+        try:
+            axis = axis_along(self.spec, self._usual, None)
+        except UsageError:  # a drawn loop whose [sweep] has no range to look along
+            return None
+        picture = StringIO()
+        self.plot_zwidth().savefig(picture, format="svg")
+        question = f"For which {axis.name} from {axis.start:g} to {axis.stop:g} is this loop stable? {self!r}"
+        svg = picture.getvalue().partition("<svg")
+        return f"<p>{escape(question)}</p>{self.stable_intervals().to_html(index=False)}<p>{svg[1]}{svg[2]}</p>"
+
+    def with_(self, **values: float | str) -> Loop:
+        """The loop with other numbers: `loop.with_(b=30, **{"device.mass": 0.2})`. Errors: as for a spec's own numbers."""
+        spec = self.spec.with_values({key_named(self.spec, name).path: value for name, value in values.items()})
+        return _compiled(spec)
+
+    @property
+    def _usual(self) -> str:
+        """The axis of intervals if none is given."""
+        return self.spec.along if self.spec.drawing else "K_VE"
+
+    def stable_intervals(
+        self,
+        along: str | None = None,
+        span: Span | None = None,
+        *,
+        require: Mapping[str, float] | None = None,
+        **axes: Numbers,
+    ) -> DataFrame:
+        """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
+
+        along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
+        (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
+        `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
+        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high, low_hz, high_hz. Of a spec with
+        [for_all] the rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are
+        of its own numbers, and say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError
+        if it would not accept a value or a combination.
+        require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
+            {"damping_ratio": 0.3}.
+        Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
+        """
+        from wavesweep.core.analyses.intervals import job_over
+
+        grid, axis = self._asked(along, span, axes)
+        job = job_over(grid, axis, require=None if require is None else Require.of(require))
+        return self._frame("zwidth", intervals.of_calls(job))
+
+    def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
+        """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
+
+        along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
+        and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
+        implicit function theorem. Errors: UsageError if a spec would not accept a name or a value.
+        Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
+        """
+        from wavesweep.sensitivity.table import sensitivities
+
+        grid, axis = self._asked(along, span, axes)
+        return self._frame("why", sensitivities(grid, axis))
+
+    def spectral_radius(self, **axes: Numbers) -> np.ndarray:
+        """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
+
+        axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
+        the loop is stable. It is infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+        """
+        from wavesweep.core.analyses.loops import radius_over
+
+        spec = naming(self.spec, axes)
+        asked = axes_asked(spec, axes)
+        shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
+        return radius_over(spec, asked).reshape(shape)
+
+    def poles(self) -> DataFrame:
+        """The closed-loop poles of the loop's own numbers: a DataFrame, a row per pole, the slowest first, without what drifts.
+
+        Columns: `z_re` and `z_im` per frame and their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s = log(z)/T`, T the period
+        of the frame; `frequency_hz`, `damping_ratio` and `time_constant_s` of s; `states`, the states that take part most,
+        by participation factors. A frame shows only an image of a frequency above half its rate.
+        Accuracy: that of eigenvalues in double precision; intervals and the spectral radius say when rounding hides them.
+        """
+        from wavesweep.margins.poles import UNITS, poles
+
+        return frame(poles(self.spec), UNITS, self.spec.for_all)
+
+    def response(
+        self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
+    ) -> DataFrame:
+        """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
+
+        frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
+        from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In
+        place of an output any signal of the loop, "block.port", does.
+        If both are, it is the response that the spec's [bode] asks for: of a loop without a hand those between all of them,
+        with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for unknown names, SpecError for
+        a drawn loop without a hand that has no such ports.
+        Accuracy: every row has bounds on its relative errors, or a reason of doubt.
+        """
+        from wavesweep.core.analyses.responses import one_spec
+
+        spec, frequency = naming(self.spec, axes, to), frequencies_asked(self.spec, frequency_hz)
+        routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
+        asked = axes_asked(spec, axes)
+        found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])
+        return self._frame("bode-ports" if routes[0] else "bode", found)
+
+    def passivity(self, **axes: Numbers) -> DataFrame:
+        """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
+
+        axes: see `Loop`. Accuracy: see ACCURACY.md.
+        """
+        from wavesweep.passive.table import in_memory
+
+        spec = naming(self.spec, axes)
+        return self._frame("passivity", in_memory(spec, axes_asked(spec, axes)))
+
+    def margins(self, cut: str = "") -> DataFrame:
+        """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
+
+        cut: an output of a block that a wire reads, "block.port"; by default the only one that acts on the plant. Errors:
+        UsageError for another signal, or if the loop is not stable. Accuracy: every row has a bound on its relative error, or
+        a reason of doubt.
+        """
+        return framed(of_margins.margins(self.spec, cut))
+
+    def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
+        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+
+        force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
+        the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
+        Errors: as for a spec.
+        """
+        from wavesweep.simulation.experiment import simulation_of
+        from wavesweep.simulation.record import recorded
+
+        return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
+
+    def plot_zwidth(
+        self, along: str | None = None, span: Span | None = None, *, ax: Axes | None = None, **axes: Numbers
+    ) -> Figure:
+        """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
+
+        along, span, axes: as for `stable_intervals`. Intervals between the values given are computed for the figure. ax: axes
+        of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
+        """
+        along = self._usual if along is None else along
+        columns = self.stable_intervals(along, span, require=None, **axes)
+        axis = axis_along(naming(self.spec, [along]), along, span)
+        swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
+        return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
+
+    def plot_bode(
+        self,
+        frequency_hz: Numbers | None = None,
+        *,
+        from_: str | None = None,
+        to: str | None = None,
+        ax: Axes | None = None,
+        **axes: Numbers,
+    ) -> Figure:
+        """The figure of responses, as `wavesweep bode` draws it: a matplotlib `Figure`.
+
+        frequency_hz, from_, to, axes: as for `response`.
+        """
+        found = self.response(frequency_hz, from_=from_, to=to, **axes)
+        return _figure(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec)
+
+    def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+        """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
+
+        axes: as for `passivity`.
+        """
+        return _figure(ax, "passivity", self.passivity(**axes), self.spec)
+
+    def plot_simulate(self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None) -> Figure:
+        """The figure of a simulation, as `wavesweep simulate` draws it: a matplotlib `Figure`.
+
+        force, options: as for `simulate`.
+        """
+        tables = self.spec.as_simulated().tables()
+        off = [name for name, value in options.items() if value is None]
+        keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
+        used = load(tables | {"simulate": keys}).as_simulated()
+        return _figure(ax, "simulate", self.simulate(force, **options), used)
+
+    def plot_root_locus(self, number: str, values: Numbers | None = None, *, ax: Axes | None = None) -> Figure:
+        """The poles per frame over a number: a matplotlib `Figure`, with the unit circle and the ends of stable intervals.
+
+        number: named as an axis, see `Loop`. values: by default 300 over the span that the spec's [sweep] has for it. Ends,
+        which are certified or marked as not certified, are those between the least and the largest value; a number that
+        decides how the loop is built has none. Errors: UsageError if a spec would not accept a name or a value.
+        """
+        from wavesweep.core.plots import drawn_into
+        from wavesweep.margins.locus import LOCUS, locus_of
+
+        spec = naming(self.spec, [number])
+        if values is None:
+            span = axis_along(spec, number, None)
+            values = np.linspace(span.start, span.stop, LOCUS)
+        (axis,) = axes_asked(spec, {number: values})
+        return drawn_into(ax, lambda: locus_of(spec, axis))
+
+    def plot_margins(self, cut: str, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+        """Nyquist curve, open-loop Bode plot and step response with the margins, as `wavesweep margins` draws them.
+
+        cut: as for `margins`. axes: numbers with several values each (see `Loop`); each combination has a curve in each panel.
+        By default these are the ends of the ranges of [for_all]. Errors: as for `margins`.
+        """
+        from wavesweep.core.plots import drawn_into
+        from wavesweep.margins.figure import margins, named_specs
+
+        asked, table = axes_asked(self.spec, axes), of_margins.margins(self.spec, cut)
+        places = [dict(zip(axes, each, strict=True)) for each in product(*(axis.values for axis in asked)) if each]
+        family = named_specs(self.spec, places)
+        return drawn_into(ax, lambda: margins(table.columns, table.facts, family))
+
+    def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
+        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
+        from wavesweep.core.plots import diagram, drawn_into
+
+        return drawn_into(ax, lambda: diagram(self.spec))
+
+    def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
+        """The closed loop over a frame as a `control.StateSpace`, dt of the frame.
+
+        output: "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out; "displacement" (m): the
+        changes of the position in each tick; "outputs": the inputs of [ports] in, each held over the whole frame, and the
+        outputs of [ports] as the first tick of the frame shows them, when its blocks have run. By default "position", or
+        "outputs" of a loop without a hand. So a step response of "outputs" is that of the loop at the frame's starts; for other
+        ticks, and inputs that change within a frame, see `simulate` and `response`.
+        Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no sign of instability.
+        Displacements do not show the drift, and the system from forces to them has no such pole; outputs that show it do.
+        Errors: UsageError for any other output; SpecError for a loop without a hand, or without outputs.
+        """
+        import control
+
+        from wavesweep.core.analyses.loops import loop_at_hand
+        from wavesweep.core.response.lifted import held_over_frame, over_frame
+
+        drawing = self.spec.drawing
+        if output is None:
+            output = "outputs" if drawing and not drawing.hand else "position"
+        if output not in ("position", "displacement", "outputs"):
+            raise UsageError(f'output: expected "position", "displacement" or "outputs", found {output!r}')
+        if output == "outputs":
+            if not (drawing and drawing.inputs and drawing.outputs):
+                expected = "inputs and outputs of a drawn loop, or a hand"
+                raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
+            drawn, names = own_loop(self.spec).drawn(), [name for name, _, _ in drawing.inputs]
+            shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
+            parts = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
+            period = float(np.asarray(drawn.period)) * drawn.ticks
+            return control.ss(*parts, period, inputs=names, outputs=list(shown.values()))
+        port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
+        ticks = ratio if isinstance(ratio, int) else port.kind.size
+        E, B, C, D = over_frame(port, ticks, positions=output == "position")
+        inputs, outputs = ([f"{name}[{i}]" for i in range(ticks)] for name in ("f_h", "x" if output == "position" else "dx"))
+        return control.ss(np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs)
+
+    def _frame(self, kind: str, columns: Columns) -> DataFrame:
+        columns = kind_named(kind).completed(columns)
+        along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
+        return frame(columns, _units(self.spec, kind, tuple(columns), along), self.spec.for_all)
+
+    def _read(self, spec: Spec) -> frozenset[str]:
+        return self.read if spec is self.spec else keys_of(spec)
+
+    def _asked(self, along: str | None, span: Span | None, axes: Mapping[str, Numbers]) -> tuple[Grid, Axis]:
+        """The grid of the axes, and the axis of the intervals."""
+        along = self._usual if along is None else along
+        spec = naming(self.spec, [*axes, along])
+        axis = axis_along(spec, along, span)
+        return make_grid(spec, axes_asked(spec, axes, axis), axis.path, self._read(spec)), axis
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked for the same table again and again
+def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[str, str]:
+    """The units of the columns of a table of that kind. A controller's numbers have theirs from the schema."""
+    columns: dict[str, tuple[str, ...]] = dict.fromkeys(names, ()) | ({"along": (along,)} if along else {})
+    return {each.name: each.unit for each in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
+
+
+def _figure(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
+    """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+    from wavesweep.core.analyses.assumptions import assumes
+    from wavesweep.core.plots import drawn_into, figure_of
+    from wavesweep.identification.points import facts_of_points
+
+    tables = spec.tables() | ({"sweep": swept} if swept else {})
+    varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
+    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied), **facts_of_points([spec], kind)}
+    columns = {str(name): table[name].to_numpy() for name in table}
+    return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
+
+
+def zwidth(
+    source: Source, along: str | None = "K_VE", for_hands: str | Iterable[str] = (), **work: Unpack[Options]
+) -> DataFrame:
+    """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. for_hands: a word or
+    several, whose intervals are added: "passive", "box", "box:mass=0.1..0.4,damping=2..5", "port", see `wavesweep zwidth
+    --help`. work: jobs, backend, scheduler, progress, checkpoint and force, see `Options`. Errors: UsageError, SpecError,
+    WavesweepError.
+    """
+    from wavesweep.passive.hands import hands_of
+
+    return framed(intervals.intervals(_spec(source), along, hands_of(for_hands), **work))
+
+
+def stability_region(
+    source: Source, along: str | None = None, for_hands: str | Iterable[str] = (), **work: Unpack[Options]
+) -> DataFrame:
+    """The same along the spec's own axis, as `wavesweep stability-region` computes them.
+
+    source: a spec, a path, or nested tables. along: another axis than the spec's own. The rest is as for `zwidth`.
+    """
+    return zwidth(source, along, for_hands, **work)
+
+
+def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
+    """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
+
+    Of drawn loops that ask for them it has the responses between inputs and outputs, with the columns of bode-ports.
+
+    sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
+    column `spec`. work: as for `zwidth`.
+    """
+    return framed(responses.responses(_numbered([_spec(source) for source in sources]), **work))
+
+
+def _numbered(specs: list[Spec]) -> list[Spec]:
+    """The specs under different names, which label their rows."""
+    names: list[str] = []
+    for spec in specs:
+        tries = (f"{spec.name} {number}" if number > 1 else spec.name for number in count(1))
+        names.append(next(name for name in tries if name not in names))
+    return [replace(spec, name=name) for spec, name in zip(specs, names, strict=True)]
+
+
+def design(source: Source, **work: Unpack[Options]) -> DataFrame:
+    """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
+
+    source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
+    """
+    from wavesweep.designs.study import design as search
+
+    return framed(search(_spec(source).as_designed(), **work))
+
+
+def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
+    """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
+
+    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
+    """
+    return framed(of_passivity.passivity(_spec(source), tolerance, **work))
+
+
+def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
+    """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
+
+    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
+    """
+    return framed(of_passivity.filter_choices(_spec(source), tolerance))
+
+
+def simulate(source: Source) -> list[DataFrame]:
+    """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
+    return [framed(table) for table in simulation.simulate(_spec(source).as_simulated())]
+
+
+def verdict(source: Source) -> dict[str, Any]:
+    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.check.verdict`."""
+    from wavesweep.check.verdict import verdict as found
+
+    return found(_spec(source))
+
+
+def report(source: Source, path: str | Path | None = None, cut: str = "", for_hands: str | Iterable[str] = ()) -> str:
+    """The report of `source` as `wavesweep report` writes it: the text of an HTML file, which is written to `path` too.
+
+    source: a spec, a path, or nested tables. path: of the file; an earlier one is replaced. cut: the signal for the margins,
+    "block.port"; by default the one that acts on the plant. for_hands: words for guarantees, as for `zwidth`. What the spec
+    does not allow is named in the report. Errors: UsageError for other words, OSError for a file that cannot be written.
+    """
+    from wavesweep.core.atomic_files import write_file
+    from wavesweep.reports.content import Request
+    from wavesweep.reports.content import report as written
+
+    text = written(_spec(source), Request(cut, (for_hands,) if isinstance(for_hands, str) else tuple(for_hands)))
+    if path is not None:
+        write_file(Path(path), text.encode())
+    return text
+
+
+def why(source: Source, along: str | None = None) -> DataFrame:
+    """Elasticities and slopes of each limit of the own design of `source`, as `wavesweep why` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
+    """
+    return framed(of_why.why(_spec(source), along))
+
+
+def identify(log: str | Path, **asked: Unpack[of_identify.Asked]) -> DataFrame:
+    """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
+
+    log: a CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an acceleration; or torque
+    (N*m) and angle (rad), speed or angular_acceleration. columns, scales: names in the file and factors to these units, by
+    name: `columns={"position": "enc"}, scales={"position": 2e-5}`. motor_constant: bounds, (low, high), in N/A or N*m/A, for a
+    current. resolution: step of the readings, by default the one that they show. spring, friction: fit some. two_masses: fit a
+    load on a spring. delay: in ticks, None to fit it.
+    rate_hz: the file is a frequency response, whose force was held at this rate.
+    The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
+    is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
+    """
+    return framed(of_identify.identify(str(log), **asked))
+
+
+def _spec(source: Source) -> Spec:
+    return source if isinstance(source, Spec) else load(source)

@@ -1,0 +1,180 @@
+"""Shell completion: specs, keys and values of --set, devices and controllers. Loaded only if a shell asks for it."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from types import MappingProxyType
+
+import click
+from click.shell_completion import BashComplete, CompletionItem, add_completion_class, split_arg_string
+
+from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.drawing.block_types import TICK_HZ, TYPES
+from wavesweep.core.drawing.drawing import MARKS, RATE
+from wavesweep.core.drawing.drawing_keys import is_dotted, is_name
+from wavesweep.core.drawing.drawn_block import keys_of_block
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.core.reading.reading import read_file
+
+STUDIES = ("sweep", "bode")
+# After `KEY=` there is no space, so that the value can be typed.
+NO_SPACE = "[[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace"
+
+
+class Bash(BashComplete):
+    """Bash takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it."""
+
+    source_template = BashComplete.source_template.replace("    return 0\n", f"    {NO_SPACE}\n\n    return 0\n")
+    _typed = ""
+
+    def get_completion_args(self) -> tuple[list[str], str]:
+        """Words before the cursor and the incomplete one, both with their `=`."""
+        position = int(os.environ["COMP_CWORD"])
+        words = split_arg_string(os.environ["COMP_WORDS"])[1 : position + 1]
+        incomplete = len(words) == position
+        joined: list[str] = []
+        for before, word in zip(["", *words], words, strict=False):
+            if joined and "=" in (before, word):
+                joined[-1] += word
+            else:
+                joined.append(word)
+        last = joined.pop() if incomplete and joined else ""
+        self._typed = last[: last.rfind("=") + 1].removeprefix("--set=")
+        return joined, last
+
+    def format_completion(self, item: CompletionItem) -> str:
+        """Type and value without the part that is typed already."""
+        return f"{item.type},{item.value.removeprefix(self._typed)}"
+
+
+def register() -> None:
+    """Let click use the completion of this module for bash; it knows zsh and fish."""
+    add_completion_class(Bash)
+
+
+def prepare(command: click.Command) -> click.Command:
+    """Give the parameters of a command their completions, by name."""
+    for parameter in command.params:
+        if parameter.name in COMPLETIONS:
+            parameter.shell_complete = _completer(COMPLETIONS[parameter.name])
+    return command
+
+
+def _completer(candidates: Callable[..., Iterable[CompletionItem]]) -> Callable:
+    of_spec = candidates in (settings, axes)
+    return lambda context, incomplete: list(candidates(incomplete, *([_drawn_keys(context)] if of_spec else [])))
+
+
+def _drawn_keys(context: click.Context) -> dict[str, Key]:
+    """The keys of the drawn loops among the specs that are typed already, by their names; empty without a drawn loop.
+
+    These are its rate, its numbers by their names and paths and as axes, and the keys of its blocks.
+    """
+    found: dict[str, Key] = {}
+    given = [context.params.get("spec"), *(context.params.get("specs") or ())]
+    # Where an option has no value yet, click leaves arguments where they are.
+    for path in filter(None, [*given, *context.args]):
+        tables: dict = {}
+        with suppress(WavesweepError):  # a spec that is still written, or none at all
+            tables = read_file(path)[0]
+        if not any(mark in tables for mark in MARKS):
+            continue
+        numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
+        found[RATE] = TICK_HZ
+        for name, number in ((name, number) for name, number in numbers.items() if is_name(name)):  # which no shell would run
+            text = " ".join(str(number.get("description", "")).split()) if isinstance(number, dict) else ""
+            key = Key(f"numbers.{name}", "number", None, "", text)
+            found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
+        for name, block in ((name, block) for name, block in blocks.items() if is_dotted(name)):
+            known = isinstance(block, dict) and block.get("type") in TYPES
+            own = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if known else {}).items()}
+            found |= own | {f"{study}.{path}": row for path, row in own.items() if row.numeric for study in STUDIES}
+    return found
+
+
+def commands(helps: Iterable[tuple[str, str]], incomplete: str) -> list[CompletionItem]:
+    """The commands that begin with `incomplete`. helps: pairs of name and short help."""
+    return [CompletionItem(name, help=text) for name, text in helps if name.startswith(incomplete)]
+
+
+def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
+    return (CompletionItem(name, help=key.description) for name, key in known.items() if name.startswith(incomplete))
+
+
+def keys(incomplete: str) -> Iterator[CompletionItem]:
+    """Keys, symbols and axes that begin with `incomplete`; of the axes the symbols, or all behind `sweep.`."""
+    known = {**KEYS, **STUDY_KEYS, **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
+    for study in STUDIES:
+        known |= {f"{study}.{name}": find_key(name) for name in (_axes() if incomplete.startswith(f"{study}.") else ())}
+    yield from _items(known, incomplete)
+    if incomplete.startswith("block."):
+        yield from commands([(f"block.{kind}", each.description) for kind, each in TYPES.items()], incomplete)
+
+
+def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
+    """`KEY=` for --set, and behind the `=` the values that the key takes, if these are words. drawn: see `_drawn_keys`."""
+    name, equals, value = incomplete.partition("=")
+    if not equals:
+        for item in _items({**drawn, **STUDY_KEYS}, incomplete) if drawn else keys(incomplete):
+            yield CompletionItem(f"{item.value}=", help=item.help)
+        return
+    key = drawn.get(name) or find_key(name) or STUDY_KEYS.get(name)
+    names = _axes(drawn) if name == "sweep.along" else dict.fromkeys(key.choices, "") | dict(key.meanings) if key else {}
+    for choice, meaning in names.items():
+        if str(choice).startswith(value):
+            yield CompletionItem(f"{name}={choice}", help=meaning)
+
+
+def axes(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
+    """Names of axes. drawn: see `_drawn_keys`."""
+    return iter(commands(_axes(drawn).items(), incomplete))
+
+
+def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
+    if drawn:
+        return {name: key.description for name, key in drawn.items() if "." not in name}
+    names = [*SYMBOLS, *(path for path, key in KEYS.items() if key.numeric and path not in SYMBOLS.values())]
+    return {name: find_key(name).description for name in names}
+
+
+def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
+    return lambda incomplete: commands(meanings.items(), incomplete)
+
+
+def _loops(incomplete: str) -> list[CompletionItem]:
+    from wavesweep.core.cli.init import drawn_loops
+
+    known = {kind: each.description for kind, each in CONTROLLERS.items()} | dict.fromkeys(drawn_loops(), "")
+    return commands(known.items(), incomplete)
+
+
+def _explained(incomplete: str) -> list[CompletionItem]:
+    from wavesweep.core.cli.explain import entries
+
+    return commands({each.word: each.meaning for each in reversed(entries())}.items(), incomplete)
+
+
+def _files(incomplete: str) -> list[CompletionItem]:
+    return [CompletionItem(incomplete, type="file")]
+
+
+# Name of a parameter of any command -> its candidates.
+COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
+    **dict.fromkeys(("spec", "specs", "log", "table", "tables", "out", "directory", "save"), _files),
+    **dict.fromkeys(("kind", "example"), _loops),
+    "overrides": settings,
+    "along": axes,
+    "name": keys,
+    "device": _among({name: device.title for name, device in DEVICES.items()}),
+    "backend": _among({"loky": "processes of this machine", "threading": "threads", "dask": "with --scheduler"}),
+    "words": _explained,
+    "for_hands": _among(
+        {
+            "passive": "stable with every passive hand",
+            "box": "stable with every hand of ranges, e.g. box:mass=0.1..0.4",
+            "port": "the hand's port is passive for held forces",
+        }
+    ),
+}

@@ -1,0 +1,144 @@
+"""`wavesweep explain`."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from textwrap import wrap
+from typing import NamedTuple
+
+import click
+
+from wavesweep.core.cli.entry import COMMANDS
+from wavesweep.core.cli.messages import width
+from wavesweep.core.cli.talk import talk
+from wavesweep.core.cli.words import MESSAGES, TERMS
+from wavesweep.core.doubts import DOUBTS
+from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.checking import nearest
+from wavesweep.core.spec import find_key
+from wavesweep.core.tables.fields import COLUMNS, DESIGN, OF_ALONG, OF_WALL, Field
+from wavesweep.designs.wish_keys import WISHES
+
+MANY = 4  # tables that have a column
+GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}
+
+
+class Entry(NamedTuple):
+    """One meaning of a word. group: one of `GROUPS`, or "column of ..."; its words are spelt as the user meets them."""
+
+    word: str
+    group: str
+    meaning: str
+    advice: str = ""
+
+
+@click.command("explain")
+@click.argument("words", metavar="[WORD]...", nargs=-1)
+def command(words: tuple[str, ...]) -> None:
+    """Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do.
+
+    Without a WORD all words are listed. A word may have several meanings, as certified in several tables; each is explained.
+    Keys of a spec are explained by `wavesweep keys`. With --json the meanings are printed as one JSON object.
+
+    \b
+    Examples:
+      wavesweep explain crowded
+      wavesweep explain felt_low
+      wavesweep explain swept range ends
+    """
+    found = explained(" ".join(words)) if words else entries()
+    if talk().as_json:
+        listed: dict[str, list[dict[str, str]]] = {}
+        for each in found:
+            listed.setdefault(each.word, []).append(each._asdict())
+        click.echo(json.dumps(listed, indent=2))
+    else:
+        click.echo("\n".join(line for each in found for line in _lines(each)) if words else "\n".join(_list(found)))
+
+
+@cache
+def entries() -> tuple[Entry, ...]:
+    """All meanings of all words, those of one group together."""
+    doubts = (Entry(word, "doubt", *doubt) for word, doubt in DOUBTS.items() if word)
+    terms = (Entry(word, "term", meaning) for names, meaning in TERMS.items() for word in names.split(", "))
+    messages = (Entry(word, "message", *each) for names, each in MESSAGES.items() for word in names.split(", "))
+    columns = [(field, tables) for field, tables in _columns().items()]
+    own = (Entry(each.name, f"column of {_some(tables)}", _meaning(each), each.advice) for each, tables in columns)
+    values = {
+        (word, meaning): Entry(word, "value", f"in the column {each.name}: {meaning}", each.advice)
+        for each, _ in columns
+        for word, meaning in each.values.items()
+    }
+    return (*doubts, *terms, *messages, *own, *values.values())
+
+
+def _columns() -> dict[Field, list[str]]:
+    """Each column with the tables that have it; the same column of several tables is one."""
+    found: dict[Field, list[str]] = {}
+    wishes = (Field(name, "number", each.unit, f"{each.description}, at its worst") for name, each in WISHES.items())
+    scenarios = (Field(f"{name}_scenario", "string", "", f"what sets the worst {name}") for name in WISHES)
+    for table, fields in (COLUMNS | {"design": (*wishes, *scenarios, *DESIGN)}).items():
+        for each in fields:
+            found.setdefault(replace(each, optional=False), []).append(table)
+    return found
+
+
+def _some(tables: list[str]) -> str:
+    """The names of tables, of many the first."""
+    return ", ".join(tables if len(tables) <= MANY else [*tables[: MANY - 1], "..."])
+
+
+def _meaning(field: Field) -> str:
+    """The meaning of a column with its unit."""
+    units = {OF_ALONG: "in the unit of the axis", OF_WALL: "in the unit of the wall's stiffness", "1": "", "": ""}
+    kinds = {"boolean": "1 or 0", "integer": "a whole number"}
+    about = ", ".join(filter(None, (kinds.get(field.kind, ""), units.get(field.unit, field.unit))))
+    return f"{field.description} ({about})" if about else field.description
+
+
+def explained(word: str) -> tuple[Entry, ...]:
+    """All meanings of a word. Errors: UsageError for an unknown one, with the nearest."""
+    for alike in (str, _plain):
+        if found := tuple(each for each in entries() if alike(each.word) == alike(word)):
+            return found
+    if word in COMMANDS:
+        return (Entry(word, "command", COMMANDS[word], f"`wavesweep {word} --help` explains its options."),)
+    if key := find_key(word):
+        return (Entry(word, "key of a spec", key.description, f"`wavesweep keys {word}` has its values and its default."),)
+    if word in TYPES:
+        return (
+            Entry(word, "type of block", TYPES[word].description, f"`wavesweep keys block.{word}` has its ports and keys."),
+        )
+    meant = nearest(word, {each.word for each in entries()})
+    hint = f"did you mean {meant}?" if meant else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
+    raise UsageError(f"{word}: expected a word that is explained, found another one; {hint}")
+
+
+def _plain(word: str) -> str:
+    return word.casefold().replace("-", " ").replace("_", " ").strip("'\"`().")
+
+
+def _lines(entry: Entry) -> Iterator[str]:
+    """An entry in at most five lines."""
+    of = {"doubt": "word of doubt", "term": "", "message": "in a message", "value": ""}.get(entry.group, entry.group)
+    yield from _wrapped(f"{entry.word}{f' ({of})' if of else ''}: {entry.meaning}", "  ")
+    if entry.advice:
+        yield from _wrapped(f"  {entry.advice}", "  ")
+
+
+def _wrapped(text: str, indent: str) -> list[str]:
+    return wrap(text, width(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+
+
+def _list(found: tuple[Entry, ...]) -> Iterator[str]:
+    """All words in groups, each once; a column stands with the first table that has it."""
+    groups: dict[str, list[str]] = {}
+    for each in found:
+        name = GROUPS.get(each.group) or each.group.partition(",")[0].replace("column", "Columns")
+        if each.word not in (word for words in groups.values() for word in words):
+            groups.setdefault(name, []).append(each.word)
+    for name, words in groups.items():
+        yield from _wrapped(f"{name}: {', '.join(words)}", "  ")
+    yield "`wavesweep explain WORD` explains one of them, `wavesweep keys KEY` a key of a spec."

@@ -1,0 +1,99 @@
+"""`wavesweep inspect`."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from wavesweep.core.cli.talk import talk
+from wavesweep.core.errors import UsageError
+
+FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
+
+
+@click.command("inspect")
+@click.argument("table")
+def command(table: str) -> None:
+    """Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.
+
+    TABLE is a Parquet file of another command, a CSV with its data package beside it, a folder of results, or the name of a
+    spec, whose results are in results/NAME.
+
+    \b
+    Examples:
+      wavesweep inspect results/fig4/zwidth.parquet
+      wavesweep inspect fig4
+    """
+    from wavesweep.core.cli.messages import printable, show_json
+
+    found = {str(path): _facts_of(path) for path in _tables(table)}
+    if talk().as_json:
+        show_json({"command": "inspect", "tables": found})
+    else:
+        click.echo(printable("\n".join(line for path, each in found.items() for line in _lines(path, each))))
+
+
+def _tables(name: str) -> list[Path]:
+    """The tables of a path or of the name of a spec. Errors: UsageError without a table."""
+    path = Path(name)
+    if path.suffix in (".csv", ".parquet"):
+        return [path]
+    folder = path if path.is_dir() else Path("results", name)
+    packages = sorted(folder.glob("*.datapackage.json"))
+    if not packages:
+        raise UsageError(f"{name}: expected a table, a folder of results, or a spec's name in results/, found none")
+    return [each.with_suffix("").with_suffix(".parquet") for each in packages]
+
+
+def _facts_of(path: Path) -> Mapping[str, Any]:
+    """A table as numbers and words that JSON can hold."""
+    from wavesweep.core.results import fields_of, read_table
+    from wavesweep.core.tables.kind import counted_doubts
+
+    kind, columns, facts = read_table(path)
+    fields = fields_of(kind, columns, facts)
+    doubts = {"doubts": counted_doubts(columns["doubt"])} if "doubt" in columns else {}
+    return {
+        "kind": kind,
+        "rows": len(next(iter(columns.values()))),
+        **doubts,
+        "facts": {name: facts[name] for name in FACTS if name in facts},
+        "columns": [
+            {name: getattr(each, name) for name in ("name", "unit", "kind", "description")} | _extent(columns[each.name])
+            for each in fields
+        ],
+    }
+
+
+def _extent(values: np.ndarray) -> dict[str, Any]:
+    """How many values are missing, and the least and the largest of the others; how many texts differ, and are true."""
+    if values.dtype == object:
+        return {"different": len(set(values.tolist()))}
+    if values.dtype == np.bool_:
+        return {"true": int(values.sum())}
+    known = values[~np.isnan(values)] if values.dtype == np.float64 else values
+    ends = {"least": known.min().item(), "largest": known.max().item()} if len(known) else {}
+    return {"missing": len(values) - len(known), **ends}
+
+
+def _lines(path: str, table: Mapping[str, Any]) -> Iterator[str]:
+    doubts = ", ".join(f"{word} {number}" for word, number in table.get("doubts", {}).items())
+    certified = f"; in doubt: {doubts}" if doubts else "; no row in doubt" if "doubts" in table else ""
+    yield f"{path}: {table['kind']}, {table['rows']} rows{certified}"
+    yield from (f"  {name}: {value}" for name, value in table["facts"].items())
+    cells = [("column", "unit", "values", "meaning")]
+    for each in table["columns"]:
+        unit = "" if each["unit"] == "1" else each["unit"]
+        cells.append((each["name"], unit, _values(each), each["description"]))
+    widths = [max(len(row[column]) for row in cells) for column in range(3)]
+    yield from ("  " + "  ".join(f"{cell:{width}}" for cell, width in zip(row, (*widths, 0), strict=True)) for row in cells)
+
+
+def _values(column: Mapping[str, Any]) -> str:
+    if "missing" not in column:
+        return next(f"{column[word]} {word}" for word in ("different", "true") if word in column)
+    missing = f"{column['missing']} missing" if column["missing"] else ""
+    ends = dict.fromkeys(f"{column[end]:g}" for end in ("least", "largest") if end in column)
+    return ", ".join(filter(None, [" to ".join(ends), missing]))

@@ -1,0 +1,1 @@
+"""The language of drawings: blocks, wires and ports, and expressions in numbers and signals."""

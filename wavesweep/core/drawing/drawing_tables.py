@@ -1,0 +1,284 @@
+"""Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+
+from wavesweep.core.drawing.block_types import COLUMNS, TICK_HZ, TYPES
+from wavesweep.core.drawing.conditions import displaced, faults
+from wavesweep.core.drawing.continuous import parted, watching_held
+from wavesweep.core.drawing.drawing import RATE, Drawing, decides, path_of
+from wavesweep.core.drawing.drawing_keys import NAME, is_dotted, is_name
+from wavesweep.core.drawing.drawing_ports import TURNS, PortReader, column_fault
+from wavesweep.core.drawing.drawn_block import DrawnBlock, Plant
+from wavesweep.core.drawing.expressions import ONE, RESERVED, Terms, Tree, extent, names_in
+from wavesweep.core.drawing.parsing import parse
+from wavesweep.core.reading.checking import Mistakes, nearest, show
+from wavesweep.core.reading.keys import Key, Names
+from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.sorting import names_in_list, normal_path
+
+TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
+STUDIES = ("sweep", "bode", "for_all", "simulate", "measured", "design")  # tables that are left to others
+KNOWN = ("type", *TABLES, *STUDIES)
+TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
+NUMBER_PARTS = ("value", "unit", "description")
+LISTED = 8  # ports that a message lists
+
+Path = tuple[str, ...]
+
+
+def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves of tables that a drawn loop has, and add a mistake for each other table.
+
+    An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
+    """
+    given, meant = dict.fromkeys(path[0] for path in leaves), {}
+    numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
+    for (name, *rest), leaf in leaves.items():
+        if name in KNOWN or name in meant:
+            continue
+        place, near, alone = leaf.place.under((name,)), nearest(name, KNOWN), not rest and leaf.value != {} and numbers
+        meant[name] = near if near not in given else ""
+        if name == "controller":
+            meant[name] = ""
+            mistakes.refuse(place, name, "either a controller or blocks", "both")
+        elif alone:  # of --set, which gives numbers by name
+            expected = f"{', '.join(numbers)} of [numbers], or {TABLE}"
+            mistakes.refuse(place, name, expected, "an unknown name", near or nearest(name, numbers))
+        else:
+            blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}
+            mistakes.refuse(place, name, TABLE, UNKNOWN, f"block.{name}" if name in blocks else near)
+    named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
+    return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
+
+
+def read_drawing(
+    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes
+) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], Names]:
+    """Return the drawing, the values of its numbers, its leaves by path, and its names; None if it has mistakes, which it adds.
+
+    leaves: those of the whole spec; tables of studies are skipped. source: place of the spec.
+    """
+    reader = _TableReader(source, own_axes(leaves) | {RATE})
+    tables = reader.grouped(leaves)
+    asked = (leaves[path] for path in (("bode", "to"), ("simulate", "show")) if path in leaves)
+    reader.asked = {name: leaf for leaf in asked for name in names_in_list(leaf)}
+    drawing, values = reader.drawing(tables)
+    for path, expected, found in (*faults(drawing, values), *displaced(drawing, values)):
+        leaf = reader.leaf(path)
+        text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
+        reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
+    mistakes += reader.mistakes
+    following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
+    names = replace(names_of(leaves) if reader.mistakes else drawing.names, following=following)
+    return (None if reader.mistakes else drawing), values, reader.leaves, names
+
+
+def is_derived(path: Path, leaf: Leaf) -> bool:
+    """Whether a leaf is one of [numbers] that is an expression, from which the number follows."""
+    return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
+
+
+def names_of(leaves: Mapping[Path, Leaf]) -> Names:
+    """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
+    numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
+    keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
+    keys |= {path: Key(path, "number", None, "", "") for path in own_axes(leaves)}
+    return Names(keys, {name: path_of(name) for name in numbers})
+
+
+def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
+    """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
+    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
+    named = [path[1:] for path in leaves if path[0] in ("sweep", "bode", "for_all")]
+    named += [path[2:] for path in leaves if path[0] == "design"]
+    along = leaves.get(("sweep", "along"))
+    if along and isinstance(along.value, str):
+        named.append(tuple(along.value.split(".")))
+    return frozenset(
+        ".".join(each[: 3 + (".".join(each[1:3]) in blocks)]) for each in named if len(each) > 2 and each[0] == "block"
+    )
+
+
+class _TableReader(PortReader):
+    """A reading of all tables of a drawn loop."""
+
+    def grouped(self, leaves: Mapping[Path, Leaf]) -> dict[str, dict]:
+        """Sort the leaves into tables."""
+        tables: dict[str, dict] = {name: {} for name in TABLES}
+        for (table, *rest), leaf in leaves.items():
+            if table not in TABLES:
+                continue
+            if not rest:
+                if leaf.value != {}:
+                    self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
+            elif table in ("rates", "signals", "wire"):
+                tables[table][".".join(rest)] = leaf
+            elif table == "ports":
+                tables[table][tuple(rest)] = leaf
+            else:
+                part = rest[1] if len(rest) > 1 else ""
+                here = leaf if len(rest) < 3 else Leaf({}, leaf.place.under((table, *rest[:2])))
+                tables[table].setdefault(rest[0], {})[part] = here
+        return tables
+
+    def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
+        """Read every table; parts that have mistakes are left out."""
+        self.numbers = tuple(tables["numbers"])
+        ports = self.parts_of_ports(tables["ports"])
+        force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
+        signals = [each.value for each in (*force, *(parts["signal"] for parts in ports["inputs"].values()))]
+        self.outside = {each for each in signals if isinstance(each, str)}
+        numbers, values = self.read_numbers(tables["numbers"])
+        self.tick_hz = self.read_rate(tables["rates"]) or ("name", RATE, 0)
+        blocks = self.read_blocks(tables)
+        self.read_signals(tables["signals"])
+        plants = {block.name: block.type for block in blocks if block.plant}
+        periods = {block.name: ("/", block.every, self.tick_hz, 0) for block in blocks}
+        read = {port: self.read_wire(port, leaf, plants, periods) for port, leaf in tables["wire"].items()}
+        read |= {port: ((), ()) for port in self.optional if port not in read}
+        wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
+        hand, wall, inputs, outputs = self.read_ports(ports)
+        outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
+        named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
+        named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
+        shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
+        registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
+        blocks += registers
+        wires += tuple((f"{each.name}.u", ((self.registers[f"{each.name}.y"], ONE),)) for each in registers)
+        seen = [term for terms in shown for term in terms or ()]
+        wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
+        self.refuse_loose_ends(tables)
+        values |= self.own
+        turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
+        drawing = Drawing(
+            self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
+        )
+        deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+        whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
+        values |= {path_of(name): int(values[path_of(name)]) for name in whole}
+        return replace(drawing, whole=whole), values
+
+    def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
+        numbers, values, derived = [], {}, {}
+        for name, parts in table.items():
+            path, first = path_of(name), next(iter(parts.values()))
+            place = first.place if "" in parts else first.place.parent()
+            if name in COLUMNS:
+                self.refuse(place, path, *column_fault("numbers", name))
+            elif not is_name(name) or name in RESERVED:
+                self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
+            for part, leaf in parts.items():
+                if part:
+                    self.mistakes.is_known(part, NUMBER_PARTS, leaf, f"{path}.{part}")
+            leaf = parts.get("") or parts.get("value")
+            words = [self.word(f"{path}.{part}", parts.get(part)) for part in ("unit", "description")]
+            if leaf is None or leaf.value == {}:
+                self.refuse(place, path, "a number, or { value, unit, description }", "no value")
+                continue
+            self.leaves[path] = leaf
+            if isinstance(leaf.value, str):
+                derived[name] = path, leaf
+                self.leaves |= {f"{path}.{part}": parts[part] for part in ("unit", "description") if part in parts}
+                continue
+            value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
+            if value is not None:
+                values[path] = value
+                numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
+        self.define(derived)
+        return tuple(numbers), values
+
+    def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
+        """Read the blocks, and what wires can read and have to feed."""
+        read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
+        self.broken = {name for name, block in read.items() if block is None}
+        blocks = tuple(block for block in read.values() if block is not None)
+        if not read:
+            self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
+        self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
+        springs = {block.name: dict(block.keys)["d"] for block in blocks if block.type == "spring"}
+        bare = [name for name, damping in springs.items() if damping[:2] == ("number", 0.0)]
+        self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
+        for name in springs:  # to the ground
+            second = [f"{name}.{port}" for port in ("x2", "v2")]
+            self.optional += [] if {*second} & {*tables["wire"]} else second
+        self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]} | self.outside
+        for block in blocks:
+            for port, text in TYPES[block.type].moments:  # which stand for expressions in outputs that are held
+                name = f"{block.name}.{port}"
+                self.meanings[name] = parse(text.format(name=block.name))
+                self.extents[name] = extent(self.meanings[name], {})
+                self.signals.add(name)
+        return blocks
+
+    def read_signals(self, table: Mapping[str, Leaf]) -> None:
+        """Read the names of signals, each with the expression that it stands for."""
+        texts = {}
+        for name, leaf in table.items():
+            path = f"signals.{name}"
+            self.leaves[path] = leaf
+            if not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
+                self.refuse(leaf, path, f"{NAME}, and no number, function or signal from outside either", show(name))
+            elif not isinstance(leaf.value, str):
+                self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
+            else:
+                texts[name] = path, leaf
+        self.signals |= table.keys() - {*self.numbers}
+        self.define(texts, signals=True)
+
+    def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
+        for name, leaf in table.items():
+            if name != "tick_hz":
+                expected = "tick_hz, the rate that all others divide"
+                self.refuse(leaf, f"rates.{name}", expected, "an unknown key", "rates.tick_hz")
+        return self.read_key(RATE, TICK_HZ, table.get("tick_hz"))
+
+    def read_wire(
+        self, port: str, leaf: Leaf, plants: Mapping[str, str], periods: Mapping[str, Tree]
+    ) -> tuple[Terms, Terms] | None:
+        """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
+        path = f"wire.{port}"
+        if port not in self.inputs and port.rpartition(".")[0] not in self.broken:
+            terms = "an output of a block" if port in self.signals else "an unknown port"
+            expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
+            self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
+        own = port.rpartition(".")[0]
+        self.period = periods.get(own)
+        terms = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
+        self.period = None
+        return terms
+
+    def made_registers(
+        self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]
+    ) -> tuple[DrawnBlock, ...]:
+        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
+
+        shown: terms that are read in every tick, in addition to the ports of blocks.
+        """
+        runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
+        registers = []
+        for register, signal in self.registers.items():
+            source = next((block for block in blocks if block.name == signal.rpartition(".")[0]), None)
+            readers = {runs.get(port.rpartition(".")[0]) for port, terms in wires if register in dict(terms)}
+            readers |= {None for terms in shown if register in dict(terms or ())}
+            every, phase = (source.every, source.phase) if source and readers == {runs[source.name]} else (ONE, Plant.phase)
+            registers.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
+        return tuple(registers)
+
+    def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
+        """Refuse inputs without a wire, and numbers and names of signals that no expression reads."""
+        for port in (*self.inputs, *self.needed):
+            if port not in tables["wire"] and port not in self.optional:
+                expected = f'a wire to this input, "{port}" = "..." in [wire]'
+                self.refuse(
+                    self.leaf(f"block.{port.rpartition('.')[0]}"), f"block.{port}", expected, "none (0 leaves it at rest)"
+                )
+        if self.mistakes:  # one may be why a number is not read
+            return
+        paths = {name: path_of(name) for name in self.numbers}
+        paths |= {name: f"signals.{name}" for name in tables["signals"] if is_name(name)}
+        for name, path in paths.items():
+            if name not in self.read:
+                kind = "number" if name in self.numbers else "signal"
+                self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")

@@ -1,0 +1,109 @@
+"""The library: a loop drawn in Python, whose methods return DataFrames and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import named_loops
+from wavesweep.core.arguments import real_numbers
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.steady import respond
+from wavesweep.core.stability.spectrum import radius_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnLoop:
+    """A loop drawn in Python as a `MultirateLoop`, which has no numbers to sweep; its arrays may be a batch of loops."""
+
+    drawn: MultirateLoop
+    drift: TickDrift
+
+    def spectral_radius(self) -> np.ndarray:
+        """Largest eigenvalue modulus per frame, without drift, over the batch: infinite after overflow, NaN if rounding hides
+        it."""
+        with named_loops(self.drawn):
+            return radius_of(*telling_frame(self.drawn, self.drift))
+
+    def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
+        """Admittance and impedance at a port: a DataFrame with a row per frequency.
+
+        frequency_hz: Hz, from 0 (the static limit) up to half the tick's rate. force: the input of the drawing (N). position: a
+        plant's position (m). reaction: the signal of the force against the hand (N), if any; without it the impedance is
+        force over position. Errors: UsageError for a batch of loops, other frequencies, or a signal that does not fit.
+        """
+        from pandas import DataFrame
+
+        drawn = self.drawn
+        if force not in drawn.inputs or _is_batch(drawn):
+            raise UsageError(
+                f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
+            )
+        given = real_numbers(frequency_hz)
+        frequency = np.array([np.nan]) if given is None else given.astype(float).ravel()
+        half = 0.5 / float(np.ravel(drawn.period)[0])
+        if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
+            raise UsageError(
+                f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the tick's rate, found {frequency_hz!r:.60}"
+            )
+        known = {f"{each.block.name}.{port}" for each in drawn.placed for port in each.block.outputs} | {*drawn.sums}
+        if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in known]:
+            raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
+        ports = Ports(force, position, reaction)
+        found = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
+        return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
+
+    def simulate(self, inputs: Mapping[str, ArrayLike], signals: Iterable[str]) -> DataFrame:
+        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
+
+        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
+        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
+        """
+        from pandas import DataFrame
+
+        from wavesweep.simulation.march import run_drawn
+
+        drawn, rows = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
+        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
+        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
+        if _is_batch(drawn):
+            raise UsageError("simulate: expected a single loop, found a batch")
+        if unknown or sorted(rows) != sorted(drawn.inputs):
+            found = ", ".join(unknown or rows) or "none"
+            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
+        if any(row is None or row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
+            raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
+        with named_loops(drawn):
+            closed_frame(drawn, self.drift)
+        seen = run_drawn(drawn, {name: row.astype(float) for name, row in rows.items()}, tuple(signals))
+        count = len(next(iter(seen.values()), ()))
+        return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
+
+
+def refuse_infinite(drawn: MultirateLoop) -> None:
+    """Raise UsageError for a block or a wire of a drawing with a number that is missing or not finite."""
+    for each in drawn.placed:
+        parts = (each.block.E, each.block.B, each.block.C, each.block.D)
+        if not all(np.isfinite(part).all() for part in parts):
+            raise UsageError(f"block {each.block.name}: expected finite numbers, found an entry that is not finite")
+    for port, terms in drawn.sums.items():
+        for signal, gain in terms.items():
+            given = real_numbers(gain)
+            if given is None or not np.isfinite(given).all():
+                raise UsageError(f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}")
+
+
+def _is_batch(drawn):
+    gains = (gain for terms in drawn.sums.values() for gain in terms.values())
+    return any(each.block.batch for each in drawn.placed) or any(np.ndim(gain) for gain in gains)

@@ -1,0 +1,1 @@
+"""Gains and energies of lifted loops, which several capabilities ask about."""

@@ -1,0 +1,175 @@
+"""The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns, axes_of, whose_column
+from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
+from wavesweep.core.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
+from wavesweep.core.plots.members import HALF_BAR, Member, damping_of, draw_bars, member_curves, over_one_damping, specs_of
+from wavesweep.core.plots.regions import draw_felt, draw_for_all, draw_for_all_bar, draw_region, mark_range, view_of
+from wavesweep.core.plots.sampling import Blocks, blocks_of, note_values, rows_where
+from wavesweep.core.plots.scales import by_factors, is_logarithmic
+from wavesweep.core.plots.shown import Shown
+from wavesweep.core.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figure, is_narrow, note_below, wide
+from wavesweep.core.plots.words import assumed, label, printed, symbol, valued, with_unit
+from wavesweep.core.tables.columns import unlike_units
+from wavesweep.core.tables.regions import incomplete, region_of, smooth_axes
+from wavesweep.for_all.keys import GUARANTEES
+from wavesweep.identification.measured_marks import draw_walls, undrawn
+from wavesweep.require.keys import words_of
+
+_PANEL_HEIGHT = 2.3  # inches
+_APART = 1.6  # points between thin bars of two members
+_EDGE = 0.03  # of the axis, beyond the bars at its ends
+
+
+def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
+    """Draw the stable intervals of a `zwidth` or `stability-region` table.
+
+    The intervals between two values of x are those of `tables.regions`; if these cannot be computed, thin bars show the values
+    of the table. A single region is filled, and so is what is proved under [for_all]. Several are outlined, with strokes to the
+    unstable side, so that none hides the hole of another. Boundaries are dashed red if not certified, and slices that are only
+    partly known are hatched outside of their intervals. One further axis is a family of lines, the next one gives panels
+    through the best design. What is guaranteed for hands or for [for_all] is known at the swept values, which have dots.
+    """
+    blocks, axes, best, several = blocks_of(table), {}, {}, False
+    for block in blocks():
+        note_values(axes, block, "along")
+        best, several = best_of([best, best_row(block)]), bool(whose_column(block))
+    axes = {name: values[~np.isnan(values)].tolist() for name, values in axes.items() if name != "spec"}
+    walls = [name for tables in specs_of(facts).values() if (name := damping_of(tables))]
+    layout = lay_out(axes, best, several, [] if several else smooth_axes(axes, facts), walls)
+    return _draw(Shown(_once(rows_where(blocks, layout.shows)), facts, layout, best))
+
+
+def compare(
+    columns: Columns, facts: Mapping[str, Any], responses: Columns | None = None, of_responses: Mapping[str, Any] | None = None
+) -> Any:
+    """Draw a `compare` table as `zwidth` draws one, a colour for each spec.
+
+    responses, of_responses: columns and facts of its `compare-bode`, which is drawn below as `bode` draws it. The dampings of
+    walls, which drawn loops name, are one axis.
+    """
+    columns = over_one_damping(columns, facts)
+    if responses is None:
+        return zwidth(columns, facts)
+    from wavesweep.core.plots.responses import bode
+
+    with figure(TWO_COLUMNS, 11.5 if is_narrow() else 7.4) as canvas:
+        above, below = canvas.subfigures(2, 1, height_ratios=[2, 4] if is_narrow() else [3, 4])
+        drawn_into(above, partial(zwidth, columns, facts))
+        drawn_into(below, partial(bode, responses, of_responses or facts))
+    return canvas
+
+
+def _once(columns: Columns) -> Columns:
+    """The rows without those that are there again, as an axis has a value twice."""
+    names = dict.fromkeys([*axes_of(columns), *filter(None, [whose_column(columns)]), "interval"])
+    labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in names]
+    rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def _draw(shown: Shown) -> Any:
+    """Draw all panels with their legends and notes."""
+    layout, panels = shown.layout, shown.layout.panel_values or (np.nan,)
+    across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
+    down = -(-len(panels) // across)
+    beside = across > 1 and down > 1 and not is_narrow()  # the legend
+    usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
+    members, marks = entries_of(shown, panels)
+    more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
+    legends = [] if beside else [members, marks] if across == 1 else [members + marks]
+    more += 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
+    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
+    with figure(usual, height) as canvas:
+        grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+        for axes, value in zip(grid.flat, panels, strict=False):
+            _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down))
+        for axes in grid.flat[len(panels) :]:
+            axes.set_visible(False)
+        for axes in grid.flat if layout.x is not None and shown.by_factors else ():
+            by_factors(axes.yaxis, *shown.view)
+        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(shown.view)
+        for number, axes in enumerate(grid.flat[: len(panels)]):
+            axes.tick_params(labelbottom=number + across >= len(panels))
+            mark_range(axes, shown.columns, bars=layout.x is None)
+            for walls, colour in shown.walls:
+                draw_walls(axes, walls, colour)
+        _name_axes(shown, canvas)
+        draw_legends(canvas, grid, members, marks, beside)
+    return canvas
+
+
+def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float]) -> None:
+    layout = shown.layout
+    columns = rows_with(shown.columns, {layout.panels: panel} if layout.panels else {})
+    members = shown.members(columns)
+    if layout.x is None:
+        draw_bars(axes, members)
+    else:
+        _draw_plane(shown, axes, columns, members, inches)
+    if layout.panels is not None:
+        axes.set_title(valued(layout.panels, panel, shown.facts))
+    if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
+        axes.plot(*shown.place(shown.best, members), **BEST)
+    for place in shown.own_places([panel]):
+        axes.plot(*place, **OWN)
+    for name, height in shown.limits_of_walls().items():
+        axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
+    for place, member in enumerate(members) if layout.x is None else ():
+        if member.guarantee in GUARANTEES:
+            draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
+
+
+def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float]) -> None:
+    x, (low, high) = shown.layout.x, (shown.layout.points[0], shown.layout.points[-1])
+    if not (columns["intervals"] > 0).any():
+        nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
+        axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
+    logarithmic = is_logarithmic(columns[x])
+    if logarithmic:
+        by_factors(axes.xaxis, low, high)
+    view = view_of(x, logarithmic, *inches, shown.by_factors)
+    curves = member_curves(members, view, (low, high))
+    for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
+        region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
+        region = replace(region, unknown=[]) if member.joined else region  # nothing is computed between its dots
+        filled = member.guarantee in GUARANTEES or (len(members) == 1 and shown.whose != "spec")
+        draw_region(axes, region, member.look, filled, shift, len(members))
+        if shown.felt:
+            draw_felt(axes, region, member.look)
+        if member.guarantee in GUARANTEES:
+            draw_for_all(axes, x, member.rows, shown.span)
+        for end, limit in zip(("low", "high"), shown.span, strict=True) if member.joined else ():
+            far = np.abs(member.rows[end] - limit) > 0.01 * (shown.span[1] - shown.span[0])  # false where it is missing
+            if far.any():  # an empty line that is not clipped takes room below the panel
+                dots = member.rows[x][far], member.rows[end][far]
+                axes.plot(*dots, ".", color=member.look.colour, markersize=3.5, clip_on=False)
+    if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
+        more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
+        low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
+    axes.set_xlim(low, high)
+
+
+def _name_axes(shown: Shown, canvas: Any) -> None:
+    layout, facts, bars = shown.layout, shown.facts, shown.layout.x is None
+    names = dict.fromkeys(shown.columns["along"].tolist())
+    along = label(shown.along, facts)
+    if len(names) > 1:
+        along = "stiffness of the wall"
+    if units := unlike_units(facts).get("high"):
+        along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
+    required = f"stable here: {words_of(facts['require'])}" if "require" in facts else ""
+    unmarked, (said, _, _) = undrawn(facts, layout.x, shown.along), assumed(facts).partition(":")  # usual engines follow
+    kind = facts.get("spec", {}).get("controller", {}).get("kind")
+    one = f"{kind}, {said}" if said and kind and shown.whose != "spec" else ""  # controller, wall, delay and velocity
+    note_below(canvas, required, layout.left_out, unmarked, one, axis=along if bars else label(layout.x, facts))
+    across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
+    if across:
+        canvas.supylabel(across, fontsize=8)

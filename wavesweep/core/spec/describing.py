@@ -1,0 +1,156 @@
+"""One description of each key, table and type of block, from which `wavesweep keys`, `init` and the documents are made."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from wavesweep.core.drawing.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
+from wavesweep.core.reading.checking import expectation, nearest, show
+from wavesweep.core.reading.devices import DEVICES, HapticDevice
+from wavesweep.core.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.designs.wish_keys import WISHES
+
+Description = dict[str, Any]
+STUDIES = ("sweep", "bode")
+_AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
+_OF_STUDIES = {
+    path: key
+    for table in (*STUDIES, "simulate", "measured", "design")
+    for path, key in (STUDY_KEYS | _AXES).items()
+    if path.startswith(f"{table}.")
+}
+EVERY_KEY: Mapping[str, Key] = {**KEYS, **_OF_STUDIES}
+# Tables with names of the user's own.
+TABLES = {
+    "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "
+    'and so may a number in a block, "block.NAME.KEY"; NAME = "expression" follows from other numbers, which may be axes',
+    "type": "classes of blocks: [type.NAME.block.motor], and tables numbers, signals, wire and ports = { inputs = [names], "
+    "outputs = { name = expression } } of the same; a block of that type gives its numbers",
+    "signals": 'names of signals: NAME = "expression", for wires and ports',
+    "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port"), in [signals] and '
+    "signals from outside, of the same tick; prev(...) is a signal as it was before the tick; terms between plants act "
+    "continuously, all others at a plant are held over a tick",
+    "ports": "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
+    "passivity and simulate; it turns if they are a torque and an angle; "
+    "environment = { force = NAME, displacement = expression }, a second port that passivity takes together with the hand's; "
+    "wall = { stiffness = number, damping = number } for zwidth; "
+    "inputs = { NAME = signal }, signals from outside that wires read, and outputs = { NAME = expression }, each perhaps "
+    "{ signal = ..., unit = ... }, for bode, simulate and to_control",
+    "design.vary": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
+    "design.wish": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as possible",
+    "design.for_all": "what each design has to hold for; the worst case counts: NAME = [values] of device, hand, delay or "
+    'a ratio ("one key/another"); hand = { mass = [...], damping = [...], stiffness = [...] }',
+    "for_all": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that is not known, "
+    "with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or the number in every of "
+    "blocks); lost = slow results in a row that may fail to come; the last one that came is held",
+    "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
+}
+TAKEN = {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}  # names of columns, which no number or port may have
+
+
+def symbol_of(path: str) -> str:
+    """Return the symbol that is short for a path, empty without one."""
+    return next((symbol for symbol, full in SYMBOLS.items() if full == path), "")
+
+
+def described(key: Key, path: str = "") -> Description:
+    """Return what is to be said of a key: `values` in words, `choices` with the meaning of each, and its other attributes.
+
+    path: of the key in a spec, its own by default.
+    """
+    path = path or key.path
+    description: Description = {
+        "type": key.type,
+        "unit": "" if key.unit == "1" else key.unit,
+        "default": list(key.default) if isinstance(key.default, tuple) else key.default,
+        "required": key.required,
+        "minimum": key.low,
+        "above_minimum": key.above_low,
+        "maximum": key.high,
+        "values": _values(key),
+        "choices": {str(choice): key.meanings.get(choice, "") for choice in key.choices} or None,
+        "symbol": symbol_of(path) or None,
+        "axis": path in KEYS and key.numeric,
+        "description": key.description,
+    }
+    if path == "device.preset":
+        description["devices"] = {name: _device(device) for name, device in DEVICES.items()}
+    return description
+
+
+def _values(key: Key) -> str:
+    lists = {"list": "list of numbers" if "." not in key.path else "list", "rows": "list of rows", "ports": "list of names"}
+    most = f" and <= {key.high:.16g}" if key.high is not None else ""
+    return ", ".join(map(str, key.choices)) or lists.get(key.type) or expectation(key).removeprefix("a ") + most
+
+
+def _device(device: HapticDevice) -> Description:
+    wall = device.wall and dict(zip(("stiffness", "damping", "source"), device.wall, strict=True))
+    numbers = {
+        path: {"value": number.value, "unit": EVERY_KEY[path].unit, "source": number.source, "assumed": number.assumed}
+        for path, number in device.numbers.items()
+    }
+    return {"title": device.title, "numbers": numbers, "not_known": list(device.unknown()), "recommended_wall": wall}
+
+
+def default_of(description: Description) -> str:
+    """Return the default of a key in the notation of a spec; empty if it may be absent."""
+    return "required" if description["required"] else "" if description["default"] is None else show(description["default"])
+
+
+def meaning_of(description: Description) -> str:
+    """Return the meaning of a key and, unless any number or text will do, its values."""
+    values = "" if description["values"] in ("number", "string") else f" ({description['values']})"
+    return f"{description['description']}{values}"
+
+
+def named(name: str) -> dict[str, Description]:
+    """Return the descriptions of what a name stands for, by path: a key, a table, an axis, or types of blocks.
+
+    Those of a type have `ports`, `steps` and `keys`, those of a table with names of the user's own neither `type` nor `ports`.
+    Empty for an unknown name.
+    """
+    path = SYMBOLS.get(name, name)
+    if table := next((table for table in TABLES if path == table or path.startswith(f"{table}.")), ""):
+        return {table: _table(table)}
+    if path == "block":
+        return {f"block.{kind}": _type(kind) for kind in TYPES}
+    if path.startswith("block.") and path[6:] in TYPES:
+        return {path: _type(path[6:])}
+    if path in EVERY_KEY:
+        return {path: described(EVERY_KEY[path], path)}
+    study, _, axis = path.partition(".")
+    if study in STUDIES and (key := find_key(axis)) and key.numeric:
+        whole = f"axis over {key.path}, {key.description}: a list of values, or the parts below"
+        parts = {f"{path}.{part}": described(each, f"{path}.{part}") for part, each in AXIS_KEYS.items()}
+        return {path: described(key, path) | {"default": None, "description": whole}} | parts
+    return {other: described(key, other) for other, key in EVERY_KEY.items() if other.startswith(f"{path}.")}
+
+
+def meant(name: str) -> str:
+    """Return the known name that is nearest to an unknown one; empty if no name is near."""
+    if name.startswith("block."):
+        near = nearest(name.removeprefix("block."), TYPES)
+        return near and f"block.{near}"
+    tables = (other.rpartition(".")[0] for other in EVERY_KEY)
+    return nearest(name, SYMBOLS) or nearest(name, (*EVERY_KEY, *tables, *TABLES))
+
+
+def _table(name: str) -> Description:
+    description: Description = {"description": TABLES[name]}
+    if name == "design.wish":
+        description["wishes"] = {
+            wish: {"unit": kind.unit, "bound": kind.bound, "options": list(kind.options), "description": kind.description}
+            for wish, kind in WISHES.items()
+        }
+    return description
+
+
+def _type(name: str) -> Description:
+    kind = TYPES[name]
+    pairs = kind.ports.values() if isinstance(kind.ports, Mapping) else [kind.ports or (("inputs",), ("outputs",))]
+    return {
+        "description": kind.description,
+        "ports": "; or ".join(f"{', '.join(inputs)} -> {', '.join(outputs)}" for inputs, outputs in pairs),
+        "steps": kind.steps or ("runs in every tick" if kind.plant else "refused"),
+        "keys": {key.path: described(key) for key in (*kind.keys.values(), EVERY, PHASE)},
+    }

@@ -1,0 +1,238 @@
+"""Stable intervals over a sweep: those of the spec's loop and, as an option, those for hands; `zwidth`, `stability-region`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from wavesweep.core.analyses.assumptions import notices_of
+from wavesweep.core.columns import Columns, joined
+from wavesweep.core.errors import UsageError
+from wavesweep.core.tables.fields import ABOUT_ENDS, FOR_ALL, LEFT_OPEN
+from wavesweep.core.tables.interval_tally import Tallies, interval_lines
+from wavesweep.core.tables.kind import Again, Kind
+from wavesweep.core.tables.table import Table, facts_of, spans_held
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+    from wavesweep.core.sweep.job import Job
+    from wavesweep.core.sweep.running import Options
+    from wavesweep.for_all.rows import ForAllGuarantee
+    from wavesweep.passive.every_hand import EveryHandGuarantee
+    from wavesweep.passive.hands import Guarantee, Hands
+    from wavesweep.prove.again import ProvedAgain
+
+FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
+
+
+def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[Options]) -> Table:
+    """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
+
+    hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
+    spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
+    loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
+    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
+    Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
+    """
+    from wavesweep.core.sweep.running import Work, run
+
+    stages = stages_of(spec, along, hands)
+    found = run({stage.hand: stage.job for stage in stages}, Work.of(work))
+    timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
+    facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
+    axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
+
+    def blocks() -> Iterator[Columns]:
+        for stage in stages:
+            yield from (
+                _finished(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all)) for block in found.blocks(stage.hand)
+            )
+
+    return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One kind of rows.
+
+    hand: the word in the column `hand`, empty if the table has no such column. job: computes the rows. method: in a line.
+    """
+
+    hand: str
+    job: Job
+    method: str
+
+
+def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]:
+    """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
+    from wavesweep.core.analyses.intervals import job_of, method
+
+    own = job_of(spec, along)
+    how = method(own.asked)
+    if hands is None:
+        return [Stage("", own, how), *([_for_all(spec, own)] if spec.for_all else [])]
+    hands.refuse(own)
+    free = hands.without_operator(spec)
+    stages = [Stage("free" if free is None else "operator", own, how)]
+    if free is not None and hands.replaced:
+        stages.insert(0, Stage("free", job_of(free, along), how))
+    guarantees: Sequence[Guarantee | EveryHandGuarantee] = hands.guarantees
+    if spec.for_all:
+        from wavesweep.for_all.varying import Rules
+        from wavesweep.passive.every_hand import EveryHandGuarantee
+
+        guarantees = [EveryHandGuarantee(Rules.of(spec))]
+    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in guarantees]
+
+
+def _for_all(spec: Spec, own: Job) -> Stage:
+    """The stage of rows for all numbers of [for_all]."""
+    from wavesweep.for_all.rows import ForAllGuarantee, refuse_unsuitable_ranges
+    from wavesweep.for_all.varying import Rules
+
+    spec.refuse_require("[for_all]")
+    if own.asked.require:
+        raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
+    refuse_unsuitable_ranges(spec, own.asked.axis.path)
+    guarantee = ForAllGuarantee(Rules.of(spec))
+    return Stage(guarantee.kind, _guaranteed(own, guarantee), guarantee.method)
+
+
+def of_calls(own: Job) -> Columns:
+    """The rows of a job of the library, computed in this process: those of a command, for all of [for_all] too if there is one.
+
+    Errors: UsageError for numbers, or a requirement, that [for_all] cannot be held for beside.
+    """
+    from wavesweep.core.sweep.running import in_memory
+
+    spec = own.grid.spec
+    if spec.for_all:
+        import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
+    stages = [Stage("", own, ""), *([_for_all(spec, own)] if spec.for_all else [])]
+    swept = {axis.path for axis in own.grid.axes}
+    if wrong := [axis.name for axis in (spec.for_all.axes if spec.for_all else ()) if axis.path in swept]:
+        raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
+    return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1, bool(spec.for_all)) for each in stages)
+
+
+def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee | EveryHandGuarantee) -> Job:
+    from wavesweep.core.analyses.intervals import guaranteed
+    from wavesweep.core.sweep.job import cut_otherwise
+
+    return guaranteed(cut_otherwise(own, deep=FEW), guarantee)
+
+
+def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:
+    """Compute some combinations of a table again, each by itself, and yield the rows of each.
+
+    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    """
+    from wavesweep.core.sweep.job import cut_otherwise
+
+    stages = stages_of(spec, along, hands)
+    ends = np.cumsum([stage.job.grid.size for stage in stages])
+    for number in picked:
+        stage = stages[int(np.searchsorted(ends, number, side="right"))]
+        combination = np.array([number - (ends[stages.index(stage)] - stage.job.grid.size)])
+        single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
+        records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
+        block = stage.job.columns(np.repeat(combination, records.size), records)
+        yield _finished(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all))
+
+
+def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
+    """Yield what ball arithmetic says of some combinations of a table without hands; claims: their numbers and their rows."""
+    from wavesweep.core.analyses.intervals import searches_of
+    from wavesweep.core.sweep.job import cut_otherwise
+    from wavesweep.prove.again import prove_again
+
+    single = cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
+    for number, rows in claims:
+        (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
+        columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
+        yield prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
+
+
+def _finished(block, word, hands, several, for_all) -> Columns:
+    """The block in order, with a column that says whose its rows are if there are several kinds of rows, or hands."""
+    if hands is None and not several:
+        return KINDS[0].completed(block)
+    rows, whose, about = len(block["along"]), "hand", [each.name for each in ABOUT_ENDS] if hands and hands.box else []
+    if hands is None or for_all:
+        whose, about = "hand" if hands else "guarantee", [each.name for each in (*FOR_ALL[1:], *LEFT_OPEN)]
+    missing = dict.fromkeys(about, np.full(rows, np.nan)) | {"settled": block["certified"]}
+    missing |= {name: np.full(rows, "", dtype=object) for name in about if name in ("counterexample", "left_open")}
+    found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
+    found = missing | found | {whose: np.full(rows, word or "spec", dtype=object)}
+    left_out = {each.name for each in (*ABOUT_ENDS, *LEFT_OPEN)} - {*about}
+    return KINDS[2 if hands else 0].completed({name: column for name, column in found.items() if name not in left_out})
+
+
+def _notices(spec, own, hands) -> Iterator[str]:
+    """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
+    from wavesweep.require.keys import words_of
+
+    axis, required = own.asked.axis, own.asked.require
+    if required:
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(required.written())}"
+    if axis.scale == "log" and not axis.values:
+        yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
+    if axis.values:
+        yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
+    yield from notices_of(own.grid)
+    yield from spans_held(spec, axis.path)
+    yield from hands.notices(own) if hands else ()
+
+
+def _facts(spec, hands, stages, certified, timings) -> dict:
+    computed = sum(stage.job.slices for stage in stages)
+    counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
+    methods = {stage.hand or "intervals": stage.method for stage in stages}
+    own = stages[0].job
+    swept = [own.asked.axis.path, *(axis.path for axis in own.grid.axes)]
+    facts = facts_of(spec, methods, counts, timings, list(_notices(spec, own, hands)), swept)
+    facts |= {"require": own.asked.require.written()} if own.asked.require else {}
+    facts |= _limits_of_walls(spec, own.asked.axis.path, swept)
+    return facts | (hands.facts() if hands else {})
+
+
+def _limits_of_walls(spec, along, swept) -> dict:
+    """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
+    from wavesweep.check.hardware import deciding, limits_of_walls
+
+    given = any(spec.simulate[name] for name in ("resolution", "friction"))
+    if spec.drawing or not given or along != spec.wall[0] or any(map(deciding, swept)):
+        return {}
+    limits = limits_of_walls(spec)
+    return {"limits_of_walls": limits} if limits else {}
+
+
+def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+    """A way to compute rows of a table with these facts again."""
+    from wavesweep.core.spec import load
+    from wavesweep.passive.hands import hands_of
+
+    spec, along = load(facts["spec"]), along or facts.get("along")
+    run = spec, along, hands_of(facts.get("for_hands", ()))
+    sizes = [stage.job.grid.size for stage in stages_of(*run)]
+    some, prove = partial(rows_again, *run), partial(proved_again, spec, along)
+    return Again(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
+
+
+def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
+    """A kind of table of stable intervals; along: the axis (None: the spec's own) of one whose rows can be computed again."""
+    more = {"figure": "core.plots.intervals.zwidth"} | more | ({} if along == "" else {"again": partial(_again, along)})
+    return Kind(name, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
+
+
+KINDS = (
+    interval_kind("zwidth", "K_VE"),
+    interval_kind("stability-region", None),
+    interval_kind("zwidth-hands", "K_VE"),
+    interval_kind("stability-region-hands", None),
+    interval_kind("passivity-along", None),
+)

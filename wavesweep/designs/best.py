@@ -1,0 +1,161 @@
+"""How good designs are, the nearest miss if no design meets all bounds, and some designs of a front as specs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.check.hardware import GIVEN
+from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.reading.keys import BAND_EDGES
+from wavesweep.core.results.folder import BEST, HEADER
+from wavesweep.core.spec import Spec
+from wavesweep.core.spec.writing import as_toml
+from wavesweep.core.tables.table import Table
+from wavesweep.designs.family import Scenario, described
+from wavesweep.designs.keys import Design
+from wavesweep.designs.table import wish_units
+
+MOST = 10  # designs that are written
+WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all
+LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
+EXPERIMENT = ("from", "input", "amplitude", "at_s", "width_s", "duration_s", "wall")  # keys of [simulate] that a design keeps
+BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
+
+
+def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return objectives to be made small, `(designs, objectives)`, and violations, `(designs,)`.
+
+    A violation is 0 if all bounds are kept and all values are certified; a design with fewer values that are missing or not
+    certified has the smaller one. Without a free wish the objective is the smallest margin with its sign reversed.
+    """
+    free = [wish for wish in design.wishes if wish.bound is None]
+    bounded = [wish for wish in design.wishes if wish.bound is not None]
+    objectives, violation = (
+        [_objective(wish, records[wish.name]) for wish in free],
+        np.zeros(len(records[design.wishes[0].name])),
+    )
+    margins = []
+    for wish in bounded:
+        kept = wish.margin(records[wish.name])
+        margins.append(np.where(np.isnan(kept), -np.inf, kept))
+        by = np.maximum(-kept, 0.0)
+        violation += np.where(np.isnan(by), WORST_SHARE, WORST_SHARE * by / (WORST_SHARE + by))
+    for wish in design.wishes:
+        unknown = _missing(wish, records) | ~records[f"{wish.name}_certified"]
+        violation += np.where(unknown, WORST_SHARE * len(design.wishes), 0.0)
+    if not free:
+        objectives = [-np.min(margins, axis=0)]
+    return np.stack(objectives, axis=1), violation
+
+
+def _missing(wish, records):
+    """Where there is no value; a design that can render no wall has none."""
+    value = records[wish.name]
+    return np.isnan(value) | ((value <= 0) & (wish.name in BY_RATIO))
+
+
+def _objective(wish, value):
+    value = np.log(np.maximum(value, LEAST_LOG)) if wish.name in BY_RATIO else value
+    return np.where(np.isnan(value), np.inf, -value if wish.kind.more else value)
+
+
+def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: Mapping[str, str]) -> str:
+    """Return a text on the nearest miss and on the wishes that conflict with each other; units: of the wishes."""
+    design = spec.design
+    _, violation = judged(design, records)
+    at = int(np.argmin(violation))
+    parts = []
+    for wish in design.wishes:
+        value = records[wish.name][at]
+        said = "not known" if np.isnan(value) else f"{value:.6g} {units[wish.name]}".removesuffix(" 1").rstrip()
+        if wish.bound is not None:
+            said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
+        if not (np.isnan(value) or records[f"{wish.name}_certified"][at]):
+            said += ", not certified"
+        place = described(scenarios, int(records[f"{wish.name}_scenario"][at]))
+        parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
+    against = _against(design, records)
+    bounded = any(wish.bound is not None for wish in design.wishes)
+    missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
+    wanted = "meets all bounds" if bounded else f"has a {'' if missing else 'certified '}value for every wish"
+    loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
+    why = f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so" if missing else ""
+    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(parts)}{against}{why}"
+
+
+def _against(design, records):
+    """Return a text on the first pair of bounds that each were met by some designs but never by the same one.
+
+    If there is no such pair, the text names the bounds that no design met; it is empty if there are none.
+    """
+    kept = {wish.name: wish.margin(records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
+    names = list(kept)
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            if kept[one].any() and kept[other].any() and not (kept[one] & kept[other]).any():
+                counts = f"{kept[one].sum()} designs met the one, {kept[other].sum()} the other, none both"
+                return f"; {one} stands against {other}: {counts}"
+    never = [name for name, flags in kept.items() if not flags.any()]
+    return f"; never met by itself: {', '.join(never)}" if never else ""
+
+
+def chosen(rows: int) -> list[int]:
+    """Return the rows of the table that are written: equally spaced, the first and the last among them."""
+    return sorted({round(each) for each in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
+
+
+def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
+    """Return the spec of a design as text.
+
+    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table,
+    but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps. It sweeps no number that the search chose,
+    but for the one that a drawn loop is looked along, and keeps the experiment of [simulate].
+    """
+    design = spec.design
+    tables = spec.with_values({axis.name: row[axis.name] for axis in design.vary}).tables()
+    walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
+    varied = {axis.path for axis in design.vary} - {axis.path for axis in spec.sweep if axis.name == spec.along}
+    left_out = {axis.name for axis in spec.sweep if axis.path in varied}
+    sweep = {name: value for name, value in tables["sweep"].items() if name not in left_out}
+    if spec.wall:
+        names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
+        damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
+        sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
+    of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
+    held = {name_of(axis.path): list(axis.values) for axis in design.for_all if axis.path not in of_all}
+    held |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
+    # What sets the worst may lie between the values that the spec lists.
+    worst = dict(part.split("=") for part in str(row.get("z_width_scenario", "")).split(", ") if "=" in part)
+    held |= {name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held}
+    swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
+    sweep |= {name: values for name, values in held.items() if name not in swept}
+    tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
+    tables["simulate"] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
+    if spec.simulate["input"] != "record":
+        tables["simulate"] |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
+    said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
+    for path in spec.given:
+        *_, name, last = path.split(".")
+        if last in BAND_EDGES:  # the order and the cutoff follow from them
+            tables["filters"][name] = {part: each for part, each in tables["filters"][name].items() if part in BAND_EDGES}
+    ratios = ", ".join(f"{one}/{other}" for one, other, _ in design.ratios)
+    left = f"# No [sweep] has the ratios that it holds for: {ratios}.\n" if ratios else ""
+    return f"{HEADER}{said}, at their worst.\n{left}{as_toml(tables | {'sweep': sweep})}"
+
+
+def with_best(table: Table, spec: Spec) -> Table:
+    """Return the table, with the specs of some of its designs in the folder BEST."""
+    columns = table.columns
+    rows = chosen(len(columns["certified"]))
+    names = [f"{BEST}/{spec.name}-{number + 1:02d}.toml" for number in rows]
+    stop = table.facts["stop"]
+
+    def write(folder: Path) -> None:
+        (folder / BEST).mkdir()
+        for name, number in zip(names, rows, strict=True):
+            row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
+            (folder / name).write_text(text_of(spec, row, stop), encoding="utf-8", newline="\n")
+
+    return replace(table, facts=table.facts | {"best": names}, beside=write)

@@ -1,0 +1,161 @@
+"""The figure of a design study: the front of two wishes, or a few designs next to the nominal one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.plots.scales import by_factors
+from wavesweep.core.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
+from wavesweep.core.plots.words import assumption, at_hand, label, printed, with_unit
+from wavesweep.core.tables.columns import fields
+from wavesweep.core.tables.regions import spec_of
+from wavesweep.designs.table import margins_of, wish_of
+from wavesweep.designs.wish_keys import WISHES
+
+_FEW = 3  # designs that are shown one by one
+_ACROSS = 3  # panels
+_FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
+_OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
+_NOMINAL = Look("#D55E00", (0, (1.5, 0.8)))
+
+
+def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
+
+    All values are the worst over what designs have to hold for. The labels of the axes say which side is better. Up to three
+    designs are not a front: each wish and each number has a panel with its value in every design and in the nominal one, and
+    the admittances are below. A single design has the next best one next to it.
+    """
+    wishes, varied = list(facts["spec"]["design"]["wish"]), list(facts["spec"]["design"]["vary"])
+    free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
+    x, y = free if len(free) == 2 else [wishes[0], wishes[1] if len(wishes) > 1 else wishes[0]]
+    if len(columns[x]) <= _FEW:
+        return _draw_few(columns, facts, wishes, varied)
+    across = 1 if is_narrow() else min(_ACROSS, len(varied))
+    down, own = -(-len(varied) // across), facts.get("own", {})
+    with figure(TWO_COLUMNS, 2.8 + 1.3 * down) as canvas:
+        grid = canvas.add_gridspec(1 + down, across, height_ratios=[2.2, *[1] * down])
+        front, order = canvas.add_subplot(grid[0, :]), np.argsort(columns[x], kind="stable")
+        _draw_front(front, columns, order, own, {name: _label(name, facts) for name in (x, y)})
+        kinds = {field.name: field.kind for field in fields("zwidth", varied, facts=facts)}
+        for place, name in enumerate(varied):
+            panel = canvas.add_subplot(grid[1 + place // across, place % across])
+            panel.plot(columns[x][order], columns[name][order], **_FRONT | {"markersize": 2.5})
+            panel.set_title(label(name, facts), fontsize=7)
+            if front.get_xscale() == "log":
+                by_factors(panel.xaxis, columns[x].min(), columns[x].max())
+            _scale_numbers(panel, columns[name], kinds[name] == "integer")
+        unknown = [WISHES[name].title for name in (x, y) if own.get(name) is None]
+        missing = f"The nominal design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable."
+        note_below(canvas, missing if own and unknown else "", assumption(facts))
+    return canvas
+
+
+def _by_factors_if_wide(axis: Any, values: np.ndarray) -> None:
+    """Give an axis a scale of factors if its values vary by much."""
+    values = values[np.isfinite(values)]
+    if values.size and values.min() > 0 and values.max() > 5 * values.min():
+        by_factors(axis, values.min(), values.max())
+
+
+def _scale_numbers(panel: Any, values: np.ndarray, whole: bool) -> None:
+    """The axis of a varied number along the front, where whole numbers are at their ticks."""
+    from matplotlib.ticker import FixedLocator, MaxNLocator
+
+    _by_factors_if_wide(panel.yaxis, values)
+    if whole:
+        varies = values.max() > values.min()
+        panel.yaxis.set_major_locator(MaxNLocator(integer=True) if varies else FixedLocator(values[:1]))
+        panel.set_ylim(values.min() - 0.5, values.max() + 0.5)
+    panel.grid(**GRID)
+    panel.tick_params(labelsize=7)
+
+
+def _draw_front(axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str, Any], labels: dict[str, str]) -> None:
+    """The second of two wishes over the first one, and the nominal design if both are known of it; labels: of both axes."""
+    x, y = labels
+    axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
+    if own.get(x) is not None and own.get(y) is not None:
+        axes.plot(own[x], own[y], label="nominal design", **_OWN)
+    for name, axis in ((x, axes.xaxis), (y, axes.yaxis)):
+        axis.set_label_text(labels[name] if axis is axes.xaxis else labels[name].replace("), ", "),\n"))
+        _by_factors_if_wide(axis, columns[name])
+    axes.grid(**GRID, which="both")
+    axes.figure.legend(loc="outside upper center", ncols=2)
+
+
+def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], varied: list[str]) -> Any:
+    """A panel for each wish and each varied number, with its value in each design, and the admittances of all."""
+    spec, count = spec_of(facts), len(columns[wishes[0]])
+    own = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
+    designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **own}}
+    for at in range(count):
+        designs[f"found ({at + 1})" if count > 1 else "found"] = {name: columns[name][at].item() for name in (*wishes, *varied)}
+    for each in facts.get("runners_up", ())[: count == 1]:
+        designs["next best"] = {**each["wishes"], **each["numbers"]}
+    looks, hand = [_NOMINAL, *family_looks(len(designs) - 1)], spec is not None and not spec.without_hand()
+    across = 1 if is_narrow() else 2
+    down, row = -(-len([*wishes, *varied]) // across), 0.65 + 0.17 * len(designs)
+    with figure(TWO_COLUMNS, row * down + 2.4 * hand) as canvas:
+        grid = canvas.add_gridspec(down + hand, across, height_ratios=[*[row] * down, *[2.4] * hand])
+        for place, name in enumerate((*wishes, *varied)):
+            axes = canvas.add_subplot(grid[place // across, place % across])
+            _draw_values(axes, name, [each.get(name) for each in designs.values()], looks, facts)
+            axes.set_yticks(range(len(designs)), [*designs] if place % across == 0 else [])
+        if hand:
+            _draw_admittances(canvas.add_subplot(grid[-1, :]), spec, designs, varied, looks)
+        note_below(canvas, assumption(facts))
+    return canvas
+
+
+def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Sequence[Look], facts: Mapping[str, Any]) -> None:
+    """The values of a wish or a number, each with its text, and for a wish its bound with the margins to it."""
+    margins: list[float | None] = [None] * len(values)
+    if name in WISHES:
+        wish = wish_of(name, facts)
+        axes.set_title(_label(name, facts).replace(", ", ",\n", 1), fontsize=7)
+        if wish.bound is not None:
+            margins = [margins_of({name: value}, facts).get(name) for value in values]
+            axes.axvline(wish.bound, color="0.5", linewidth=0.8, linestyle="--")
+            axes.set_xlabel(f"{wish.kind.bound.replace('_', ' ')} {wish.bound:g}, with margins", fontsize=7)
+    else:
+        axes.set_title(label(name, facts), fontsize=7)
+    for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
+        known = value is not None and np.isfinite(value)
+        said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "") if known else "not known"
+        if known:
+            axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
+        axes.annotate(said, (1.03, place), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=7)
+    axes.margins(x=0.1)
+    axes.set_ylim(len(values) - 0.5, -0.5)
+    axes.locator_params(axis="x", nbins=4)
+    axes.tick_params(labelsize=7)
+    axes.grid(**GRID, axis="x")
+
+
+def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
+    """The admittances of the spec with the numbers of each design, its own first."""
+    from wavesweep.core.analyses.loops import loop_at_hand
+    from wavesweep.core.response.steady import respond
+    from wavesweep.simulation.experiment import radius_of
+
+    frequency = np.array([each for each in spec.frequency_hz if each > 0])
+    for (name, numbers), look in zip(designs.items(), looks, strict=True):
+        values = {spec.names.find(each).path: numbers[each] for each in varied if name != "nominal"}
+        whole = {path for path in values if isinstance(spec.values.get(path), int)}
+        one = spec.with_values({path: int(value) if path in whole else float(value) for path, value in values.items()})
+        admittance, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), radius_of(one) < 1
+        colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
+        axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel(at_hand("admittance", "admittance_abs", "mm/N", {"spec": spec.tables()}))
+    axes.grid(**GRID)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+
+
+def _label(name: str, facts: Mapping[str, Any]) -> str:
+    kind = WISHES[name]
+    unit = printed([facts.get("units", {}).get(name, kind.unit)])
+    return f"{with_unit(WISHES[name].title, unit)}, {'more' if kind.more else 'less'} is better"

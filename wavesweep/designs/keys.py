@@ -1,0 +1,261 @@
+"""The table [design]: numbers to vary, wishes, and what each design has to hold for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from wavesweep.core.controllers import WALL
+from wavesweep.core.drawing.drawing import Drawing, path_of
+from wavesweep.core.reading.axes import Axis
+from wavesweep.core.reading.checking import Mistakes, apart, show
+from wavesweep.core.reading.keys import BAND_EDGES, DESIGN_KEYS, KEYS, VALUE_PATHS, Key, Names, number
+from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.sorting import HANDS, RATIOS, VARIED, WISHED, Sorted
+from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
+
+MOST_CHOICES = 1000  # whole numbers of a key that is varied
+MOST_SCENARIOS = 4096
+HAND = ("mass", "damping", "stiffness")
+NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls belong to the wishes
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """The table [design].
+
+    vary: axes of numbers; their values if they are choices, otherwise a span. for_all: axes with the values for which a design
+    has to hold. hand: values of the operator's mass, damping and stiffness, empty if the hand is the spec's own. ratios: pairs
+    of paths and the values of the first one over the second. settings: by the names of DESIGN_KEYS.
+    """
+
+    vary: tuple[Axis, ...]
+    wishes: tuple[Wish, ...]
+    for_all: tuple[Axis, ...]
+    hand: Mapping[str, tuple[float, ...]]
+    ratios: tuple[tuple[str, str, tuple[float, ...]], ...]
+    settings: Mapping[str, int]
+    place: Place = field(default=Place(), repr=False, compare=False)
+
+    def on(self, experiment: Mapping[str, object], mistakes: Mistakes) -> Design:
+        """Return the design with the numbers of the device that wishes do not give; add a mistake for each that is missing.
+
+        experiment: the numbers of [simulate] by their last name.
+        """
+        wishes = []
+        for wish in self.wishes:
+            lacking = {name: experiment[name] for name in OF_DEVICE if name in wish.kind.options and name not in wish.options}
+            known = {name: (float(value),) for name, value in lacking.items() if value}
+            wishes.append(replace(wish, options={**known, **wish.options}))
+            for name in lacking.keys() - known:
+                expected = f"{name} > 0 here, in [simulate] or of a device.preset"
+                mistakes.refuse(self.place, f"design.wish.{wish.name}", expected, "none")
+        return replace(self, wishes=tuple(wishes))
+
+    def refuse_beyond_half(self, hz: float, rate: str, mistakes: Mistakes) -> None:
+        """Add the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
+        for wish in self.wishes:
+            stop = max(wish.options.get("band_hz", ()), default=0.0)
+            if stop > hz / 2:
+                path, (expected, found) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
+                mistakes.refuse(wish.places["band_hz"], path, f"numbers <= {expected} (half of {rate})", found, of_key=False)
+
+    def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
+        """Add the mistakes of a design of this drawn loop."""
+        ports, wall = {"wall": drawing.wall, "hand": drawing.hand}, {path_of(name): name for name in drawing.wall or ()}
+        known = [name for name, kind in WISHES.items() if kind.ports is not None]
+        faults = []
+        for wish in self.wishes:
+            needed = {*(wish.kind.ports or ()), *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
+            lacking = sorted(f"a loop with a {name} in [ports]" for name in needed if ports[name] is None)
+            own = [f"one of {', '.join(known)} for a drawn loop"] if wish.name not in known else lacking
+            faults += [(f"wish.{wish.name}", expected, wish.name if wish.name not in known else "none") for expected in own]
+        for name in sorted(drawing.shaping & set(wall.values())):
+            faults.append(("wish", "a wall whose numbers do not decide how the loop is built", name))
+        for axis, table in [*((axis, "vary") for axis in self.vary), *((axis, "for_all") for axis in self.for_all)]:
+            expected = ""
+            if axis.path in wall:
+                expected = "a number that is not of the wall (walls belong to the wishes)"
+            elif table == "for_all" and axis.structural and not all(isinstance(value, int) for value in axis.values):
+                expected = "a whole number, or one that does not decide how the loop is built"
+            if expected:
+                mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
+        if self.hand:
+            faults.append(("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand"))
+        for one, other, _ in self.ratios:
+            ratio = f"{one}/{other}"
+            faults.append((f"for_all.{ratio}", "a number of the drawing; write a ratio as an expression there", ratio))
+        for path, expected, found in faults:
+            mistakes.refuse(self.place, f"design.{path}", expected, found)
+
+    def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
+        """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
+        known = {path: (value, value) for path, value in values.items() if isinstance(value, (int, float))}
+        known |= {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
+        known |= {f"operator.{part}": (min(given), max(given)) for part, given in self.hand.items()}
+        dampings = [damping for wish in self.wishes for damping in wish.options.get("B_VE", known["environment.B_VE"])]
+        stiffnesses = [wall for wish in self.wishes for wall in wish.options.get("walls", known["environment.K_VE"])]
+        searched = (0.0, stop) if any(wish.name in ("z_width", "felt") for wish in self.wishes) else ()
+        known["environment.B_VE"] = min(dampings), max(dampings)
+        known["environment.K_VE"] = tuple(end((*stiffnesses, *searched)) for end in (min, max))
+        for one, other, factors in in_order(self.ratios):
+            known[one] = tuple(end(known[other]) * end(factors) for end in (min, max))
+            yield Axis(f"{one}/{other}", one, (), *known[one], False, None, self.place)
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        for_all = {axis.name: list(axis.values) for axis in self.for_all}
+        for_all |= {f"{one}/{other}": list(values) for one, other, values in self.ratios}
+        for_all |= {"hand": {part: list(values) for part, values in self.hand.items()}} if self.hand else {}
+        return {
+            **self.settings,
+            "vary": {
+                axis.name: axis.written() if axis.values else {**axis.written(), "scale": axis.scale} for axis in self.vary
+            },
+            "wish": {wish.name: wish.written() for wish in self.wishes},
+            **({"for_all": for_all} if for_all else {}),
+        }
+
+
+def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, object]]:
+    """Return ratios (number, the number that it follows, values) so that each comes after the one that it follows.
+
+    Those that follow themselves are left out.
+    """
+    ordered, waiting = [], list(ratios)
+    while ready := [ratio for ratio in waiting if ratio[1] not in {one for one, *_ in waiting}]:
+        ordered += ready
+        waiting = [ratio for ratio in waiting if ratio not in ready]
+    return ordered
+
+
+def build_design(
+    belongs: Sorted, varied: Sequence[Axis], for_all: Sequence[Axis], names: Names, mistakes: Mistakes
+) -> Design | None:
+    """Return the design and add its mistakes; None if the spec has none, or a wrong one.
+
+    varied, for_all: the axes of [design.vary] and of [design.for_all].
+    """
+    if not belongs.design:
+        return None
+    design = _Reader(belongs, names, mistakes).design(varied, for_all)
+    return None if any(mistake.key.startswith("design.") for mistake in mistakes) else design
+
+
+class _Reader:
+    """A reading of [design]."""
+
+    def __init__(self, belongs: Sorted, names: Names, mistakes: Mistakes) -> None:
+        self.leaves, self.parts, self.names, self.mistakes = belongs.design, belongs.axes, names, mistakes
+        self.settings = {path: leaf for path, leaf in belongs.keys.items() if path in DESIGN_KEYS}
+
+    def refuse(self, path: str, expected: str, found: str) -> None:
+        """Add a mistake at the first leaf whose path begins so, or at the first of all."""
+        leaves = [leaf for at, leaf in self.leaves.items() if at.startswith(f"design.{path}")]
+        self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found)
+
+    def design(self, varied: Iterable[Axis], given: Iterable[Axis]) -> Design:
+        settings = {path: key.default for path, key in DESIGN_KEYS.items()} | self.mistakes.read(DESIGN_KEYS, self.settings)
+        vary, wishes, ratios, hand = tuple(self.varied(varied)), tuple(self.wished()), self.ratios(), self.hand()
+        for_all = tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in given)
+        for section, expected in (("vary", "at least one number to vary"), ("wish", f"at least one of {', '.join(WISHES)}")):
+            if not any(path.startswith(f"design.{section}.") for path in self.leaves):
+                self.refuse(section, expected, "none")
+        free = [wish.name for wish in wishes if wish.bound is None]
+        if len(free) > 2:
+            self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
+        self.refuse_numbers(for_all, ratios, hand)
+        several = [*(axis.values for axis in for_all), *hand.values(), *(factors for *_, factors in ratios.values())]
+        if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
+            self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
+        names = {path.rpartition(".")[2]: value for path, value in settings.items()}
+        place = next(iter(self.leaves.values())).place.parent()
+        return Design(vary, wishes, for_all, hand, tuple(ratios.values()), names, place)
+
+    def varied(self, axes: Iterable[Axis]) -> Iterator[Axis]:
+        for axis in axes:
+            path = f"vary.{axis.name}"
+            if axis.path.rpartition(".")[2] in BAND_EDGES:
+                self.refuse(path, "the order or the cutoff of a filter", "an edge of its band")
+            elif axis.path in NOT_VARIED:
+                self.refuse(path, "a number of the device or the controller", "one of the wall or the rates")
+            elif not axis.structural or axis.values:
+                yield axis
+            elif self.names.keys[axis.path].type != "integer":
+                self.refuse(path, "a list of choices, since the loop is built anew for each", "only a span")
+            elif axis.stop - axis.start >= MOST_CHOICES:
+                self.refuse(path, f"fewer than {MOST_CHOICES} whole numbers", "more")
+            else:
+                yield replace(axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None)
+
+    def wished(self) -> Iterator[Wish]:
+        for name, parts in self.parts[WISHED].items():
+            path, kind = f"design.wish.{name}", WISHES.get(name)
+            if not self.mistakes.is_known(name, WISHES, next(iter(parts.values())), path, "an unknown wish"):
+                continue
+            bound, options = None, {}
+            for part, leaf in parts.items():
+                if part == kind.bound:
+                    bound = self.mistakes.check(number(f"{path}.{part}", None, kind.unit, ""), leaf)
+                elif part in kind.options:
+                    options[part] = self.numbers(f"{path}.{part}", leaf, *kind.options[part])
+                elif part:
+                    self.mistakes.is_known(part, (kind.bound, *kind.options), leaf, f"{path}.{part}")
+                elif leaf.value != {}:
+                    self.mistakes.refuse(leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value))
+            band = options.get("band_hz", ())
+            if len(band) == 2 and not band[0] < band[1]:
+                self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(band)))
+            yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
+
+    def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
+        """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
+        if count == 1:
+            numbers = [self.mistakes.check(key, leaf, path)]
+        else:
+            numbers = self.mistakes.check_list(key, leaf, path, f"a list of {f'{count} ' if count else ''}numbers", count)
+        return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
+
+    def ratios(self) -> dict[str, tuple[str, str, tuple[float, ...]]]:
+        """The ratios of [design.for_all] by name."""
+        ratios = {}
+        for name, parts in self.parts[RATIOS].items():
+            one, other = (self.names.find(each) for each in name.split("/"))
+            if other.numeric and other.path in VALUE_PATHS:
+                key = number(f"design.for_all.{name}", None, "1", "", positive=True)
+                ratios[name] = one.path, other.path, self.numbers(key.path, parts[""], key)
+            else:
+                self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other.path)
+        return ratios
+
+    def hand(self) -> dict[str, tuple[float, ...]]:
+        """The hands of [design.for_all]."""
+        path, parts = "design.for_all.hand", dict(self.parts[HANDS]["hand"])
+        if whole := parts.pop("", None):
+            self.mistakes.refuse(whole, path, "a table such as { damping = [0, 5] }", show(whole.value))
+        return {
+            part: self.numbers(f"{path}.{part}", leaf, KEYS[f"operator.{part}"])
+            for part, leaf in parts.items()
+            if self.mistakes.is_known(part, HAND, leaf, f"{path}.{part}")
+        }
+
+    def refuse_numbers(self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
+        """Refuse numbers of [design.for_all] that it cannot have: walls, those given twice, ratios that lead to no number."""
+        varied = {self.names.find(name).path for name in self.parts[VARIED]}
+        said = dict.fromkeys(varied, "[design.vary]")
+        numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{part}", f"hand.{part}") for part in hand]
+        for path, name in [*numbers, *((one, name) for name, (one, *_) in ratios.items())]:
+            if path in WALL and name not in ratios:
+                expected = "a number of device, operator or timing (walls belong to the wishes)"
+                self.refuse(f"for_all.{name}", expected, name)
+            elif path in said:
+                expected = "a number that is not varied" if path in varied else "each number once"
+                self.refuse(f"for_all.{name}", expected, f"{path}, one of {said[path]}")
+            said.setdefault(path, "[design.for_all] already")
+        leading = in_order(list(ratios.values()))
+        for name, ratio in ratios.items():
+            if ratio[0] in WALL or self.names.keys[ratio[0]].structural:
+                self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", ratio[0])
+            if ratio not in leading:
+                self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", f"{ratio[0]}, which follows itself")

@@ -1,0 +1,462 @@
+"""A design study: a search in chunks on workers that can be resumed after an interruption, and the front as a table."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from wavesweep.check.planning import duration
+from wavesweep.core.analyses.loops import held_loop
+from wavesweep.core.energy.held_loop import HAND as OPERATOR
+from wavesweep.core.errors import SpecError, UsageError, WavesweepError
+from wavesweep.core.spec import Spec
+from wavesweep.core.spec.resolving import longest_delay
+from wavesweep.core.spec.studies import K_VE_SPAN
+from wavesweep.core.sweep.grid import keys_of, loops_of, make_grid
+from wavesweep.core.sweep.job import Chunks, Job, Kind
+from wavesweep.core.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
+from wavesweep.core.sweep.workers import choose
+from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.designs.best import judged, miss
+from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
+from wavesweep.designs.keys import HAND
+from wavesweep.designs.search import Judged, designs_of, differing, generations, genes_of, spread, undominated
+from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
+from wavesweep.designs.wish_keys import Wish
+from wavesweep.designs.wishes import evaluate
+from wavesweep.for_all.rows import refuse_unsuitable_ranges
+from wavesweep.for_all.varying import Rules
+from wavesweep.passive.hand import HandBox
+from wavesweep.passive.hands import Guarantee
+
+CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
+FRONT = 48  # designs of the table at most
+TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
+RUNNERS_UP, APART = 3, 0.1  # further designs next to a single best one, and how far apart, as a share of a number's range
+ADDED = 4  # combinations at a time that the search holds for besides
+FINER = 4096  # combinations that a design of the front is checked over at most
+# Values between two of a range that the search looks at from time to time, and the last check, if the combinations are so few.
+BETWEEN, OFTEN, FINEST = (63, 15, 7, 3), 20, 256
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """What a search looks at.
+
+    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios: combinations that
+    designs have to hold for in the search; more are added during it. finer, finest: those that the front is checked over during
+    the search, and at its end. stop: the largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the
+    front is checked; None for no such check.
+    """
+
+    genes: dict[int, np.ndarray]
+    scenarios: list[Scenario]
+    finer: Sequence[Scenario]
+    finest: Sequence[Scenario]
+    stop: float
+    box: HandBox | None = None
+
+
+def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
+    """A value, a scenario and a certificate for each wish; with a box of hands its stiffest wall, and whether it is settled."""
+    parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
+    hands = [(BOX, "<f8"), (SETTLED, "?")] if box else []
+    return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
+
+
+def generation(job: Job, number: int) -> range:
+    """The numbers of the chunks of a generation, among which its designs are divided evenly."""
+    across = len(job.chunks) // job.chunks.loops
+    return range(number * across, (number + 1) * across)
+
+
+def _task(job, chunk):
+    number, asked, vary = chunk.loops.start, job.asked, job.grid.spec.design.vary
+    chunks, last = generation(job, number), number == job.chunks.loops - 1
+    genes = np.array_split(asked.genes[number], len(chunks))[chunk.number - chunks.start]
+    return _evaluation(job, asked.finest if last else tuple(asked.scenarios), designs_of(vary, genes), len(genes), last)
+
+
+def _evaluation(job, scenarios, designs, count: int, last: bool):
+    """What computes the records of designs; last: whether they are of the front, for which more is checked."""
+    spec = job.grid.spec
+    box, rules = (job.asked.box, _rules_of(spec)) if last else (None, None)
+    return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, rules)
+
+
+def evaluated(
+    spec: Spec,
+    scenarios: Sequence[Scenario],
+    designs: Mapping[str, np.ndarray],
+    count: int,
+    stop: float,
+    dtype: np.dtype,
+    box: HandBox | None = None,
+    rules: Rules | None = None,
+) -> np.ndarray:
+    """A record for each design: its wishes, at their worst over the scenarios.
+
+    count: number of designs, which may be 0. box: of hands to check them for. rules: what they have to be proved for.
+    """
+    records = np.zeros(count, dtype)
+    records["slice"] = np.arange(count)
+    found = evaluate(spec, spec.design.wishes, scenarios, designs, stop, rules) if count else {}
+    for name, worst in found.items():
+        records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
+        records[f"{name}_certified"] = worst.certified
+    if box:
+        _hold(spec, scenarios, designs, box, records)
+    return records
+
+
+def _hold(spec, scenarios, designs, box, records):
+    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
+
+    Walls are checked up to `z_width`, the stiffest one of the scenarios.
+    """
+    wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
+    devices = list({tuple(item for item in each.values.items() if item[0] not in OPERATOR): None for each in scenarios})
+    for number, record in enumerate(records):
+        own = {path: column[number].item() for path, column in designs.items()}
+        record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
+        if not record[SETTLED]:  # no wall to touch
+            continue
+        for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
+            values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
+            varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
+            wall = "environment.K_VE"
+            loop = held_loop(loops_of(spec, values, wall))
+            rows = Guarantee("box", replace(box, **varied)).records(loop, wall, (0.0, float(record["z_width"])))
+            first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
+            record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
+            record[SETTLED] &= bool(first.size and first["settled"][0])
+
+
+# Certificates of a search are those of its result.
+DESIGNS = Kind(_task, noun="designs", certifies=False, has_rows=False)
+
+
+def design(
+    spec: Spec,
+    for_hands: str = "vertices",
+    **given: Any,
+) -> Table:
+    """Search for the designs that meet the wishes of a spec's [design].
+
+    Returns the front if some wishes have no bound, otherwise the best design, as a table. for_hands: "box" to check the front
+    for every hand between the ends of the ranges as well, "vertices" for finer values alone. given: jobs, backend, scheduler,
+    progress, checkpoint and force, see `Work`. The result depends on the seed and not on the workers.
+    Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
+    run.
+    """
+    started, work = time.perf_counter(), Work.of(given)
+    job = job_of(spec, for_hands)
+    run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
+    run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_seconds, job))
+    asked, settings = spec.design, spec.design.settings
+    first = genes_of(asked.vary, spec.values)[None]
+    choices = [len(axis.values or ()) for axis in asked.vary]
+    search = settings["population"], settings["generations"], settings["seed"]
+    with resumable(job, run.store, run.tally):
+        for found in generations(run.judge, len(asked.vary), *search, first, choices, run.look):
+            best = found
+    if not (best.violation == 0).any():
+        said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
+        run.forget()  # nothing of it is left to be done
+        raise WavesweepError(said)
+    genes = spread(best, FRONT).genes
+    if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
+        others = np.concatenate([first[: spec.for_all is not None], run.feasible()])  # the search sees little of [for_all]
+        genes = np.concatenate([genes, run.next_to(others, genes)])
+    job.asked.genes[settings["generations"]] = genes
+    genes, records = run.kept(genes, run.records(settings["generations"]))
+    if not len(genes):  # between the ends of the ranges none of them meets its bounds
+        said = miss(spec, records, job.asked.finest, wish_units(spec))
+        run.forget()
+        raise WavesweepError(said)
+    # With more to hold for, a design may be worth less than another one.
+    objectives, violation = judged(asked, records)
+    still = undominated(Judged(genes, objectives, violation))
+    rest = np.setdiff1d(np.lexsort(objectives.T[::-1]), still, assume_unique=True)
+    columns, kept = _columns(spec, job, genes[still], records[still])
+    counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
+    timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
+    facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
+    facts |= {
+        "own": own_design(spec, job),
+        "stop": job.asked.stop,
+        "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
+    }
+    facts |= {"scenarios": len(job.asked.scenarios), "checked_scenarios": len(job.asked.finest), "units": wish_units(spec)}
+    return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
+
+
+def _rules_of(spec):
+    """What designs have to be proved for: [for_all] and the values of [design.for_all]; None without [for_all]."""
+    rules = Rules.of(spec) if spec.for_all else None
+    return rules and replace(rules, for_all=rules.for_all.beside(spec.design))
+
+
+def plan(spec: Spec) -> list[str]:
+    """Lines for `wavesweep check`: the work of `design` and its time; none without [design]."""
+    if spec.design is None:
+        return []
+    try:
+        job = job_of(spec)
+        seconds = _seconds(job)
+    except WavesweepError as error:
+        return [f"  design: not possible with this spec: {error}"]
+    workers = choose(None, None, None, len(job.chunks), lambda: seconds)
+    over = f"{len(job.asked.scenarios)} combination{'s' * (len(job.asked.scenarios) != 1)}"
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    return [
+        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.asked.finest)}",
+        f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",
+    ]
+
+
+METHODS = {
+    "search": "MOEA/D with differential evolution and constrained domination, seeded; every design at its worst over all that "
+    "it has to hold for",
+    "check": "the designs of the front again, with values between the ends of every range",
+}
+
+
+def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
+    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
+    if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
+        raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
+    asked = spec.as_designed().design
+    spec.refuse_require("[design]")
+    for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
+        if any(axis.path == path for axis in asked.for_all):
+            raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")
+    if spec.for_all:
+        if asked.ratios or for_hands == "box":
+            found = "--for-hands box" if for_hands == "box" else "a ratio"
+            raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {found}")
+        refuse_unsuitable_ranges(spec, spec.wall[0] if {wish.name for wish in asked.wishes} & {"z_width", "felt"} else "")
+    grid, settings = make_grid(spec.as_designed(), ()), asked.settings
+    axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
+    stop = float(axis.stop if axis else K_VE_SPAN[1])
+    if axis and stop <= 0:
+        expected = "a stop > 0, up to which walls are searched"
+        raise SpecError([axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
+    unseen = next((wish for wish in asked.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
+    if unseen:
+        name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
+        searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
+        mistake = unseen.places["at_least"].mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
+        raise SpecError([mistake])
+    _refuse_unreachable(spec, asked.wishes)
+    for axis in asked.for_all:
+        for value in axis.values if axis.structural else ():
+            grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
+    often = next((number for number in BETWEEN if count_of(grid.spec, number) <= OFTEN), 0)
+    finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= FINER))
+    chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
+    between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
+    finest = scenarios_of(grid.spec, between) if between else finer
+    box = box_of(spec) if for_hands == "box" else None
+    identity = {"records": "designs", "stop": stop} | ({"box": repr(box)} if box else {})
+    study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
+    total = settings["generations"] * settings["population"]
+    return Job(DESIGNS, grid, chunks, {}, record_of(asked.wishes, box=box is not None), identity, study, total)
+
+
+def _refuse_unreachable(spec, wishes):
+    """Raise SpecError for a bound that no design meets: no damping ratio is above 1, and a delay ends within its frame."""
+    most = {"damping_ratio": 1.0}
+    if not spec.drawing:
+        most["delay_margin"] = float(longest_delay(spec.values["rates.ratio"]))
+    mistakes = [
+        wish.places["at_least"].mistake(f"design.wish.{wish.name}.at_least", f"<= {most[wish.name]:g}", f"{wish.bound:g}")
+        for wish in wishes
+        if (wish.bound or 0) > most.get(wish.name, np.inf)
+    ]
+    if mistakes:
+        raise SpecError(mistakes)
+
+
+def box_of(spec: Spec) -> HandBox:
+    """Return all hands between the ends of the ranges of [design.for_all].
+
+    Errors: UsageError if these or the wishes do not define a box.
+    """
+    asked = spec.as_designed().design
+    if not asked.hand:
+        raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
+    if not any(wish.name == "z_width" for wish in asked.wishes):
+        raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
+    if asked.ratios:
+        raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
+    own = {part: (spec.values[f"operator.{part}"],) for part in HAND}
+    own |= {part: axis.values for axis in asked.for_all for part in HAND if axis.path == f"operator.{part}"}
+    return HandBox(**{part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()})
+
+
+class _Run:
+    """The chunks of a study, one generation after the other."""
+
+    def __init__(self, job, store, progress):
+        self.job, self.store, self.progress = job, store, progress
+        self.workers, self.tally, self.forget = None, Tally(), store.remove
+        self.latest = self.since = 0  # generations: the last one, and the first that was judged over all that is held for now
+
+    def judge(self, number: int, genes: np.ndarray) -> Judged:
+        """Return the designs of a generation, judged; those of one structure are computed together."""
+        asked, self.latest = self.job.grid.spec.design, number
+        values = designs_of(asked.vary, genes)
+        choices = [values[axis.path] for axis in asked.vary if axis.values]
+        order = np.lexsort(choices) if choices else np.arange(len(genes))
+        self.job.asked.genes[number] = genes[order]
+        records = np.empty(len(genes), self.job.dtype)
+        records[order] = self.records(number)
+        return Judged(genes, *judged(asked, records))
+
+    def look(self, best: Judged) -> bool:
+        """Check designs of the front over the finer choice, and add the worst scenarios to those that the search holds for.
+
+        The worst of a range need not be at its ends. Returns whether anything was added.
+        """
+        job, asked = self.job, self.job.grid.spec.design
+        if (best.violation > 0).any():  # nothing is feasible yet
+            return False
+        some = spread(best, FRONT)
+        found = evaluate(job.grid.spec, asked.wishes, job.asked.finer, designs_of(asked.vary, some.genes), job.asked.stop)
+        worst = np.bincount(np.concatenate([each.scenario for each in found.values()]), minlength=len(job.asked.finer))
+        order = [job.asked.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
+        new = [each for each in order if each not in job.asked.scenarios][:ADDED]
+        job.asked.scenarios.extend(new)
+        self.since = self.latest + 1 if new else self.since
+        return bool(new)
+
+    def records(self, number: int) -> np.ndarray:
+        """The records of a generation, from the checkpoint as far as it has them."""
+        numbers = generation(self.job, number)
+        compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
+        return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
+
+    def kept(self, genes: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The designs of the front that keep their bounds over all that it is checked for, and their records.
+
+        A search that sees some values of a range finds what is good there alone. If no design of the front keeps its bounds in
+        between, those of all generations are tried, the best first; if none of them does, the records of the front remain.
+        """
+        good = judged(self.job.grid.spec.design, records)[1] == 0
+        if good.any():
+            return genes[good], records[good]
+        others = self.feasible()[:TRIED]
+        for some in np.array_split(others, max(1, len(others) // FRONT)) if len(others) else ():
+            good, found = self.checked(some)
+            if len(good):
+                return good, found
+        return genes[:0], records
+
+    def feasible(self) -> np.ndarray:
+        """The designs of all generations that keep their bounds in the search, the best first."""
+        last = self.job.chunks.loops - 1
+        others = np.concatenate([self.job.asked.genes[each] for each in range(self.since, last)])
+        objectives, violation = judged(self.job.grid.spec.design, self.everything())
+        order = np.lexsort(objectives.T[::-1])
+        return others[order[violation[order] == 0]]
+
+    def checked(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those of some designs that keep their bounds over all that a front is checked for, and their records."""
+        job, spec = self.job, self.job.grid.spec
+        found = _evaluation(job, job.asked.finest, designs_of(spec.design.vary, genes), len(genes), last=True)()
+        good = judged(spec.design, found)[1] == 0
+        return genes[good], found[good]
+
+    def next_to(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
+        """The first of some designs, the best first, that differ from those of a result and from each other."""
+        return others[differing(self.job.grid.spec.design.vary, others, genes, APART, RUNNERS_UP)]
+
+    def runners_up(self, genes: np.ndarray, others: np.ndarray, records: np.ndarray) -> list[dict[str, Any]]:
+        """The next best designs after the only one of a result: their numbers, and their wishes at their worst.
+
+        others: that were checked as it was, the best first, with their records.
+        """
+        if len(genes) > 1:
+            return []
+        spec = self.job.grid.spec
+        at = differing(spec.design.vary, others, genes, APART, RUNNERS_UP)
+        columns, _ = _columns(spec, self.job, some := others[at], records[at])
+        names = [axis.name for axis in spec.design.vary], [wish.name for wish in spec.design.wishes]
+        numbers, wishes = ([{name: columns[name][at].item() for name in each} for at in range(len(some))] for each in names)
+        return [{"numbers": one, "wishes": other} for one, other in zip(numbers, wishes, strict=True)]
+
+    def everything(self) -> np.ndarray:
+        """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
+        first, last = (generation(self.job, each).start for each in (self.since, self.job.chunks.loops - 1))
+        numbers = [number for number in self.store.finished() if first <= number < last]
+        return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
+
+
+def _seconds(job):
+    """Estimate the seconds of the whole study in one process, from two designs."""
+    spec = job.grid.spec
+    genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])
+    task = _evaluation(job, job.asked.scenarios, designs_of(spec.design.vary, genes), 2, last=False)
+    task()
+    started = time.perf_counter()
+    task()
+    return (time.perf_counter() - started) / 2 * (job.chunks.loops - 1) * spec.design.settings["population"]
+
+
+def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
+    """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
+    own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
+    found = evaluate(spec, spec.design.wishes, job.asked.finest, own, job.asked.stop, rules := _rules_of(spec))
+    known = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not rules) for name, worst in found.items()}
+    return {name: float(worst.value[0]) if known[name] else None for name, worst in found.items()}
+
+
+def _columns(spec, job, genes, records):
+    """Return the columns of the table, and the records."""
+    values, columns, constant = designs_of(spec.design.vary, genes), {}, not (spec.for_all and Rules.of(spec).vary)
+    for axis in spec.design.vary:
+        columns[axis.name] = values[axis.path]
+    flags = [records[f"{wish.name}_certified"] for wish in spec.design.wishes]
+    objectives, violation = judged(spec.design, records)
+    for wish in spec.design.wishes:
+        columns[wish.name] = records[wish.name]
+        at_rate = "" if constant or wish.name in ("z_width", "channel") else " at a constant rate"
+        numbers = records[f"{wish.name}_scenario"].tolist()
+        texts = [(described(job.asked.finest, at) or "the spec's own") + at_rate for at in numbers]
+        columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
+    columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
+    if job.asked.box:
+        columns |= {name: records[name] for name in (BOX, SETTLED)}
+    order = np.lexsort(objectives.T[::-1])
+    return {name: column[order] for name, column in columns.items()}, columns
+
+
+def _checked(job):
+    """Whether the front is checked between the ends of the ranges, if there is anything between."""
+    return len(job.asked.finer) >= count_of(job.grid.spec, 1)
+
+
+def _notices(job):
+    ends = count_of(job.grid.spec)
+    more = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
+    several = f"{ends} combination{'s' * (ends != 1)}{more}"
+    yield f"each design holds for {several}; those of the front were checked over {len(job.asked.finest)}"
+    if job.grid.spec.for_all:
+        names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}
+        names |= {"z_width": "z_width", "felt": "the wall of felt"}
+        said = [names[wish.name] for wish in job.grid.spec.design.wishes if wish.name != "channel"]
+        yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
+        if Rules.of(job.grid.spec).vary:
+            yield "all wishes but z_width are of the spec's own constant rate"
+    if not _checked(job):
+        yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
+    if {wish.name for wish in job.grid.spec.design.wishes} == {"channel"}:
+        yield "channel depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
+    unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
+    if unread:
+        yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"

@@ -1,0 +1,154 @@
+"""A design study: the table `design`, whose columns are those that its spec varies and wishes."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.spec import Spec
+from wavesweep.core.tables.columns import fields
+from wavesweep.core.tables.fields import DESIGN, Field
+from wavesweep.core.tables.kind import Line, Numbers, count, plain, whole_kind
+from wavesweep.designs.wish_keys import WISHES, Wish
+
+THIN = 0.01  # of a bound, within which a design is near it
+BOX, SETTLED = "z_width_box", "box_settled"
+
+
+def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
+    """The columns of a study: numbers that are varied, wishes, and certificates."""
+    varied, wishes = (spec.design.vary, spec.design.wishes) if spec.design else ((), ())
+    axes = {field.name: field for field in fields("zwidth", [axis.name for axis in varied], facts={"spec": spec.tables()})}
+    found, units = [axes[axis.name] for axis in varied], wish_units(spec)
+    for wish in wishes:
+        found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
+        found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
+    return tuple(field for field in (*found, *DESIGN) if field.name in columns)
+
+
+def wish_units(spec: Spec) -> dict[str, str]:
+    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
+    own = dict.fromkeys(("z_width", "felt", "free_motion"), spec.units_felt[0]) | {"port": spec.at_port("m/N")}
+    return {wish.name: own.get(wish.name, wish.kind.unit) for wish in (spec.design.wishes if spec.design else ())}
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """The best of each wish, the spec's own design, and what was searched."""
+    wishes, varied = facts["spec"]["design"]["wish"], facts["spec"]["design"]["vary"]
+    sizes = {
+        name: np.where(np.isnan(columns[name]), -np.inf, columns[name] * (1 if WISHES[name].more else -1)) for name in wishes
+    }
+    best = {name: int(np.argmax(size)) for name, size in sizes.items()}
+    values = {name: {wish: plain(columns[wish][row]) for wish in wishes} for name, row in best.items()}
+    bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
+    found = {
+        "designs": len(columns["certified"]),
+        "certified": int(columns["certified"].sum()),
+        "bounds_hold_between": int(columns["holds"].sum()),
+        "searched": facts["slices"]["computed"],
+        "scenarios": facts["scenarios"],
+        "best": values,
+        "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
+        "own": dict(facts["own"]),
+        "units": dict(facts["units"]),
+        "files": list(facts.get("best", ())),
+        "walls_to": facts["stop"],
+        "margins": {name: margins_of(each, facts) for name, each in values.items()},
+        "near": {wish.name: int((np.abs(wish.margin(columns[wish.name])) < THIN).sum()) for wish in bounded},
+        "free": [name for name in wishes if name not in {wish.name for wish in bounded}],
+        "runners_up": [each | {"margins": margins_of(each["wishes"], facts)} for each in facts.get("runners_up", ())],
+    }
+    if BOX in columns:  # how many designs keep all their walls with every hand of a box, how many of these are proved
+        wall, kept = columns["z_width"], columns[BOX] >= columns["z_width"]
+        share = np.divide(columns[BOX], wall, out=np.ones(len(wall)), where=wall > 0)
+        proved = int((kept & columns[SETTLED]).sum())
+        found["box"] = {"kept": int(kept.sum()), "settled": proved, "least": float(share.min())}
+    return found
+
+
+def wish_of(name: str, facts: Mapping[str, Any]) -> Wish:
+    """Return a wish of a study with its bound."""
+    return Wish(name, facts["spec"]["design"]["wish"][name].get(WISHES[name].bound), {})
+
+
+def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> dict[str, float]:
+    """Return the margins of a design's wishes to their bounds, as shares of these; values: of the wishes."""
+    bounded = (wish for name in values if (wish := wish_of(name, facts)).bound is not None)
+    return {wish.name: float(wish.margin(values[wish.name])) for wish in bounded if values[wish.name] is not None}
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
+    over, tried = count(found["scenarios"], "combination"), count(found["searched"], "design")
+    yield f"{tried} evaluated, each at its worst over {over}", False
+    if found["designs"] > 1:
+        yield f"{count(found['designs'], 'design')} on the front", False
+    for names in _alike(found["numbers"]):
+        first = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
+        yield f"{first} of {tried} tried: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
+    yield from _bound_lines(found)
+    for each in found["runners_up"]:
+        margins = f"; margins: {_shares(each['margins'])}" if each["margins"] else ""
+        yield f"next best: {_design(each['wishes'], each['numbers'], found['units'])}{margins}", False
+    if found["designs"] == 1 and not found["runners_up"]:
+        yield "next best: none was found whose numbers differ by a tenth of their ranges", False
+    yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
+    if found["walls_to"] in [values.get("z_width") for values in (*found["best"].values(), found["own"])]:
+        further = "a longer range of K_VE in [sweep] may show stiffer ones"
+        yield f"walls are searched up to {found['walls_to']:g} N/m and no further: {further}", False
+    if found["files"]:
+        number = f"{len(found['files'])} of them " if 1 < len(found["files"]) < found["designs"] else ""
+        named = " ... ".join(dict.fromkeys([found["files"][0], found["files"][-1]]))
+        yield f"{number}as specs: {named}", False
+    if "box" in found:
+        kept, of = found["box"], count(found["designs"], "design")
+        worst = f"; the worst keeps {100 * kept['least']:.3g} %" if kept["kept"] < found["designs"] else ""
+        yield f"every hand of the box: {kept['kept']} of {of} keep all walls, {kept['settled']} of them proved{worst}", False
+    if found["certified"] < found["designs"]:
+        yield f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified", True
+    if found["bounds_hold_between"] < found["designs"]:
+        missed = found["designs"] - found["bounds_hold_between"]
+        yield f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)", True
+
+
+def _alike(numbers: Mapping[str, Any]) -> list[list[str]]:
+    """The wishes, those of the same design together."""
+    found: list[list[str]] = []
+    for name in numbers:
+        same = next((names for names in found if numbers[names[0]] == numbers[name]), None)
+        found.append([name]) if same is None else same.append(name)
+    return found
+
+
+def _bound_lines(found: Numbers) -> Iterator[Line]:
+    """Yield how near designs are to their bounds, and which wish decides."""
+    if found["designs"] == 1 and found["best"]:
+        margins = next(iter(found["margins"].values()))
+        least = min(margins.values(), default=0.0)
+        tight = [name for name, share in margins.items() if share < (THIN if found["free"] else least + THIN)]
+        if not found["free"]:
+            decides = f"{' and '.join(tight)} decide{'s' * (len(tight) == 1)}: no design found has a larger smallest margin"
+        else:
+            decides = f"{' and '.join(found['free'])} decide{'s' * (len(found['free']) == 1)}"
+            decides += f", held back by the bound of {' and '.join(tight)}" if tight else ""
+        yield (f"margins to the bounds: {_shares(margins)}; {decides}" if margins else decides), False
+    for name, number in found["near"].items() if found["designs"] > 1 else ():
+        if number:
+            yield f"{name} is within {100 * THIN:g} % of its bound in {number} of {found['designs']} designs", False
+
+
+def _shares(margins: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {100 * share:.3g} %" for name, share in margins.items())
+
+
+def _design(wishes: Mapping[str, float | None], numbers: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    return f"{_wishes(wishes, units)}, with {', '.join(f'{axis} = {value:.5g}' for axis, value in numbers.items())}"
+
+
+def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str:
+    said = {name: "unstable, or not known" if value is None else f"{value:.5g} {units[name]}" for name, value in values.items()}
+    return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
+
+
+KINDS = (whole_kind("design", _numbers, _lines, "designs.figure.design"),)

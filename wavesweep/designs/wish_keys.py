@@ -1,0 +1,144 @@
+"""What may be wished for of a design: quantities, their bounds and options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from wavesweep.core.reading.keys import KEYS, SIMULATE_KEYS, Key, number
+from wavesweep.core.reading.reading import Place
+
+_STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
+_BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)
+# Options of a wish: name -> (key of each number, how many; None for any).
+_OF_WALL = {"B_VE": (_DAMPING, None)}
+_WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
+# Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
+OF_DEVICE = {name: SIMULATE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
+
+
+@dataclass(frozen=True, slots=True)
+class WishKind:
+    """A quantity that may be wished for. more: whether more of it is better. title: its name in figures.
+
+    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it.
+    """
+
+    unit: str
+    more: bool
+    title: str
+    description: str
+    options: Mapping[str, tuple[Key, int | None]]
+    ports: tuple[str, ...] | None = None
+
+    @property
+    def bound(self) -> str:
+        """The key of its bound."""
+        return "at_least" if self.more else "at_most"
+
+
+WISHES = MappingProxyType(
+    {
+        "z_width": WishKind(
+            "N/m",
+            True,
+            "stiffest wall",
+            "stiffest wall up to which every wall is stable, at most that of sweep.K_VE or 20000",
+            _OF_WALL,
+            ("wall",),
+        ),
+        "felt": WishKind(
+            "N/m",
+            True,
+            "stiffness felt",
+            "stiffness felt of that wall at rest or, with a band, the least size of the impedance that it adds to free motion",
+            {"band_hz": (_BAND, 2), **_OF_WALL},
+            ("wall", "hand"),
+        ),
+        "free_motion": WishKind(
+            "N/m",
+            False,
+            "impedance of free motion",
+            "largest size over the band of the impedance of free motion, that without the wall",
+            {"band_hz": (_BAND, 2)},
+            ("wall", "hand"),
+        ),
+        "transparency": WishKind(
+            "1",
+            False,
+            "error of the response",
+            "root mean square over the band of |ln(H/H_dc)|, H the transmitted admittance and H_dc that of direct coupling",
+            {"band_hz": (_BAND, 2), **_WALLS},
+        ),
+        "channel": WishKind("1", False, "norm of the wave channel", "norm of the wave channel", {}),
+        "port": WishKind(
+            "m/N", True, "margin of the hand's port", "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)
+        ),
+        "damping_ratio": WishKind(
+            "1",
+            True,
+            "least damping ratio of all modes",
+            "least damping ratio of all modes, as [sweep] require has it",
+            _WALLS,
+            (),
+        ),
+        "settling": WishKind(
+            "s",
+            False,
+            "time constant of the slowest mode",
+            "time constant of the slowest mode, in which it falls to 1/e",
+            _WALLS,
+            (),
+        ),
+        "delay_margin": WishKind(
+            "tick", True, "delay margin", "further delay of the slow result up to which every delay is stable", _WALLS
+        ),
+        "chatter": WishKind(
+            "N",
+            False,
+            "force of the encoder's rounding, at most",
+            "bound on the force that the rounding of an encoder of this resolution, or that of [simulate], adds to a wall",
+            {"resolution": (OF_DEVICE["resolution"], 1), **_WALLS},
+            ("hand",),
+        ),
+        "depth": WishKind(
+            "m",
+            True,
+            "depth at the force of the motors",
+            "depth to which a wall can be pressed, slowly, with motors of this force, or that of [simulate]",
+            {"max_force": (OF_DEVICE["max_force"], 1), **_WALLS},
+            ("hand",),
+        ),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of numbers.
+
+    places: of its keys.
+    """
+
+    name: str
+    bound: float | None
+    options: Mapping[str, tuple[float, ...]]
+    places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def kind(self) -> WishKind:
+        """What is wished for."""
+        return WISHES[self.name]
+
+    def margin(self, value: Any) -> Any:
+        """Return the margin to the bound, as a share of it (of 1e-6 if it is 0); negative if the bound is violated."""
+        share = (value - self.bound) / (abs(self.bound or 0.0) or 1e-6)
+        return share if self.kind.more else -share
+
+    def written(self) -> dict[str, object]:
+        """Return the wish as a spec could give it."""
+        bound = {} if self.bound is None else {self.kind.bound: self.bound}
+        single = [name for name, (_, count) in self.kind.options.items() if count == 1]
+        return bound | {name: values[0] if name in single else list(values) for name, values in self.options.items()}

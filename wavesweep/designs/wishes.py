@@ -1,0 +1,429 @@
+"""Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+
+from wavesweep.check.hardware import peaks_of
+from wavesweep.core.analyses.intervals import at_points
+from wavesweep.core.analyses.loops import felt_of, held_loop, radii_of, responses_of, telling_frames
+from wavesweep.core.columns import Rows
+from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.core.loops.controllers import keys_of_page, loop_drawing
+from wavesweep.core.loops.domain import refuse_unsuitable
+from wavesweep.core.response.steady import GOOD
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.spec.resolving import longest_delay
+from wavesweep.core.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
+from wavesweep.core.sweep.grid import distinct_rows, drawn_groups
+from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
+from wavesweep.designs.wish_keys import Wish
+from wavesweep.for_all import rows as for_all
+from wavesweep.for_all.varying import Rules
+
+NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
+PIECES = (1, 4, 16, 64)  # of a band, tried in turn
+HIGH = 4  # coefficients of a piece that have to be small
+UNSEEN = 1e-4  # how small they have to be compared with the mean; the error is far less
+DENSE = 8 * NODES  # points of a piece among which a least value is looked for
+BAND_HZ = (0.1, 10.0)
+BATCH = 512  # points at a time: more leave the processor's cache
+ERROR = 1e-6  # relative, up to which a response is believed
+DELAY = "environment.delay"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Worst(Rows):
+    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified."""
+
+    value: np.ndarray
+    scenario: np.ndarray
+    certified: np.ndarray
+
+
+def evaluate(
+    spec: Spec,
+    wishes: Sequence[Wish],
+    scenarios: Sequence[Scenario],
+    designs: Mapping[str, np.ndarray],
+    stop: float,
+    rules: Rules | None = None,
+) -> dict[str, Worst]:
+    """Return the worst values of designs: wish -> `Worst`. The designs need not be the product of some axes.
+
+    spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
+    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m. rules: if given, walls are those that are proved
+    for all of them, and other values are missing where a loop is refuted, and not certified where it is not proved.
+    Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
+    """
+    found, known = {}, {}
+    for wish in wishes:
+        walls = {path: wish.options.get("B_VE", (spec.values[path],)) for path in spec.wall[1:]}
+        if wish.name in ("z_width", "felt"):
+            key = walls[spec.wall[1]]
+            if key not in known:
+                felt = any(wish.name == "felt" for wish in wishes)
+                points = points_of(spec.values, designs, scenarios, walls)
+                known[key] = points, _stiffest(spec, points, (*designs,), stop, felt, rules)
+            points, stiffest = known[key]
+            value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
+            if "band_hz" in wish.options:
+                value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
+            worst, scenario = points.worst(value, more=True)
+            others = ~stiffest.of_all | (value != np.repeat(worst, points.size // worst.size))
+            found[wish.name] = Worst(worst, np.where(points.all_of(others), scenario, OF_ALL), points.all_of(certified))
+            continue
+        walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
+        walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
+        points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
+        value, certified = _where_solvable(spec, points, partial(_MEASURES[wish.name], spec, wish), *_unknown(points.size))
+        if rules and wish.name != "channel":  # which does not depend on the loop
+            said = _of_each(points, lambda own: for_all.verdict(spec.with_values(own), rules)["verdict"], (*designs, *walls))
+            value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
+        found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
+    return found
+
+
+def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
+    """Values that are missing, and their certificates, one for each point."""
+    return np.full(shape, np.nan), np.zeros(shape[0], bool)
+
+
+def _where_solvable(spec, points: Points, measure: Callable[[Points], tuple], *blank: np.ndarray) -> tuple:
+    """What `measure` gives for the points, arrays over them, filled into blank ones: numbers that make no loop are left out."""
+    waiting = [np.arange(points.size)]
+    while waiting:
+        part = waiting.pop()
+        try:
+            found = measure(points if part.size == points.size else points.some(part))
+        except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
+            if spec.drawing is None:  # whose numbers were checked with the spec
+                raise
+            waiting += np.array_split(part, 2) if part.size > 1 else []
+        else:
+            for whole, values in zip(blank, found, strict=True):
+                whole[part] = values
+    return blank
+
+
+def _batches(spec, points: Points, most: int = BATCH):
+    """Yield the indices of at most `most` points of one structure at a time, and their loops."""
+    for members, loops in drawn_groups(spec, points.changes, points.size, {}):
+        for start in range(0, members.size, most):
+            part = slice(start, start + most)
+            yield members[part], loops.some(part)
+
+
+def _of_each(points, of, paths):
+    """Return what `of` says of the values of some paths, which no scenario changes, of each point."""
+    first, back = distinct_rows({path: points.changes[path] for path in paths}, points.size)
+    return np.array([of({path: points.changes[path][at].item() for path in paths}) for at in first])[back]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stiffest:
+    """Of each point the stiffest wall up to which every wall is stable, and the stiffness felt of it, if both are certified.
+
+    of_all: whether the wall is less than that of the scenarios, as what is proved for all of some rules is.
+    """
+
+    wall: np.ndarray
+    felt: np.ndarray
+    certified: np.ndarray
+    of_all: np.ndarray
+
+
+def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
+    """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
+    axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
+
+    def stiffest_of(points):  # all different
+        value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
+        for part, _ in _batches(spec, points):
+            changes = {path: column[part] for path, column in points.changes.items()}
+            rows = at_points(spec, axis, changes, points.ties, felt=wished)
+            at = part[rows["slice"]]
+            certified[at] = rows["certified"]
+            first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
+            value[at[first]] = np.fmin(rows["high"], rows["open_low"])[first]
+            felt[at[first]] = np.where(rows["open_low"] < rows["high"], np.nan, rows["felt_high"])[first]
+        return value, felt, certified
+
+    once, back = distinct_rows(points.changes, points.size)
+    blank = np.full(once.size, np.nan), *_unknown(once.size)
+    value, felt, certified = (each[back] for each in _where_solvable(spec, points.some(once), stiffest_of, *blank))
+    if not rules:
+        return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
+    paths = [path for path in points.changes if path in designs or path in spec.wall]
+    proved = _of_each(points, lambda own: for_all.proved_from_zero(spec.with_values(own), axis.path, stop, rules), paths)
+    wall = np.minimum(value, proved)
+    there = replace(points, changes={**points.changes, axis.path: wall})
+    for members, loops in _batches(spec, there) if wished else ():
+        felt[members] = np.where(wall[members] > 0, felt_of(loops, members.size), 0.0)
+    return _Stiffest(wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value)
+
+
+def _felt_over(spec, band, points, stiffest):
+    """Return the least size over a band (Hz) of what the wall of each point adds to free motion, and whether it is certified.
+
+    It is 0 without a wall.
+    """
+    wall, certified = stiffest.wall, stiffest.certified.copy()
+    value, some = np.where(wall > 0, np.nan, wall), np.flatnonzero(wall > 0)
+    ties = {path: points.changes[path] * wall for path in points.ties}
+    there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(some)
+
+    def added(frequency, points):
+        free = replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
+        (found, off), (without, of_free) = (_impedances(spec, frequency, each) for each in (points, free))
+        size = np.abs(found - without)
+        return size, (off + of_free <= ERROR * size).all(-1)
+
+    value[some], sure = _extreme(spec, band, there, added, np.min)
+    certified[some] &= sure
+    return value, certified
+
+
+def _free_motion(spec, wish, points):
+    """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is unstable."""
+
+    def size(frequency, points):
+        found, off = _impedances(spec, frequency, points)
+        return np.abs(found), (off <= ERROR * np.abs(found)).all(-1)
+
+    stable = _radii(spec, points) < 1
+    value, certified = _extreme(spec, wish.options.get("band_hz", BAND_HZ), points, size, np.max)
+    return np.where(stable, value, np.nan), certified & stable
+
+
+def _extreme(spec, band, points, sizes, least):
+    """Return the least or the largest size over a band (Hz) of each point, and whether it is certified.
+
+    sizes: takes frequencies and points, gives a size `(points, frequencies)` and whether it is known. Between frequencies it is
+    that of a polynomial through the logarithm of the size. least: `np.min` or `np.max`.
+    """
+    dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
+
+    def measured(some, frequency):
+        size, sure = _where_solvable(spec, some, partial(sizes, frequency), *_unknown(some.size, frequency.size))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            degrees = _degrees(np.log(size))
+        settled = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
+        return np.exp(least(degrees @ dense, axis=(-1, -2))), sure, settled
+
+    return _refined(band, points, np.arange(points.size), measured, PIECES[:-1], *_unknown(points.size))  # a dip stays in doubt
+
+
+def _transparency(spec, wish, points):
+    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is unstable.
+
+    A design with an unstable loop has no value, and its other loops are left out: they count as 0.
+    """
+
+    def measured(some, frequency):
+        square, sure = _distances(spec, some, frequency)
+        degrees = _degrees(square)
+        value = np.sqrt(degrees[..., 0].mean(-1))
+        unseen = np.abs(degrees[..., -HIGH:]).max(-1).mean(-1)
+        return value, sure, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
+
+    stable = _radii(spec, points) < 1
+    some = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    band = wish.options.get("band_hz", BAND_HZ)
+    return _refined(band, points, some, measured, PIECES, np.where(stable, 0.0, np.nan), stable.copy())
+
+
+def _refined(band, points, some, measured, pieces, value, certified):
+    """Fill in the values of the points `some` over a band (Hz), and their certificates, from more and more pieces of it.
+
+    measured: takes points and frequencies, gives values, whether they are known, and whether more pieces change nothing.
+    """
+    node = np.polynomial.legendre.leggauss(NODES)[0]
+    for count in pieces:
+        if not some.size:
+            break
+        edges = np.log(band[0]) + np.ptp(np.log(band)) * np.arange(count + 1) / count
+        frequency = np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
+        value[some], sure, settled = measured(points.some(some), frequency)
+        certified[some] = sure & settled
+        some = some[~settled & np.isfinite(value[some])]
+    return value, certified
+
+
+@cache
+def _to_degrees():
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    return np.polynomial.legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
+
+
+def _degrees(values):
+    """Return the Legendre coefficients of each piece, `(points, pieces, degrees)`, from values at its nodes.
+
+    The first is the mean. The highest are small if a function has no features narrower than the nodes resolve.
+    """
+    return values.reshape(len(values), -1, NODES) @ _to_degrees()
+
+
+def _radii(spec, points):
+    radius = np.empty(points.size)
+    for members, loops in _batches(spec, points):
+        radius[members] = radii_of(loops.read, members.size)
+    return radius
+
+
+def _impedances(spec, frequency, points):
+    """Return the impedances at the hand and bounds on their errors, `(points, frequencies)`."""
+    found, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
+    for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+        response = responses_of(loops, members.size, frequency, ERROR / 2)
+        found[members], error[members] = response.impedance, np.abs(response.impedance) * response.impedance_error
+    return found, error
+
+
+def _distances(spec, points, frequency):
+    """Return |ln(H/H_dc)|^2, `(points, frequencies)`, and whether both responses are known well enough."""
+    square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
+    ideal, ideal_error = _ideal(spec, points, frequency)
+    for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+        # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
+        response = responses_of(loops, members.size, frequency, np.inf)
+        found, error = response.admittance, response.admittance_error
+        again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
+        if again.size:
+            response = responses_of(loops.some(again), again.size, frequency, ERROR / 2)
+            found[again], error[again] = response.admittance, response.admittance_error
+        with np.errstate(all="ignore"):
+            square[members] = np.abs(np.log(found / ideal[members])) ** 2
+        sure[members] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
+    return square, sure
+
+
+def _ideal(spec, points, frequency):
+    """Return the admittance of direct coupling at the fast rate and its error, `(points, frequencies)`.
+
+    Each different loop is computed once.
+    """
+    ideal = spec.with_values({"controller.kind": "dc"})
+    read = keys_of_page(ideal.values)
+    changes = {path: column for path, column in points.changes.items() if path in read}
+    first, back = distinct_rows(changes, points.size)
+    value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
+    for members, loops in _batches(ideal, Points(changes, (), points.shape).some(first)):
+        response = responses_of(loops, members.size, frequency, GOOD)
+        value[members], error[members] = response.admittance, response.admittance_error
+    return value[back], error[back]
+
+
+def _channel(spec, wish, points):
+    """Norm of the wave channel; 0 without waves.
+
+    It depends on filters and rates alone; repeated values are computed once.
+    """
+    from wavesweep.passive.channel import channel_norm
+
+    del wish
+    read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
+    first, back = distinct_rows(read, points.size)
+    norms, sure = np.zeros(first.size), np.ones(first.size, bool)
+    for members, loops in _batches(spec, Points(read, (), points.shape).some(first)):
+        norm = channel_norm(loop_drawing(loops.values), loops.values)
+        if norm is not None:
+            norms[members], sure[members] = norm.norm, norm.certified
+    return norms[back], sure[back]
+
+
+def _delay_margin(spec, wish, points):
+    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
+    del wish
+    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
+    value, open_, known = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
+    longest = longest_delay(spec.values["rates.ratio"])
+    for more in range(longest + 1):
+        open_ = open_[delay[open_] + more <= longest]
+        if not open_.size:
+            break
+        changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + more}
+        radius = _radii(spec, Points(changes, (), (open_.size, 1, 1)))
+        known[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
+        open_ = open_[radius < 1]
+        value[open_] = more
+    return value, known
+
+
+def _port(spec, wish, loops, size):
+    """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
+
+    The map of an unstable loop may have a positive real part on the whole circle.
+    """
+    from wavesweep.passive.margin import port_margin
+
+    del wish, size
+    if spec.drawing:
+        refuse_unsuitable(*loops)
+    found = port_margin(held_loop(loops))
+    return np.where(found.stable, found.margin, np.nan), found.certified
+
+
+def _damping_ratio(spec, wish, loops, size):
+    """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
+    del spec, wish
+    E, known = _frames(loops, size)
+    least, sure = least_damping(E)
+    return np.where(known, least, np.nan), known & sure
+
+
+def _settling(spec, wish, loops, size):
+    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
+    del spec, wish
+    E, known = _frames(loops, size)
+    drawn, delta = loops.drawn(), eigenvalues(E)[0]
+    delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
+    with np.errstate(all="ignore"):
+        time = -np.real(drawn.period * drawn.ticks) / np.log1p(delta).real
+    return np.where((time >= 0) & np.isfinite(time), time, np.nan), known
+
+
+def _frames(loops, size):
+    """Return the frames less identity, and whether their radius is known."""
+    E, hidden = telling_frames(loops.read)
+    E = np.broadcast_to(E, (size, *E.shape[-2:]))
+    return E, np.isfinite(radius_of(E, hidden))
+
+
+def _chatter(spec, wish, loops, size):
+    """Bound on the force of the encoder's rounding, N; missing if there is none."""
+    del spec
+    value = peaks_of(loops, size) * wish.options["resolution"][0] / 2
+    return value, ~np.isnan(value)
+
+
+def _depth(spec, wish, loops, size):
+    """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
+    del spec
+    felt, radius = felt_of(loops, size), radii_of(loops.read, size)
+    with np.errstate(all="ignore"):
+        value = np.where((felt > 0) & (radius < 1), wish.options["max_force"][0] / felt, np.nan)
+    return value, ~np.isnan(value)
+
+
+def _batched(measure):
+    """The measure of points that `measure` gives of those of one structure, from their loops and their number."""
+
+    def of_points(spec, wish, points):
+        value, certified = _unknown(points.size)
+        for members, loops in _batches(spec, points):
+            value[members], certified[members] = measure(spec, wish, loops, members.size)
+        return value, certified
+
+    return of_points
+
+
+_MEASURES = {
+    "transparency": _transparency,
+    "free_motion": _free_motion,
+    "channel": _channel,
+    "delay_margin": _delay_margin,
+    **{each.__name__.lstrip("_"): _batched(each) for each in (_port, _damping_ratio, _settling, _chatter, _depth)},
+}

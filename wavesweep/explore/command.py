@@ -1,0 +1,88 @@
+"""`wavesweep explore`."""
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from wavesweep.core.cli.options import is_given, override, overwriting
+from wavesweep.core.errors import UsageError
+
+
+@click.command("explore")
+@click.argument("spec")
+@override
+@click.option(
+    "--save", metavar="FILE", help="Write the page with the results of the spec's sweep to a file, and serve nothing."
+)
+@overwriting("Replace the file of --save if it exists.")
+@click.option(
+    "--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port of the server [default: any free one]."
+)
+@click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page, or only print its address.")
+def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: bool, port: int, browser: bool) -> None:
+    """Show the boundary of stability in a browser, and vary every number by a slider.
+
+    SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable designs in the plane of two of
+    them (K_VE over B_VE to begin with), the stable intervals through the design, the felt stiffness, admittance and
+    impedance, and the norm of the wave channel. All of it follows while a slider is dragged; if the sliders rest, the
+    intervals are certified and marked so. A button copies the design as TOML.
+
+    The server answers on this machine alone, at an address with a secret in it, and ends if the page is closed or by Ctrl-C.
+    With --save the page is written to a file that needs no server, with figures, tables, spec and facts of the sweep.
+
+    \b
+    Examples:
+      wavesweep explore mine.toml
+      wavesweep explore mine.toml --set b=40 --save mine.html
+    """
+    from wavesweep.core.spec import load
+
+    if save is not None and not save.strip():
+        raise click.UsageError("--save: expected the name of a file, found an empty text")
+    if save == "-":
+        raise click.UsageError("--save -: expected the name of a file, since a page does not go to stdout")
+    for name, option in (("port", "port"), ("browser", "no-browser")):
+        if save is not None and is_given(name):
+            raise click.UsageError(f"--save: expected no --{option} beside it, since nothing is served, found both")
+    loaded = load(spec, overrides)
+    loaded.refuse_require("explore")
+    if save is not None:
+        _save(loaded, Path(save), overwrite)
+        return
+    from wavesweep.explore.page import Page
+    from wavesweep.explore.server import Server
+
+    page = Page(loaded)
+    try:
+        server = Server(page.text, page.answers, port)
+    except OSError as error:
+        raise UsageError(f"--port {port}: {error.strerror}; expected a free port, or none for any") from error
+    click.echo(f"{server.address} (Ctrl-C or closing the page ends it)", err=True)
+    if browser and _has_screen():
+        import threading
+        import webbrowser
+
+        threading.Thread(target=webbrowser.open, args=(server.invite(),), daemon=True).start()
+    server.serve()
+
+
+def _has_screen() -> bool:
+    """Whether a browser has a screen; without one Python would start a browser for terminals in this one."""
+    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _save(spec, target: Path, overwrite: bool) -> None:
+    from wavesweep.core.cli.files import refuse_inputs, refuse_no_folder, write_whole
+    from wavesweep.core.cli.messages import progress
+    from wavesweep.explore.page import saved_page
+
+    refuse_no_folder(target)
+    refuse_inputs(spec.files, target)
+    if target.exists() and not overwrite:
+        raise UsageError(f"{target}: the file exists; expected another name, or --overwrite to replace it")
+    with progress(quiet=False) as report:
+        text = saved_page(spec, report)
+    write_whole((target, text))
+    click.echo(str(target), err=True)

@@ -1,0 +1,143 @@
+"""The stability boundary in the plane of both wall parameters, as one explicit curve; fast, and without a proof.
+
+At `z = exp(j theta)` the characteristic equation `one = K_VE x + B_VE v` (see `boundary`) is complex, and both parameters are
+real: two linear equations with the solution (Cramer)
+
+    K_VE = Im(conj(one) v) / Im(conj(x) v),    B_VE = Im(conj(x) one) / Im(conj(x) v).
+
+At z = 1 and z = -1 all three terms are real, and the boundary is a straight line (D-decomposition, Neimark 1948).
+"""
+
+import numpy as np
+
+from wavesweep.core.monodromy.circle import on_circle, solve
+from wavesweep.core.monodromy.cut import Cut, close
+from wavesweep.core.stability.boundary import terms_of, times
+from wavesweep.core.stability.spectrum import is_stable
+
+
+def plane_curve(cut: Cut, theta) -> np.ndarray:
+    """Return the walls (K_VE in N/m, B_VE in N*s/m) with an eigenvalue at `exp(j theta)`, `(2, points)`.
+
+    cut: one loop. theta: angles in (0, pi), rad per frame. Infinite or NaN at an angle at which no wall has one, or all on a
+    line have.
+    Accuracy: that of a solve, about 1e-12 relative; it falls with `Im(conj(x) v)`, towards z = 1 and z = -1.
+    """
+    t = _terms(cut, np.asarray(theta, float))
+    with np.errstate(all="ignore"):
+        common = (np.conj(t.x) * t.v).imag
+        return np.stack([(np.conj(t.one) * t.v).imag, (np.conj(t.x) * t.one).imag]) / common
+
+
+def plane_lines(cut: Cut) -> np.ndarray:
+    """Return the straight parts of the boundary, `one = K_VE x + B_VE v` at z = 1 and at z = -1: rows (one, x, v), `(2, 3)`.
+
+    cut: one loop. A row with x = v = 0 is no line.
+    """
+    t = _terms(cut, np.array([0.0, np.pi]))
+    return np.stack([t.one.real, t.x.real, t.v.real], -1)
+
+
+def _terms(cut, theta):
+    w = on_circle(theta)
+    with np.errstate(all="ignore"):
+        state = solve(w[:, None, None] * np.eye(cut.E.shape[-1]) - cut.E, cut.B + 0 * w[:, None, None])
+        return terms_of(cut, w, (times(cut.C, state) + cut.D)[..., 0])
+
+
+POINTS, HALVINGS = 160, 4  # angles of a curve at the start, and how often steps longer than a hundredth of a window are halved
+
+
+def refined_curve(cut: Cut, window) -> tuple[np.ndarray, np.ndarray]:
+    """Return angles and walls along the curve, with small steps inside a window: `(n,)`, `(2, n)`.
+
+    cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)).
+    """
+    low, high = np.asarray(window, float).T[:, :, None]
+    theta = np.concatenate([np.geomspace(1e-4, 0.1, POINTS // 2), np.linspace(0.1, np.pi - 1e-6, POINTS // 2 + 1)[1:]])
+    walls = plane_curve(cut, theta)
+    for _ in range(HALVINGS):
+        with np.errstate(all="ignore"):
+            place = (walls - low) / (high - low)
+            near = (np.abs(place - 0.5) < 1).all(0)
+            long = (np.abs(np.diff(place)).max(0) > 0.01) & (near[1:] | near[:-1])
+        if not long.any():
+            break
+        between = (theta[:-1][long] + theta[1:][long]) / 2
+        order = np.argsort(np.concatenate([theta, between]), kind="stable")
+        walls = np.concatenate([walls, plane_curve(cut, between)], -1)[:, order]
+        theta = np.concatenate([theta, between])[order]
+    return theta, walls
+
+
+def quick_columns(
+    cut: Cut, theta, walls, solved: int, fixed: np.ndarray, span, rounds: int = 2
+) -> list[list[tuple[float, float]]]:
+    """Return the stable intervals of one wall parameter for each value of the other, from a curve: without a proof.
+
+    cut: one loop. theta, walls: along the curve, see `refined_curve`. solved: 0 for intervals of K_VE, 1 for B_VE. fixed:
+    values of the other one, `(columns,)`. span: (low, high) of the intervals. rounds: of false position, by which the ends are
+    improved. Eigenvalues in the middle decide which of the parts between two ends are stable.
+    """
+    column, value = _crossings(cut, theta, walls, solved, fixed, rounds)
+    with np.errstate(all="ignore"):
+        lines = plane_lines(cut)
+        straight = (lines[:, :1] - lines[:, 2 - solved, None] * fixed) / lines[:, 1 + solved, None]
+    column = np.concatenate([column, np.tile(np.arange(fixed.size), 2)])
+    value = np.concatenate([value, straight.ravel()])
+    inside = (value > span[0]) & (value < span[1])
+    every = np.arange(fixed.size)
+    column = np.concatenate([column[inside], every, every])
+    value = np.concatenate([value[inside], np.full(fixed.size, span[0]), np.full(fixed.size, span[1])])
+    order = np.lexsort((value, column))
+    column, value = column[order], value[order]
+    part = np.flatnonzero(np.diff(column) == 0)
+    middle = (value[part] + value[part + 1]) / 2
+    pair = (middle, fixed[column[part]]) if solved == 0 else (fixed[column[part]], middle)
+    stable = is_stable(close(cut, *pair)) & (value[part + 1] > value[part])
+    found: list[list[tuple[float, float]]] = [[] for _ in every]
+    for at in part[stable].tolist():
+        own, low, high = found[column[at]], float(value[at]), float(value[at + 1])
+        if own and own[-1][1] == low:
+            low = own.pop()[0]
+        own.append((low, high))
+    return found
+
+
+def _crossings(cut, theta, walls, solved, fixed, rounds):
+    """Return the points at which the curve meets the lines of a fixed parameter.
+
+    They are given by the index of the line, and the other parameter there.
+    """
+    line, step = _steps_across(walls[1 - solved], fixed)
+    ends = [(theta[at], walls[1 - solved][at] - fixed[line], walls[solved][at]) for at in (step, step + 1)]
+    weights = np.ones((2, step.size))
+    with np.errstate(all="ignore"):
+        for _ in range(rounds if step.size else 0):
+            (one, f_one, _), (two, f_two, _) = ends
+            share = weights[0] * f_one / (weights[0] * f_one - weights[1] * f_two)
+            middle = one + share * (two - one)
+            at = plane_curve(cut, middle)
+            new = middle, at[1 - solved] - fixed[line], at[solved]
+            same = new[1] * f_one > 0
+            # Illinois: the end that stays counts half, so that it does not stay in every round.
+            weights = np.where(same, [np.ones(step.size), weights[1] / 2], [weights[0] / 2, np.ones(step.size)])
+            ends = [
+                tuple(np.where(moves, *pair) for pair in zip(new, end, strict=True))
+                for moves, end in zip((same, ~same), ends, strict=True)
+            ]
+        (_, f_one, value), (_, f_two, other) = ends
+        # The last piece is taken for straight: it often is, all over.
+        value = np.where(f_one == f_two, value, value + f_one / (f_one - f_two) * (other - value))
+    good = np.isfinite(value)
+    return line[good], value[good]
+
+
+def _steps_across(across, fixed):
+    """Return each pair of a line `across = fixed` and a step of a curve that crosses it: two arrays of indices."""
+    order = np.argsort(fixed)
+    usable = np.isfinite(across)
+    left, right = (np.searchsorted(fixed[order], np.where(usable, across, 0.0)[at]) for at in (slice(-1), slice(1, None)))
+    first, count = np.minimum(left, right), np.abs(left - right) * (usable[1:] & usable[:-1])
+    step = np.repeat(np.arange(count.size), count)
+    return order[first[step] + np.arange(step.size) - np.repeat(np.cumsum(count) - count, count)], step

@@ -1,5 +1,0 @@
-"""The controller of a spec as C, with vectors of `simulate` that prove that it is the same controller."""
-
-from wavesweep.export.source import exported, terms_of
-
-__all__ = ["exported", "terms_of"]

@@ -1,0 +1,308 @@
+"""Whether all products of matrices in any allowed order decay, and the interval of a number for which they do."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.for_all.checking import Norms, shrink
+from wavesweep.for_all.graph import Family
+from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
+from wavesweep.for_all.words import KEPT, LONGEST, Word, crossing, growing, growth, is_refuted, refuted_beyond
+
+PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
+WITHIN = 0.93  # distance of a first proof from the refuted number, relative to the tolerance
+NEAR_START = 0.01  # an end counts as at least this part of its distance from the start, where relative sizes are formed
+SCANNED = 48  # numbers between the start and the limit at which short words are tried
+EVERY = 12  # long words are searched at one of so many of these
+TRIED = 8  # words whose crossings are computed
+ROUNDS = 8  # of the search for words that refute a number closer to the start
+MORE = 3  # times as many words are searched where no proof is found
+SPENT = 0.9  # part of the work after which no more norms are searched
+STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
+FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
+STEPS = 300  # norms for one side of the start
+# The shortest stretch of a proof that goes on from the start, of one that goes back to what is proved, and of several together
+# without a finer graph; relative to the rest of the way or to the number itself.
+LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
+SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3  # relative to the whole way: a stretch, and the least rest to which it is compared
+PAYS = 0.2  # a stretch is made longer as long as each step adds this part of its length
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """Whether matrices decay in every order that is allowed: "proved", "refuted" or "unknown".
+
+    norms: if proved, those in which all matrices shrink. word: if refuted, the pattern of matrices that grows when repeated, in
+    the order in which they act.
+    """
+
+    verdict: str
+    norms: Norms | None = None
+    word: Word = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """An interval of numbers for all of which the matrices shrink in the same norms."""
+
+    low: float
+    high: float
+    norms: Norms
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bracket:
+    """The numbers around a start for which a family decays in every order.
+
+    low, high: every number from low to high, both included, is proved; NaN if nothing is. fails_below, fails_from: the nearest
+    refuted numbers below low and above high, NaN if there is none. words: the patterns that refute them, or (). settled:
+    whether each end is within the tolerance of the refuted number, or is the limit that was asked for. stretches: the proof,
+    from low to high without a gap.
+    """
+
+    low: float
+    high: float
+    fails_below: float
+    fails_from: float
+    words: tuple[Word, Word]
+    settled: bool
+    stretches: tuple[Stretch, ...]
+
+
+def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
+    """Decide whether the matrices of a family at x decay in every order that is allowed.
+
+    work: operations after which the search for norms ends.
+    Accuracy: "proved" and "refuted" hold for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and
+    words themselves are searched in plain doubles.
+    """
+    A = family.at(x)
+    centre, _ = first_centre(A, family.follows)
+    for word in growing(A, family.follows, centre.basis):
+        if is_refuted(family, word, x):
+            return Decision(REFUTED, word=word)
+    centre, factor = find_norms(A, family.follows, work=work)
+    if factor == 1 and _proves(family, centre, x, x):
+        return Decision(PROVED, centre.norms)
+    for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
+        if is_refuted(family, word, x):
+            return Decision(REFUTED, word=word)
+    return Decision(UNKNOWN)
+
+
+def bracket(family: Family, start: float, limits: tuple[float, float], tolerance: float = 0.01, work: float = WORK) -> Bracket:
+    """Return the numbers around a start, within limits, for which a family decays in every order that is allowed.
+
+    tolerance: the distance between proof and refutation that is aimed at, relative to the refuted number, or to NEAR_START of
+    its distance from the start if that is larger. work: operations for each end after which the search for norms ends.
+
+    The proof holds for every number from `low` to `high`, not only for those that were computed: in the norms of a stretch, the
+    points of the hull of its matrices shrink (see `Family.hull`), and norms are convex. A refuted number says nothing about
+    numbers beyond it.
+    """
+    first, factor = find_norms(family.at(start), family.follows, work=work)
+    below, above = (_side(family, start, limit, tolerance, first if factor == 1 else None, work) for limit in limits)
+    if np.isnan(below.end) or np.isnan(above.end):
+        below, above = (replace(side, end=np.nan, settled=False, stretches=()) for side in (below, above))
+    return Bracket(
+        float(below.end),
+        float(above.end),
+        float(below.fails),
+        float(above.fails),
+        (below.word, above.word),
+        bool(below.settled and above.settled),
+        tuple(sorted((*below.stretches, *above.stretches), key=lambda stretch: stretch.low)),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Side:
+    end: float
+    fails: float
+    word: Word
+    settled: bool
+    stretches: tuple[Stretch, ...]
+    centre: Centre | None
+
+
+def _side(family, start, limit, tolerance, first, work):
+    """What is proved and refuted from the start towards a limit.
+
+    first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
+    a number further on, on a finer graph, and the proof goes back from there to what is already proved; and so on.
+    """
+    fails, word = nearest_refuted(family, start, limit, tolerance)
+    if first is None:
+        return _Side(np.nan, fails, word, False, (), None)
+    goal = _inside(fails, start, WITHIN * tolerance) if word else limit
+    stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
+    # ceiling: a number for which no norms were found.
+    spent, centre, ceiling, before = climbed.work, None, None, start
+    while reached != goal and spent < SPENT * work:
+        if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
+            if abs(reached - before) <= tolerance * _scale(reached, start):
+                break
+            ceiling, before = None, reached  # the graph has become finer meanwhile
+        aim = fails - STRIDE * (fails - reached) if word else goal
+        aim = aim if ceiling is None else (reached + ceiling) / 2
+        aim = aim if abs(aim - start) < abs(goal - start) else goal
+        centre, factor = find_norms(family.at(aim), family.follows, centre, (work - spent) / 3)
+        further, used = _back(family, centre, factor, aim, reached, work - spent)
+        spent += used
+        if further:
+            stretches, reached = (*stretches, *further), aim
+            continue
+        nearer = _grown(family, start, aim, centre, word, MORE)
+        if nearer and abs(nearer[0] - start) > abs(reached - start):
+            (fails, word), ceiling = nearer, None
+            goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
+        elif aim == limit:
+            goal = _farther(_inside(limit, start, WITHIN * tolerance), reached, start)
+        else:
+            ceiling = aim
+    side = _Side(reached, fails, word, False, stretches, centre or first)
+    if word and abs(fails - reached) <= tolerance * _scale(fails, start):
+        side = _refined(family, side, start, tolerance)
+    end = side.fails if word else limit
+    return replace(side, settled=abs(end - side.end) <= tolerance * _scale(end, start))
+
+
+def _refined(family, side, start, tolerance):
+    """The side with proof and refutation closer together, as far as this costs little."""
+    gap, spent = tolerance, 0.0
+    while gap > FINEST and spent < FINE:
+        gap /= FINER
+        aim = _inside(side.fails, start, gap)
+        fails, word = _grown(family, start, aim, side.centre, side.word) or (side.fails, side.word)
+        side, aim = replace(side, fails=fails, word=word), _inside(fails, start, gap)
+        if abs(aim - start) <= abs(side.end - start):
+            continue
+        centre, factor = find_norms(family.at(aim), family.follows, side.centre, FINE - spent)
+        further, used = _back(family, centre, factor, aim, side.end, FINE - spent)
+        spent += used
+        if not further:
+            break
+        side = replace(side, end=aim, centre=centre, stretches=(*side.stretches, *further))
+    return side
+
+
+def _back(family, centre, factor, aim, reached, work):
+    """The stretches from a number back to what is proved, () if a gap remains, and the work.
+
+    centre, factor: the result of the search for norms at that number. Where a stretch cannot be made longer, norms are searched
+    again, on a finer graph if that has not helped before.
+    """
+    stretches, at, used = (), aim, centre.work
+    while factor == 1 and used < work:
+        further, far, last = _covered(family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used)
+        stretches, used = (*stretches, *further), used + last.work
+        if far == reached:
+            return stretches, used
+        stalled, at = abs(far - at) <= LEAST_AGAIN * abs(far - reached), far
+        try:
+            centre = finer(last, family.at(at), family.follows) if stalled else last
+        except np.linalg.LinAlgError:
+            break
+        if centre is None:
+            break
+        centre, factor = find_norms(family.at(at), family.follows, centre, (work - used) / 2)
+        used += centre.work
+    return (), used
+
+
+def _farther(one, other, start):
+    return one if abs(one - start) > abs(other - start) else other
+
+
+def _scale(end, start):
+    return max(abs(end), NEAR_START * abs(end - start))
+
+
+def _inside(end, start, share):
+    """The number closer to the start by a share of the end's size, but by at most half of the way."""
+    return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
+
+
+def nearest_refuted(family: Family, start: float, limit: float, tolerance: float) -> tuple[float, Word]:
+    """Return the refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
+    fails, word = np.nan, ()
+    alone = [(i,) for i in np.flatnonzero(family.follows.diagonal()).tolist()]
+    before = start
+    for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, SCANNED)):
+        A = family.at(x)
+        radius = np.abs(np.linalg.eigvals(A)).max(-1)
+        grows = [each for each in alone if radius[each] >= 1]
+        if not grows and i % EVERY == EVERY - 1:
+            grows = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
+        if grows:
+            fails, word = _first(family, grows, before, x, limit)
+            break
+        before = x
+    for _ in range(ROUNDS if word else 0):
+        x = _inside(fails, start, tolerance / 4)
+        nearer = _grown(family, start, x, first_centre(family.at(x), family.follows)[0], word)
+        if not nearer:
+            break
+        fails, word = nearer
+    return fails, word
+
+
+def _grown(family, start, x, centre, word=(), more=1):
+    """The refuted number closest to the start of words that grow at x, and its word; None if none is found."""
+    words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more * KEPT, more * LONGEST)
+    nearest = _first(family, words, start, x, x)
+    return nearest if nearest[1] else None
+
+
+def _first(family, words, stable, unstable, limit):
+    """The refuted number closest to `stable` of words that grow at `unstable`, and its word; NaN and () if none is proved."""
+    best = np.nan, ()
+    for word in words[:TRIED]:
+        if best[1] and growth(family.at(best[0]), word) < 1:
+            continue
+        end = best[0] if best[1] else unstable
+        at = refuted_beyond(family, word, crossing(family, word, stable, end), limit)
+        if at is not None:
+            best = at, word
+        elif not best[1] and is_refuted(family, word, unstable):
+            best = float(unstable), word
+    return best
+
+
+def _proves(family, centre, one, other):
+    """Whether the forms of a centre are proved to be norms for all numbers between two."""
+    points = family.hull(min(one, other), max(one, other))
+    return points is not None and all(shrink(centre.norms, *point, family.follows) for point in zip(*points, strict=True))
+
+
+def _covered(family, centre, start, goal, least, work):
+    """Stretches without a gap from the start towards the goal, the number that they reach, and the last forms.
+
+    Each stretch is made longer as long as that pays and there are forms in which the matrices at both of its ends shrink.
+    least: the shortest stretch, relative to the rest of the way. work: operations after which this ends.
+    """
+    stretches, end, graph, most = [], start, centre.graph, abs(goal - start)
+    ends = graph.doubled(len(family.follows))
+    while end != goal and len(stretches) < STEPS and centre.work < work:
+        fixed, x, step = family.at(end), end, np.inf
+        target = goal if abs(goal - end) <= most else end + most * np.sign(goal - end)
+        both = replace(centre, graph=ends)
+        while x != target and abs(step) > PAYS * abs(x - end) and both.work < work:
+            before = x
+            try:
+                both, x = advanced(both, lambda x, fixed=fixed: np.concatenate([family.at(x), fixed]), x, target)
+                both = both.rounded()
+            except np.linalg.LinAlgError:
+                break
+            step = x - before
+        centre, most = replace(both, graph=graph), 4 * most
+        share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
+        shortest = max(min(share, abs(target - end)), SHORTEST * abs(goal - start))
+        while abs(x - end) >= shortest and x != end and not _proves(family, centre, end, x):
+            x = (x + end) / 2
+            most = 2 * abs(x - end)
+        if abs(x - end) < shortest or x == end:
+            break
+        stretches.append(Stretch(min(end, x), max(end, x), centre.norms))
+        end = x
+    return tuple(stretches), end, centre

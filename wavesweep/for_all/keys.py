@@ -1,0 +1,95 @@
+"""What every answer has to hold for, the table [for_all]: numbers that are unknown, or vary from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from wavesweep.core.reading.axes import Axis, axis_place, build_axis
+from wavesweep.core.reading.checking import Mistakes, show
+from wavesweep.core.reading.keys import BUILT_IN, Names, whole
+from wavesweep.core.reading.reading import Leaf
+from wavesweep.designs.keys import Design
+
+LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
+GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
+MOST_VARYING = 64  # values of a number that varies
+
+
+@dataclass(frozen=True, slots=True)
+class ForAll:
+    """The table [for_all].
+
+    axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
+    unknown but constant. lost: how many slow results in a row may fail to come.
+    """
+
+    axes: tuple[Axis, ...]
+    varying: frozenset[str] = frozenset()
+    lost: int = 0
+
+    @property
+    def changing(self) -> tuple[Axis, ...]:
+        """The numbers that may change from frame to frame; one with a single value is constant."""
+        return tuple(axis for axis in self.axes if axis.path in self.varying and len(values_of_range(axis)) > 1)
+
+    @property
+    def unknown(self) -> tuple[Axis, ...]:
+        """The numbers that are constant."""
+        return tuple(axis for axis in self.axes if axis not in self.changing)
+
+    def ends(self, design: Design) -> tuple[Axis, ...]:
+        """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
+
+        Numbers that the design varies, or already has to hold for, are left out.
+        """
+        known = {axis.path for axis in (*design.vary, *design.for_all)}
+        others = (axis for axis in self.unknown if axis.path not in known)
+        return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
+
+    def beside(self, design: Design) -> ForAll:
+        """Return the table with the values of [design.for_all] for the numbers that it does not have itself."""
+        known = {axis.path for axis in self.axes}
+        hand = ((f"operator.{part}", values) for part, values in design.hand.items())
+        axes = [axis for axis in design.for_all if axis.path not in known]
+        axes += [Axis(path, path, values, min(values), max(values), False) for path, values in hand if path not in known]
+        return replace(self, axes=(*self.axes, *axes))
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        table: dict[str, object] = {}
+        for axis in self.axes:
+            range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
+            table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
+        return table | ({"lost": self.lost} if self.lost else {})
+
+
+def values_of_range(axis: Axis) -> tuple:
+    """The values of a range, those of a whole number one by one."""
+    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
+
+
+def build_for_all(
+    named: Mapping[str, Mapping[str, Leaf]], lost: Leaf | None, mistakes: Mistakes, names: Names = BUILT_IN
+) -> ForAll | None:
+    """Return the table and add its mistakes; None if the spec has none. named: parts of each number; lost: the key's leaf."""
+    axes, varying = [], set()
+    for name, given in named.items():
+        label, parts, before = f"for_all.{name}", dict(given), len(mistakes)
+        place, varies = axis_place(parts), parts.pop("varying", None)
+        if varies is not None and not isinstance(varies.value, bool):
+            mistakes.refuse(varies, f"{label}.varying", "true or false", show(varies.value), of_key=False)
+        elif not parts:
+            mistakes.refuse(varies, label, "start and stop, or values", "neither")
+        elif "values" in parts and len(parts) > 1:
+            mistakes.refuse(place, label, "either start and stop or values", "both")
+        if len(mistakes) > before:
+            continue
+        axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, names)
+        if axis and varies and varies.value:
+            varying.add(axis.path)
+            if (count := len(values_of_range(axis))) > MOST_VARYING:
+                mistakes.refuse(axis.place, label, f"at most {MOST_VARYING} values of a number that varies", f"{count}")
+        axes += [axis] if axis else []
+    results = mistakes.check(LOST, lost) if lost else 0
+    return ForAll(tuple(axes), frozenset(varying), results or 0) if axes or results else None

@@ -1,0 +1,236 @@
+"""Matrices of the frames of a loop along a number, with bounds on their errors, and their hull over an interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from wavesweep.core.monodromy.drift import TickDrift
+from wavesweep.core.monodromy.open_ticks import OpenTicks
+from wavesweep.core.monodromy.periodic import Ticks
+from wavesweep.core.monodromy.product import ENTRIES, pattern_of, product_with_errors
+from wavesweep.core.monodromy.rounding import both
+from wavesweep.for_all.folded import counted_from_rest, shift_of
+from wavesweep.for_all.polynomials import Polynomials
+
+SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
+SOME = 0.7  # a value at which no entry of a frame vanishes by chance
+MIDDLE = 64 * ENTRIES  # relative error of a matrix due to the rounding of the number in the middle of an interval
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """A kind of frame.
+
+    ticks: its length. delay: of the result, in ticks, FRAME or LOST; None in a drawn loop. lost: the number of results lost in
+    a row, including this one. step: the period of slow blocks that run after the sample, which is the length of the frame
+    before; None if nothing depends on it. through: whether the next result is in place at once, with the sample that ends this
+    frame.
+    """
+
+    ticks: int
+    delay: int | str | None = None
+    lost: int = 0
+    step: int | None = None
+    through: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopFrames:
+    """The frames of a loop as a `Family` along a number.
+
+    ticks: one of each kind, open at the number, in states relative to those that drift. rows: the kinds of each symbol's ticks
+    after its sample; samples: the kind of the sample that ends it. patterns: entries of each symbol that may be nonzero. kept:
+    the states that remain: without drift, and without those that every frame forgets or sets to zero. symbols: the kind of
+    frame of each matrix. at_once: the frames in a simpler form if the number acts in no more than one of their ticks, and no
+    drift depends on numbers. drift: one that does, or None; its rest is then found at each value of the number.
+    """
+
+    ticks: Ticks
+    rows: tuple[tuple[int, ...], ...]
+    samples: tuple[int, ...]
+    patterns: tuple[np.ndarray, ...]
+    kept: np.ndarray
+    symbols: tuple[Symbol, ...]
+    follows: np.ndarray
+    at_once: _AtOnce | None
+    drift: TickDrift | None = None
+
+    @staticmethod
+    def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
+        """Return the frames that consist of these ticks. kept: the states without drift. drift: if it depends on numbers."""
+        changes = [each.E for each in _closed(ticks, SOME).maps]
+        patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
+        kept = np.array(kept) if drift else alive(np.logical_or.reduce(patterns), np.array(kept))
+        rows, samples = tuple(map(tuple, rows)), tuple(samples)
+        whole = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
+        acting = [[i for i, kind in enumerate(row) if ticks.maps[kind].inputs] for row in whole]
+        at_once = None
+        if not drift and all(len(each) <= 1 for each in acting):
+            at_once = _AtOnce.of(ticks, whole, [(*each, -1)[0] for each in acting], kept)
+        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift)
+
+    def at(self, x: float) -> np.ndarray:
+        """See `Family`."""
+        if self.at_once is not None:
+            return self.at_once.at(x)
+        maps = []
+        for each in self.ticks.maps:
+            E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
+            maps.append(np.eye(len(E)) + E)
+        whole = [_joined(self._ticks(i), maps, _after) for i in range(len(self.rows))]
+        if self.drift:
+            changes = np.array(maps) - np.eye(len(maps[0]))
+            V, dV = shift_of(changes, 0 * changes, self.drift)
+            E, nothing = np.array(whole) - np.eye(len(maps[0])), np.zeros_like(whole)
+            return np.eye(self.kept.size) + counted_from_rest(E, nothing, V, dV, self.drift)[0]
+        return np.array([each[np.ix_(self.kept, self.kept)] for each in whole])
+
+    def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `Family`. Accuracy: to first order in a rounding."""
+        maps = _closed(self.ticks, x).maps
+        changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
+        n = len(changes[0])
+        E, dE = np.empty((2, len(self.rows), n, n))
+        for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
+            if self.at_once is not None:
+                whole, error = self.at_once.enclosed(i, changes, errors)
+            else:
+                whole, error = both(_in_a_row(row, changes, errors), (changes[sample], errors[sample]))
+            E[i] = np.where(self.patterns[i], whole, -np.eye(n))
+            dE[i] = np.where(self.patterns[i], error, 0.0)
+        if self.drift:
+            return counted_from_rest(E, dE, *shift_of(np.array(changes), np.array(errors), self.drift), self.drift)
+        at = np.ix_(self.kept, self.kept)
+        return E[:, *at], dE[:, *at]
+
+    def _ticks(self, symbol):
+        """The kinds of a frame's ticks, including the sample at its end, each with the length of its run."""
+        return [(kind, len(list(run))) for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])]
+
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """See `Family`.
+
+        If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between its
+        poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
+        second order (see `Polynomials`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
+        values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve. None if
+        a drift depends on the number.
+        """
+        if self.drift:
+            return None
+        direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
+        through = np.array([low, high])[:, None] * direct
+        closing = 1 - through
+        if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
+            return None
+        if self.at_once is not None or low == high:
+            return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
+        middle, half = (low + high) / 2, (high - low) / 2
+        (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
+        maps = [_enclosure(each, middle, half) for each in self.ticks.maps]
+        rest = [_joined(self._ticks(i), maps, _after).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
+        more = 2.3 * np.array(rest)
+        control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
+        return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
+
+
+def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Return those of the states that neither every frame forgets nor every frame sets to zero. acts: entries that may be
+    nonzero."""
+    while True:
+        inside = acts[np.ix_(kept, kept)]
+        live = inside.any(0) & inside.any(1)
+        if live.all():
+            return kept
+        kept = kept[live]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _AtOnce:
+    """Frames in which the number acts in one tick, `A + f(x) b c'` with `f(x) = x/(1 - d x)`.
+
+    kind: of that tick; before, after: the products of the ticks before and after it, minus the identity, with bounds on their
+    errors, for each symbol; None after the last tick.
+    """
+
+    A: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: np.ndarray
+    kind: tuple[int, ...]
+    before: tuple
+    after: tuple
+
+    @staticmethod
+    def of(ticks, rows, acting, kept):
+        """acting: the index of the tick in which the number acts in each row."""
+        changes, errors = [each.E for each in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
+        parts = [(row[:i], row[i], row[i + 1 :] if i >= 0 else ()) for row, i in zip(rows, acting, strict=True)]
+        known = {row: _in_a_row(row, changes, errors) for first, _, last in parts for row in (first, last)}
+        found, one = [], np.eye(len(ticks.states))
+        for first, kind, last in parts:
+            own, E = ticks.maps[kind], one + known[last][0]
+            B, C, D = (own.B, own.C, own.D) if own.inputs else (np.zeros((len(E), 1)), np.zeros((1, len(E))), np.zeros((1, 1)))
+            A, b, c = E @ (one + own.E) @ (one + known[first][0]), E @ B, C @ (one + known[first][0])
+            found.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], D[0, 0]))
+        arrays = (np.array(part) for part in zip(*found, strict=True))
+        before, after = (tuple(known[part[at]] if part[at] or not at else None for part in parts) for at in (0, 2))
+        return _AtOnce(*arrays, tuple(kind for _, kind, _ in parts), before, after)
+
+    def at(self, x):
+        return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
+
+    def enclosed(self, symbol, changes, errors):
+        """The frame minus the identity and bounds on its errors, of ticks at a value of the number."""
+        first = both(self.before[symbol], (changes[self.kind[symbol]], errors[self.kind[symbol]]))
+        return first if self.after[symbol] is None else both(first, self.after[symbol])
+
+
+def _closed(ticks, x):
+    """The ticks at a value of the number."""
+    if x == 0:
+        return ticks
+    return OpenTicks(ticks, None).closed(np.zeros((), int), np.asarray(float(x)), terms=True)
+
+
+def _in_a_row(row, changes, errors):
+    """The product of the ticks of a row, minus the identity, with bounds on the errors of its entries."""
+    n = changes[0].shape[-1]
+    if not row:
+        return np.zeros((n, n)), np.zeros((n, n))
+    return product_with_errors(np.array(row), changes, [each / ENTRIES for each in errors], each=True)
+
+
+def _enclosure(tick, middle, half):
+    """A tick for all values of the number from `middle - half` to `middle + half`."""
+    nothing, whole = np.zeros_like(tick.E), np.eye(len(tick.E)) + tick.E
+    if not tick.inputs:
+        return Polynomials(np.array([whole, nothing, nothing]), nothing, 1, 2)
+    d = tick.D[0, 0]
+    through = tick.B @ tick.C
+    # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
+    closing = 1 - d * middle
+    least = abs(closing) - abs(d) * half
+    centre, slope, curve = middle / closing, half / closing**2, d * half**2 / closing**3
+    rest = d**2 * half**3 / least**4
+    return Polynomials(np.array([whole + centre * through, slope * through, curve * through]), rest * np.abs(through), 1, 2)
+
+
+def _after(first, later):
+    return later @ first
+
+
+def _joined(runs, maps, joined):
+    """The product of runs of ticks, `(kind, ticks)`; the powers of a run by repeated squaring."""
+    whole = None
+    for kind, ticks in runs:
+        power, left = maps[kind], ticks
+        while left:
+            if left % 2:
+                whole = power if whole is None else joined(whole, power)
+            left //= 2
+            power = joined(power, power) if left else power
+    return whole

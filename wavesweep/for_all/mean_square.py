@@ -1,0 +1,355 @@
+"""Loops whose messages are lost at random: whether the mean square of all states decays, and the interval for which it does.
+
+What happens is a Markov chain: nodes are the moments at which channels send, together with whether each channel is in a burst
+of losses (E. N. Gilbert, Capacity of a burst-noise channel, Bell Syst. Tech. J. 39, 1960; E. O. Elliott, the same, 42, 1963).
+Edges carry a matrix and its probability. Second moments `X_i = E[x x'; node i]` become `X_j = sum w A X_i A'` over the edges
+from i to j. They decay if the spectral radius of this operator is below 1, and if and only if there are forms P_i > 0 with
+`P_i - sum w A' P_j A > 0`, the sum over the edges that leave i (O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-time
+Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked in `checking`, are a proof; an eigenvalue of the
+operator outside the unit circle for all matrices within the errors is a refutation.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise, product
+from math import comb
+
+import numpy as np
+from numpy.polynomial.chebyshev import Chebyshev, chebpts2
+
+from wavesweep.core.drawing.drawing import Drawing, name_of, scalars
+from wavesweep.core.drawing.expressions import degree, names_in
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.values import values_of
+from wavesweep.core.stability.spectrum import count_outside
+from wavesweep.for_all.checking import Norms, shrink_on_average
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.joint import NEAR_START, Bracket, Stretch
+from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.messages import LOST, channels_of, frames_with_messages
+from wavesweep.for_all.norms import acting, packed, unpacked
+
+LARGEST = 800  # second moments, whose operator is formed
+BISECTIONS = 60
+# Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its largest last coefficient, and the
+# least size at all of its points but two, relative to the largest.
+DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
+BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)  # of a number where moments stop to decay, how far beyond it is refuted
+NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted one the proof goes
+LEAST_AWAY = 0.01  # of half of an interval, how near at least
+STRETCHES = 200
+SIZING = 6  # rounds in which sizes of states are found
+ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Losses:
+    """The probabilities of a channel: that a message is lost, outside and in a burst, and that bursts begin and end."""
+
+    outside: float
+    inside: float
+    begins: float
+    ends: float
+
+    def factors(self, before: int, after: int, late: int | None) -> tuple[float, float]:
+        """The probability that the burst goes on like this, and then that of what happens to the message."""
+        changes = self.ends if before else self.begins
+        lost = self.inside if after else self.outside
+        return changes if before != after else 1 - changes, lost if late is LOST else 1 - lost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chances:
+    """A family whose matrices have probabilities, along a number that either matrices or probabilities depend on.
+
+    family: along the number if matrices depend on it. graph: the chain; edges whose probability is always 0 are left out.
+    factors: of the probability of each edge, at values 0 and 1 of the number if it is one of them, `(edges, factors, 2)`.
+    """
+
+    family: LoopFrames
+    graph: Graph
+    factors: np.ndarray
+    in_matrices: bool
+
+    def weights(self, low: float, high: float) -> np.ndarray:
+        """The probabilities from low to high as control points of polynomials in the number, `(points, edges)`.
+
+        Each factor is linear, so that their product is a convex combination of the products' control points.
+        """
+        slope = self.factors[..., 1] - self.factors[..., 0]
+        ends = np.clip(np.stack([self.factors[..., 0] + x * slope for x in (low, high)], -1), 0.0, 1.0)
+        if low == high or self.in_matrices:
+            return ends[..., 0].prod(-1)[None]
+        count = ends.shape[1]
+        found = np.ones((len(ends), 1))
+        for i in range(count):
+            more = np.zeros((len(ends), found.shape[1] + 1))
+            more[:, :-1] += found * ends[:, i, :1]
+            more[:, 1:] += found * ends[:, i, 1:]
+            found = more
+        return (found / [comb(count, k) for k in range(count + 1)]).T
+
+    def probable(self, low: float, high: float) -> tuple[float, float]:
+        """The part of an interval in which all probabilities are at least 0 and at most 1."""
+        first, slope = self.factors[..., 0].ravel(), np.diff(self.factors).ravel()
+        first, slope = first[slope != 0], slope[slope != 0]
+        ends = np.sort([-first / slope, (1 - first) / slope], axis=0)
+        return float(ends[0].max(initial=low)) + 0.0, float(ends[1].min(initial=high))
+
+    def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """The matrices of the symbols and the probabilities of the edges at x, in plain doubles."""
+        return self.family.at(x if self.in_matrices else 0.0), self.weights(x, x)[0]
+
+    def proves(self, P: np.ndarray, low: float, high: float) -> bool:
+        """Whether these forms are proved to decay on average for all numbers from low to high."""
+        points = self.family.hull(low, high) if self.in_matrices else tuple(each[None] for each in self.family.enclosed(0.0))
+        if points is None:
+            return False
+        weights = self.weights(low, high)
+        return all(shrink_on_average(Norms(P, self.graph), row, *each) for row in weights for each in zip(*points, strict=True))
+
+    def operator(self, x: float) -> np.ndarray:
+        """What becomes of second moments at x, as a matrix for vectors of their entries."""
+        A, weight = self.at(x)
+        return self._summed(weight[:, None, None] * _acting(A)[self.graph.symbol])
+
+    def decays(self, x: float) -> bool:
+        """Whether second moments decay at x, in plain doubles: only then are the forms definite."""
+        try:
+            np.linalg.cholesky(self.forms(x, np.ones(self.family.kept.size)))
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def refuted(self, x: float) -> bool:
+        """Whether second moments are proved to grow at x."""
+        E, dE = self.family.enclosed(x if self.in_matrices else 0.0)
+        weight = self.weights(x, x)[0][:, None, None]
+        A, size = np.eye(E.shape[-1]) + E, np.abs(np.eye(E.shape[-1]) + E)
+        larger = _acting(size + dE)
+        error = larger - _acting(size) + ROUNDING * larger
+        whole = self._summed(weight * _acting(A)[self.graph.symbol])
+        off = self._summed(weight * error[self.graph.symbol])
+        count, clear = count_outside((whole - np.eye(len(whole)))[None], (off + ROUNDING * np.eye(len(whole)))[None])
+        return bool(count[0] > 0 and clear[0])
+
+    def _summed(self, parts):
+        size, nodes = parts.shape[-1], self.graph.nodes
+        whole = np.zeros((nodes, size, nodes, size))
+        np.add.at(whole, (self.graph.target, slice(None), self.graph.source), parts)
+        return whole.reshape(nodes * size, nodes * size)
+
+    def forms(self, x: float, size: np.ndarray) -> np.ndarray:
+        """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
+        return self._solved(self.operator(x).T, size**-2.0)
+
+    def sizes(self, x: float) -> np.ndarray:
+        """Sizes of the states, `(n,)`, in whose units second moments under noise and forms have similar entries."""
+        size, operator = np.ones(self.family.kept.size), self.operator(x)
+        for _ in range(SIZING):
+            moments, forms = self._solved(operator, size**2), self._solved(operator.T, size**-2.0)
+            with np.errstate(all="ignore"):  # next to where moments do not decay rounding makes them negative
+                size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
+        return size
+
+    def _solved(self, operator, diagonal):
+        """The matrices at the nodes that the operator changes by this diagonal matrix."""
+        nodes, n = self.graph.nodes, diagonal.size
+        given = np.tile(packed(np.diag(diagonal)), nodes)
+        found = np.full((nodes, n, n), np.nan)
+        with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
+            found = unpacked(np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1), n)
+        return found
+
+
+def _acting(A):
+    """The maps `X -> A X A'` of symmetric matrices, as matrices for vectors of `packed`."""
+    return acting(A[:, :, :, None, None] * A[:, None, None], A.shape[-1])
+
+
+def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") -> Chances:
+    """Return the chain of a drawn loop whose messages are lost at random.
+
+    values: flat numbers. number: that one wire or gain reads, or probabilities are linear in; empty for none.
+    Errors: UsageError for another number, a loop with too many states or moments, or other channels whose messages are late or
+    lost in any pattern.
+    """
+    if others := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
+        raise UsageError(
+            f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(others)} with more"
+        )
+    name, known = name_of(number) if number else "", scalars(values)
+    keys = {block.name: dict(block.keys) for block in drawing.channels}
+    trees = {channel: [own[key] for key in ("loss", "burst_loss", "burst", "burst_end")] for channel, own in keys.items()}
+    reads = [tree for own in trees.values() for tree in own if any(name == each for each, _ in names_in(tree))]
+    paths = [path for path, tree in drawing.trees() if any(name == each for each, _ in names_in(tree))]
+    if reads and (len(paths) > len(reads) or any(degree(tree, name) > 1 for tree in reads)):
+        raise UsageError(
+            f"intervals along {number}: expected a number that probabilities of channels alone read, linearly, found another"
+        )
+    family = frames_with_messages(drawing, values, "" if reads else number)
+    ends = []
+    for x in (0.0, 1.0):
+        at = {
+            channel: [float(values_of(tree, known | ({name: x} if reads else {}))) for tree in own]
+            for channel, own in trees.items()
+        }
+        ends.append({channel: Losses(*row) for channel, row in at.items()})
+    graph, factors = _chain(family, *ends)
+    if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > LARGEST:
+        raise UsageError(
+            f"messages lost at random: expected at most {LARGEST} second moments, found {family.kept.size} states at "
+            f"{graph.nodes} moments; choose longer ticks, or rates with a larger common divisor"
+        )
+    return Chances(family, graph, factors, not reads)
+
+
+def _chain(family, first, second):
+    """The graph of the chain, and the factors of each edge's probability with the losses at both ends of the number."""
+    channels = list(first)
+    nodes, edges, factors, open_ = {}, [], [], []
+
+    def node(moment, bursts):
+        if (moment, bursts) not in nodes:
+            nodes[moment, bursts] = len(nodes)
+            open_.append((moment, bursts))
+        return nodes[moment, bursts]
+
+    node(0, (0,) * len(channels))
+    while open_:
+        moment, bursts = open_.pop()
+        for symbol, sent in enumerate(family.symbols):
+            if sent.moment != moment:
+                continue
+            late = dict(sent.late)
+            after = int(np.flatnonzero(family.follows[symbol])[0])
+            choices = [
+                range(1 + ((first[name].begins > 0) or (second[name].begins > 0))) if name in late else (burst,)
+                for name, burst in zip(channels, bursts, strict=True)
+            ]
+            for then in product(*choices):
+                both = np.array(
+                    [
+                        [
+                            each
+                            for name, *change in zip(channels, bursts, then, strict=True)
+                            for each in (end[name].factors(*change, late[name]) if name in late else (1.0, 1.0))
+                        ]
+                        for end in (first, second)
+                    ]
+                ).T
+                if not (both == 0).all(-1).any():
+                    edges.append((node(moment, bursts), symbol, node(family.symbols[after].moment, then)))
+                    factors.append(both)
+    source, symbol, target = (np.array(each) for each in zip(*edges, strict=True))
+    return Graph(source, symbol, target), np.array(factors)
+
+
+def decays(loop: Chances) -> str:
+    """Whether second moments decay: "proved", "refuted" or "unknown"."""
+    if loop.decays(0.0):
+        return "proved" if loop.proves(loop.forms(0.0, loop.sizes(0.0)), 0.0, 0.0) else "unknown"
+    return "refuted" if loop.refuted(0.0) else "unknown"
+
+
+def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: float = 0.01) -> list[Bracket]:
+    """Return the numbers within limits for which second moments decay, an element for each interval; see `joint.bracket`.
+
+    An interval's proof holds for every number of it, by forms on stretches without a gap. `words` are (0,) where a number is
+    refuted. Intervals are searched in plain doubles: one that is much narrower than a panel of `_zeros` may be missed.
+    """
+    limits = loop.probable(*limits)
+    return [each for part in _parts(loop, *limits) if (each := _bracket(loop, part, limits, tolerance)).low < each.high]
+
+
+def _parts(loop, low, high):
+    """The parts of an interval in which second moments decay, in plain doubles.
+
+    The operator maps semidefinite matrices to such. So its spectral radius is one of its eigenvalues (M. G. Krein and M. A.
+    Rutman, Linear operators leaving invariant a cone, Uspekhi Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is
+    singular.
+    """
+
+    def distance(x):
+        operator = loop.operator(x)
+        return np.linalg.slogdet(np.eye(len(operator)) - operator)
+
+    edges = [low, *(x for x in sorted(_zeros(distance, low, high)) if low < x < high), high]
+    middles = [(one + other) / 2 for one, other in pairwise(edges)]
+    stable, parts = [loop.decays(x) for x in middles], []
+    for i, inside in enumerate(stable):
+        if inside and parts and parts[-1][1] == edges[i] and loop.decays(edges[i]):
+            parts[-1] = parts[-1][0], edges[i + 1]
+        elif inside:
+            parts.append((edges[i], edges[i + 1]))
+    outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
+    return [tuple(end if end in (low, high) else _polished(loop, part, end, outside) for end in part) for part in parts]
+
+
+def _polished(loop, part, end, outside):
+    """An end of a part by bisection, between its middle and the next one outside."""
+    inside = sum(part) / 2
+    beyond = min((x for x in outside if (x - end) * (end - inside) > 0), key=lambda x: abs(x - end), default=end)
+    for _ in range(BISECTIONS):
+        middle = (inside + beyond) / 2
+        inside, beyond = (middle, beyond) if loop.decays(middle) else (inside, middle)
+    return inside
+
+
+def _zeros(function, low, high):
+    """The zeros of an analytic function within an interval, given as sign and logarithm of its size.
+
+    They are those of Chebyshev interpolants. A panel is halved until the coefficients fall, and until the function is of
+    similar size at most of its points, after an exponential between two of them is divided out.
+    """
+    points, found, panels = chebpts2(DEGREE + 1), [], [(low, high)]
+    for _ in range(PANELS):
+        if not panels:
+            break
+        left, right = panels.pop(0)
+        with np.errstate(all="ignore"):
+            sign, size = np.array([function(x) for x in (left + right) / 2 + (right - left) / 2 * points]).T
+            size = size - (size[-4] - size[3]) / (points[-4] - points[3]) * points
+            values = sign * np.exp(size - size.max())
+            series = Chebyshev.fit(points, values, DEGREE, domain=(-1, 1))
+        tail = np.abs(series.coef[-2:]).max()
+        if right - left > NARROWEST * (high - low) and not (tail < RESOLVED and np.sort(np.abs(values))[2] > EVEN):
+            panels += [(left, (left + right) / 2), ((left + right) / 2, right)]
+        elif np.isfinite(values).all():
+            zeros = series.roots()
+            zeros = zeros.real[(np.abs(zeros.imag) < 1e-3) & (np.abs(zeros.real) <= 1)]
+            found += ((left + right) / 2 + (right - left) / 2 * zeros).tolist()
+    return found
+
+
+def _bracket(loop, part, limits, tolerance):
+    """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
+    sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
+    (low, below, down), (high, above, up) = sides
+    near = [
+        abs(end - reached) <= tolerance * max(abs(end), NEAR_START * (high - low))
+        for end, reached in ((limits[0] if np.isnan(below) else below, low), (limits[1] if np.isnan(above) else above, high))
+    ]
+    words = tuple(() if np.isnan(each) else (0,) for each in (below, above))
+    stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
+    return Bracket(low, high, below, above, words, all(near), stretches)
+
+
+def _side(loop, start, end, limit):
+    """The number that the proof reaches towards an end, the refuted one beyond it, NaN without, and the stretches."""
+    fails, goal, way = np.nan, end, limit - start
+    if end != limit:
+        beyond = [end + step * np.sign(way) * max(abs(end), 1e-6 * abs(way)) for step in BEYOND]
+        fails = next((float(x) for x in beyond if abs(x - start) <= abs(way) and loop.refuted(x)), np.nan)
+        goal -= np.sign(way) * min(NEAREST * (abs(end) + 1e-3 * abs(way)), LEAST_AWAY * abs(end - start))
+    stretches, at, step = [], start, goal - start
+    while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
+        to = goal if abs(goal - at) <= abs(step) else at + step
+        P = loop.forms(to, loop.sizes(to))
+        if loop.proves(P, min(at, to), max(at, to)):
+            stretches.append(Stretch(min(at, to), max(at, to), Norms(P, loop.graph)))
+            at, step = to, 2 * step
+        else:
+            step /= 2
+    return float(at), fails, stretches

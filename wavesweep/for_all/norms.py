@@ -1,0 +1,339 @@
+"""The search for quadratic norms in which every frame shrinks, on a graph that is refined until there are such norms.
+
+The norm at node i is `x -> sqrt(x' P_i x)`. If the graph is complete, and `P_i - A' P_j A` is positive definite for every edge
+from i to j by the matrix A, then every allowed product of matrices decays (A. A. Ahmadi, R. M. Jungers, P. A. Parrilo,
+M. Roozbehani, Joint spectral radius and path-complete graph Lyapunov functions, SIAM J. Control Optim. 52, 2014). The norms are
+found by an interior-point method: the minimum of the barrier `-sum log det (P_i - A' P_j A) + sum tr P_i` is followed while the
+matrices grow from a small multiple to their size. `checking` proves what is found here.
+
+Graphs in which a node stands for the last 0, 1 or 2 frames, with a general solver (Clarabel), were tried in place of this. They
+need 324 nodes where eighteen lengths of frames need 8 here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.for_all.checking import Norms
+from wavesweep.for_all.graph import Graph
+
+SHARE = 0.8  # part of the way to where the prediction fails that is taken
+CLOSE = 0.6  # Newton decrement below which a point counts as the centre
+ALIKE = 0.5  # nodes are split whose score is at least this part of the largest one
+STALLED, OF_REST = 2e-3, 0.2  # nodes are split if a step gains less than this, absolutely and relative to the rest
+MARGIN = 1e-3  # the matrices are made to shrink by this much more than necessary
+FARTHEST = 0.1  # known forms are of no use if the matrices must be scaled below this
+SMALLEST_STEP = 1e-7  # relative to the rest; below it the prediction has failed
+CALLS = 3e6  # operations that take as long as the overhead of a Newton step
+WORK = 2e11  # operations in Newton steps after which a search ends: about 20 s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centre:
+    """Forms P `(nodes, n, n)` on a graph, for states z with x = basis z, and the operations spent on them."""
+
+    P: np.ndarray
+    graph: Graph
+    basis: np.ndarray
+    inverse: np.ndarray
+    work: float = 0.0
+
+    @property
+    def norms(self) -> Norms:
+        """The norms for the states x."""
+        P = _transposed(self.inverse) @ self.P @ self.inverse
+        return Norms((P + _transposed(P)) / 2, self.graph)
+
+    def in_basis(self, A: np.ndarray) -> np.ndarray:
+        """Return matrices for the states z."""
+        return self.inverse @ A @ self.basis
+
+    def shrinks(self, A: np.ndarray) -> bool:
+        """Return whether the matrices A of x shrink on every edge, in doubles."""
+        return _shrinks(self.P, self.in_basis(A), self.graph)
+
+    def rounded(self) -> "Centre":
+        """Return the same forms in a basis in which their mean is a multiple of the identity."""
+        to = _transposed(np.linalg.cholesky(self.P.sum(0) / self.graph.source.size))
+        back = np.linalg.inv(to)
+        P = _transposed(back) @ self.P @ back
+        return replace(self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
+
+
+def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
+    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor: in this form the
+    matrices times the factor shrink."""
+    n = A.shape[-1]
+    P = np.eye(n)
+    for _ in range(100):
+        P = 1e-3 * np.eye(n) + (_transposed(A) @ P @ A).mean(0)
+        P /= np.trace(P) / n
+    to = _transposed(np.linalg.cholesky(P))
+    graph = Graph.least(follows)
+    centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, np.linalg.inv(to), to)
+    return centre, 0.5 / max(np.linalg.norm(centre.in_basis(A), 2, axis=(-2, -1)).max(), 0.5)
+
+
+def find_norms(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work: float = WORK) -> tuple[Centre, float]:
+    """Search for forms in which the matrices A `(symbols, n, n)` shrink. Return the forms and a factor: 1 if they were found,
+    otherwise the largest factor below 1 for which the scaled matrices shrink.
+
+    The matrices grow from a small multiple of themselves; when the growth stalls, nodes of the graph are split. start: forms to
+    begin with, such as those of similar matrices. work: operations after which the search ends.
+    """
+    centre, factor = (replace(start, work=0.0), _largest_factor(start, A)) if start else (None, 0.0)
+    if not factor:
+        centre, factor = first_centre(A, follows)
+    centre = recentred(centre, factor * A, 8)
+    try:
+        while factor < 1 and centre.work < work:
+            before = factor
+            centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
+            centre = centre.rounded()
+            if factor < 1 and factor - before < min(STALLED, OF_REST * (1 - factor)):
+                more = finer(centre, factor * A, follows)
+                if more is None:
+                    break
+                centre = more
+        if factor == 1:
+            more = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
+            centre = more if more.shrinks(A) else centre
+    except np.linalg.LinAlgError:  # singular to rounding
+        if start and factor < 1:
+            return find_norms(A, follows, None, work - centre.work)
+    return centre, factor
+
+
+def _largest_factor(centre, A):
+    """A factor with which the matrices A shrink in known forms; 0 if it would be below FARTHEST."""
+    factor = 1.0
+    while factor > FARTHEST and not centre.shrinks(factor * A):
+        factor *= 0.9
+    return factor if factor == 1 else 0.99 * factor if factor > FARTHEST else 0.0
+
+
+def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
+    """Return forms near the centre of all forms in which the matrices A of x shrink, by some Newton steps."""
+    P, seen, work = centre.P, centre.in_basis(A), centre.work
+    for _ in range(steps):
+        try:
+            newton = _Newton.of(P, seen, centre.graph)
+        except np.linalg.LinAlgError:  # singular to rounding
+            break
+        step = newton.solved(-newton.gradient)
+        work += newton.work
+        decrement = np.sqrt(max(0.0, -newton.gradient @ packed(step).ravel()))
+        length, least = 1.0, 0.1 / (1 + decrement)
+        while not _shrinks(P + length * step, seen, centre.graph) and length > least:
+            length *= 0.7
+        length *= 1.0 if length == 1 else SHARE
+        if not _shrinks(P + length * step, seen, centre.graph):  # rounding leaves no room
+            break
+        P = P + length * step
+        if decrement < CLOSE:
+            break
+    return replace(centre, P=P, work=work)
+
+
+def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
+    """Return forms for a number closer to the target, and that number: a step along the tangent of the centres, then Newton
+    steps.
+
+    centre: forms for the number x. matrices: the matrices of a number.
+    """
+    graph, A = centre.graph, centre.in_basis(matrices(x))
+    newton = _Newton.of(centre.P, A, graph)
+    small = 1e-6 * (target - x)
+    change = _gradient(centre.P, centre.in_basis(matrices(x + small)), graph)[0] - newton.gradient
+    tangent, nearer = newton.solved(-change / small), centre.P + newton.solved(-newton.gradient)
+    P = nearer if _shrinks(nearer, A, graph) else centre.P
+
+    def holds(step):
+        return _shrinks(P + step * tangent, centre.in_basis(matrices(x + step)), graph)
+
+    step = target - x
+    if holds(step):
+        reached = target
+    else:
+        shortest = SMALLEST_STEP * abs(step)
+        while not holds(step):
+            step /= 4
+            if abs(step) < shortest:
+                return replace(centre, work=centre.work + newton.work), x
+        low, high = step, 4 * step
+        for _ in range(5):
+            middle = (low + high) / 2
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        step = SHARE * low
+        reached = x + step
+    centre = replace(centre, P=P + step * tangent, work=centre.work + newton.work)
+    return recentred(centre, matrices(reached)), reached
+
+
+def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
+    """Return forms after a Newton step, and their slopes along some numbers, `(numbers, nodes, n, n)`, from the same equations.
+
+    terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
+    """
+    A, *changes = (centre.in_basis(each) for each in terms)
+    newton, small = _Newton.of(centre.P, A, centre.graph), 1e-4
+    slopes = [
+        newton.solved(-(_gradient(centre.P, A + small * each, centre.graph)[0] - newton.gradient) / small) for each in changes
+    ]
+    nearer = centre.P + newton.solved(-newton.gradient)
+    P = nearer if _shrinks(nearer, A, centre.graph) else centre.P
+    work = newton.work * (1 + len(changes) / 4)
+    return replace(centre, P=P, work=work), np.array(slopes).reshape(len(changes), *P.shape)
+
+
+def finer(centre, A, follows):
+    """Return forms on a graph with some nodes split in two; None if no node can be split.
+
+    centre: forms in which the matrices A of x shrink. The inverse slacks of the edges weight the sequences for which the forms
+    are worst. Nodes are split where very different sequences meet, along the principal component of their differences.
+    """
+    graph = centre.graph
+    _, (inverse, _, _, arriving) = _gradient(centre.P, centre.in_basis(A), graph)
+    leaving = np.zeros_like(centre.P)
+    np.add.at(leaving, graph.source, inverse)
+    scores, parts = [], []
+    for node in range(graph.nodes):
+        edges = np.flatnonzero(graph.target == node)
+        if edges.size < 2:
+            continue
+        scale = np.linalg.inv(np.linalg.cholesky(leaving[node]))
+        flows = scale @ arriving[edges] @ _transposed(scale)
+        weight = np.trace(flows, axis1=-2, axis2=-1)
+        apart = packed(flows / weight[:, None, None] - flows.sum(0) / weight.sum())
+        values, vectors = np.linalg.eigh((apart * weight[:, None]).T @ apart)
+        late = apart @ vectors[:, -1] > 0
+        if late.any() and not late.all():
+            scores.append(values[-1] / weight.sum() * np.trace(leaving[node] @ centre.P[node]))
+            parts.append((node, edges[late]))
+    if not scores:
+        return None
+    chosen = dict(part for part, score in zip(parts, scores, strict=True) if score >= ALIKE * max(scores))
+    graph, origin = graph.split(chosen, follows)
+    return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
+
+
+def _transposed(X):
+    return np.swapaxes(X, -1, -2)
+
+
+def _shrinks(P, A, graph):
+    try:
+        np.linalg.cholesky(_slack(P, A[graph.symbol], graph))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _slack(P, A, graph):
+    return P[graph.source] - _transposed(A) @ P[graph.target] @ A
+
+
+def _gradient(P, A, graph):
+    """The gradient of the barrier, and for each edge the inverse slack F^-1, A, A F^-1 and A F^-1 A'."""
+    A = A[graph.symbol]
+    inverse = np.linalg.inv(_slack(P, A, graph))
+    inverse = (inverse + _transposed(inverse)) / 2
+    moved = A @ inverse
+    arriving = moved @ _transposed(A)
+    total = np.zeros_like(P) + np.eye(P.shape[-1])
+    np.add.at(total, graph.source, -inverse)
+    np.add.at(total, graph.target, arriving)
+    return packed(total).ravel(), (inverse, A, moved, arriving)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Newton:
+    """The gradient of the barrier, and its Hessian as a Cholesky factor."""
+
+    gradient: np.ndarray
+    factor: tuple
+    shape: tuple[int, int]
+
+    @staticmethod
+    def of(P, A, graph) -> "_Newton":
+        from scipy.linalg import cho_factor
+
+        nodes, n = P.shape[0], P.shape[-1]
+        gradient, (inverse, _, moved, arriving) = _gradient(P, A, graph)
+        hessian = hessian_of(inverse, moved, arriving, graph, nodes)
+        return _Newton(gradient, cho_factor(hessian, lower=True, overwrite_a=True), (nodes, n))
+
+    @property
+    def work(self) -> float:
+        """Rough number of operations."""
+        return self.gradient.size**3 / 3 + CALLS
+
+    def solved(self, right) -> np.ndarray:
+        """The changes of the forms that solve the equations for a right side."""
+        from scipy.linalg import cho_solve
+
+        return unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
+
+
+def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:
+    """Return the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A F^-1 and A F^-1 A' on each edge."""
+    n = inverse.shape[-1]
+    hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
+    at = np.arange(nodes)
+    ends = (graph.source, inverse), (graph.target, arriving)
+    hessian[at, :, at] = sum(acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
+    pairs, first, last = graph.pairs
+    mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+    np.subtract.at(hessian, (first, slice(None), last), mixed)
+    np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
+    return hessian.reshape(nodes * n * (n + 1) // 2, -1)
+
+
+@lru_cache(maxsize=64)
+def _places(n):
+    row, column = np.triu_indices(n)
+    return row, column, np.where(row == column, 1.0, np.sqrt(2))
+
+
+def packed(X: np.ndarray) -> np.ndarray:
+    """Return symmetric matrices `(..., n, n)` as vectors with the same inner product."""
+    row, column, weight = _places(X.shape[-1])
+    return X[..., row, column] * weight
+
+
+def unpacked(vectors: np.ndarray, n: int) -> np.ndarray:
+    """Return the symmetric matrices of such vectors."""
+    row, column, weight = _places(n)
+    X = np.empty((*vectors.shape[:-1], n, n))
+    X[..., row, column] = X[..., column, row] = vectors / weight
+    return X
+
+
+def _products(X, order, bounds):
+    """The sums of `vec(X) vec(X)'` over groups of matrices, `(groups, n, n, n, n)`; see `Graph.grouped`."""
+    n = X.shape[-1]
+    vectors = X.reshape(-1, n * n)[order]
+    sums = np.empty((len(bounds) - 1, n * n, n * n))
+    for i in range(len(sums)):
+        group = vectors[bounds[i] : bounds[i + 1]]
+        np.matmul(group.T, group, out=sums[i])
+    return sums
+
+
+def acting(products: np.ndarray, n: int) -> np.ndarray:
+    """Return the sums over groups of the maps `S -> X S X'` of symmetric matrices, as matrices for vectors of `packed`."""
+    weight = _places(n)[2]
+    factor = weight / np.sqrt(2)
+    one, other = _crossed(n)
+    flat = products.reshape(len(products), -1)
+    return factor[:, None] * factor * (flat[:, one] + flat[:, other])
+
+
+@lru_cache(maxsize=64)
+def _crossed(n):
+    """The places of X_ac X_bd and X_ad X_bc, for all pairs a <= b and c <= d."""
+    row, column, _ = _places(n)
+    a, b, c, d = row[:, None], column[:, None], row, column
+    return ((a * n + c) * n + b) * n + d, ((a * n + d) * n + b) * n + c

@@ -1,0 +1,186 @@
+"""The ticks that frames of varying length consist of: along one number, or over a box of numbers."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from wavesweep.core.drawing.drawing import Drawing, name_of, path_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
+from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
+from wavesweep.core.monodromy.open_ticks import OpenTicks
+from wavesweep.core.monodromy.periodic import Ticks, ticks_of
+from wavesweep.for_all.folded import lasting, without_folded
+from wavesweep.for_all.loop_frames import LoopFrames, Symbol
+from wavesweep.for_all.loop_numbers import FramesOver
+
+ANY = np.array([0.5, 2.0])  # stands for a number that varies
+INSIDE = np.array([[0.3], [0.7]])  # places in a box at which the structure of its ticks is looked at
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Which slow blocks run in each kind of tick.
+
+    kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal: the nominal length of a
+    frame; elapsed: see `Frames`.
+    """
+
+    kinds: Mapping[str | int, frozenset[str] | None]
+    nominal: int
+    elapsed: bool
+    shown: frozenset[str] = frozenset()
+
+    @property
+    def slow(self) -> set[str]:
+        """The slow blocks."""
+        return set().union(*(blocks or () for blocks in self.kinds.values()))
+
+    def with_period(self, drawing: Drawing, step: int) -> Drawing:
+        """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets their phases."""
+        every, phase, slow = ("number", float(step), 0), ("number", 0.0, 0), self.slow
+        blocks = (replace(each, every=every, phase=phase, phases=()) if each.name in slow else each for each in drawing.blocks)
+        blocks = (each.stepwise(drawing.tick_hz) if self.elapsed and each.name in slow else each for each in blocks)
+        return replace(drawing, blocks=tuple(blocks))
+
+    def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
+        """Return the loop with a frame that has one tick of each kind: connecting it gives the map of each kind."""
+        placed = [
+            replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist()))
+            for each, runs in zip(loop.placed, self.running([each.block.name for each in loop.placed]).T, strict=True)
+        ]
+        return replace(loop, placed=tuple(placed))
+
+    def running(self, names: Sequence[str]) -> np.ndarray:
+        """Return which blocks run in each kind of tick, `(kinds, blocks)`."""
+        slow = self.slow
+        return np.array(
+            [
+                [
+                    (name in self.shown if blocks is None else name in blocks) if name in slow else blocks is not None
+                    for name in names
+                ]
+                for blocks in self.kinds.values()
+            ]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What the frames of a loop consist of.
+
+    symbols: the kinds of frames. rest: gives the kinds of a symbol's ticks after its sample; through: the kind of a sample
+    whose result is in place at once, if there is one.
+    """
+
+    drawing: Drawing
+    values: Mapping[str, object]
+    schedule: Schedule
+    symbols: Sequence[Symbol]
+    rest: Callable[[Symbol], list]
+    through: str = ""
+
+    def along(self, number: str) -> LoopFrames:
+        """Return the frames as a family along a number that one wire or gain reads; empty for the loop at its own values.
+
+        Errors: UsageError for a number that the loop reads otherwise.
+        """
+        if number and not scalar_place(self.drawing, name_of(number)):
+            raise UsageError(
+                f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads "
+                "linearly, found another; look along another one, or leave `varying` out"
+            )
+        varied = {path_of(name_of(number)): ANY} if number else {}
+
+        def ticks_at(step):
+            at_step = self.schedule.with_period(self.drawing, step)
+            whole = self.schedule.scheduled(assembled(at_step, self.values | varied))
+            if not number:
+                return ticks_of(whole, alone=True, terms=True)
+            cut_open = assembled(at_step, self.values | dict.fromkeys(varied, 0.0), name_of(number))
+            return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
+
+        maps, _, index = self._kinds(ticks_at)
+        drift = self._drift(varied)
+        ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+        return LoopFrames.of(ticks, drift.kept, *self.written(index), drift if drift.folded else None)
+
+    def over(
+        self, paths: Sequence[str], numbers_at: Callable[[np.ndarray], np.ndarray], box: np.ndarray, units=None
+    ) -> FramesOver | int:
+        """Return the frames over a box of sides, or the side along which it has to be divided first (see `FramesOver.of`).
+
+        numbers_at: gives the numbers of these paths, `(points, paths)`, from points of the box. units: see `FramesOver.of`.
+        """
+        inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+
+        def with_numbers(points):
+            return self.values | {path: part.copy() for path, part in zip(paths, numbers_at(points).T, strict=True)}
+
+        def ticks_at(step, points=inside, places=None):
+            loop = assembled(self.schedule.with_period(self.drawing, step), with_numbers(points))
+            return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
+
+        _, picked, index = self._kinds(ticks_at)
+        drift = self._drift(with_numbers(inside))
+
+        def counted_at(points):
+            maps = []
+            for step, some in groupby(picked, lambda each: each[0]):
+                ticks = ticks_at(step, points, [place for _, place in some])
+                maps += [ticks.maps[kind] for kind in ticks.kind]
+            return counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
+
+        drift = lasting(drift, counted_at, box)
+        rows, samples, symbols, _ = self.written(index)
+        return FramesOver.of(lambda points: without_folded(counted_at(points), drift), box, rows, samples, symbols, units)
+
+    def _kinds(self, ticks_at):
+        """The different maps of ticks, the step and the place that each is from, and the index of each kind at each step."""
+        maps, picked, index = [], [], {}
+        for step in self.steps:
+            ticks = ticks_at(step)
+            for place, kind in enumerate(self.schedule.kinds):
+                own = ticks.maps[ticks.kind[place]]
+                alike = next((i for i in range(len(maps)) if _alike(maps[i], own)), len(maps))
+                if alike == len(maps):
+                    maps.append(own)
+                    picked.append((step, place))
+                index[kind, step] = alike
+        return maps, picked, index
+
+    @property
+    def steps(self) -> list[int]:
+        """The periods of the slow blocks, in ticks."""
+        return sorted({symbol.ticks for symbol in self.symbols}) if self.schedule.elapsed else [self.schedule.nominal]
+
+    def _drift(self, varied) -> TickDrift:
+        both_loops = twins(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied)
+        return drift_of_drawn(*map(self.schedule.scheduled, both_loops))
+
+    def written(self, index):
+        """The rows and samples of the symbols as indices of kinds, the symbols, and which may follow which."""
+        order, steps, symbols = list(self.schedule.kinds), self.steps, list(self.symbols)
+        if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
+            symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
+        rows = [tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol)) for symbol in symbols]
+        samples = [
+            index[self.through if symbol.through else order[0], symbol.ticks if self.schedule.elapsed else steps[0]]
+            for symbol in symbols
+        ]
+        follows = np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
+        return tuple(rows), tuple(samples), tuple(symbols), follows
+
+
+def _may_follow(before, after):
+    # A result that is in place at once is so at the end of the frame before.
+    at_once = after.delay == 0
+    in_a_row = after.lost == 0 or after.lost == before.lost + 1
+    return in_a_row and before.through == at_once and after.step in (None, before.ticks)
+
+
+def _alike(one, other):
+    return one.inputs == other.inputs and all(np.array_equal(getattr(one, part), getattr(other, part)) for part in "EBCD")

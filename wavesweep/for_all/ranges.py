@@ -1,0 +1,190 @@
+"""Boxes of unknown numbers while frames vary: in every box all frames shrink, in norms that depend on its numbers.
+
+Unknown means constant in time, and the proof has to use it: in one norm for the whole box, numbers that jump from frame to
+frame would be proved as well, and often these are not stable. In each part of the box the norms are found for its middle, and
+their slopes from the same equations: the form of node i at s is `P_i + sum_k s_k D_ik`. `checking` proves what is found here. A
+part that is not proved is divided along the side that moves the slack most.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from heapq import heappop, heappush
+from itertools import count
+
+import numpy as np
+
+from wavesweep.for_all.checking import shrink_over
+from wavesweep.for_all.loop_numbers import FramesOver
+from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
+from wavesweep.for_all.polynomials import Polynomials, monomials
+from wavesweep.for_all.words import Word, growing
+
+# Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
+# their spectral radius leaves, first the one and then the other.
+MARGIN, SHARES = 3e-4, (0.2, 0.03)
+SEARCH = 4e9  # operations of one search for norms in the middle of a box
+STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
+SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
+FEWEST = 12  # parts of parts without norms, at whose middles words are searched
+EACH = 280  # operations that take as long as what is done with each entry of the polynomials
+NARROW = 1e-6  # of a side, below which a box is not divided along it
+
+Box = np.ndarray
+FramesAt = Callable[[Box], "FramesOver | int"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Covering:
+    """What is known of a box, `(2, sides)`.
+
+    open: the parts that are not proved, as boxes. end: all is proved up to this value of the first side. used: operations.
+    point, word: a place at which the word grows, if one was met.
+    """
+
+    open: tuple[Box, ...]
+    end: float
+    used: float
+    point: np.ndarray | None = None
+    word: Word = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """A part of the box that is still to be proved.
+
+    frames: of it, or of a box around it; known: polynomials of a box around it that are good enough, with that box; start:
+    norms of that; barren: how often no norms were found in a row, for it and for the boxes around it.
+    """
+
+    box: Box
+    frames: FramesOver | None = None
+    known: tuple[Box, Polynomials] | None = None
+    start: Centre | None = None
+    barren: int = 0
+
+
+def cover(frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, up: bool = True) -> Covering:
+    """Prove that all frames of a box shrink in every order, except in the parts that are left open.
+
+    The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
+    word is met that grows. work: operations after which it ends.
+    """
+    number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
+    while queue and used < work:
+        part = queue[0][-1]
+        parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]))
+        used += spent
+        if parts is None:
+            break
+        heappop(queue)
+        for each in parts:
+            heappush(queue, (each.box[0, 0] if up else -each.box[1, 0], -next(number), each))
+    end = float(queue[0][-1].box[1 - up, 0] if queue else box[int(up), 0])
+    return Covering(tuple(each.box for *_, each in queue), end, used, part.box.mean(0) if word else None, word)
+
+
+def _tried(frames_at, part, follows, work, narrow):
+    """The parts of a part that remain to be proved, None if it cannot be divided or a word grows; the work; and that word."""
+    box, used = part.box, 0.0
+    if part.frames is None:
+        frames = frames_at(box)
+        if isinstance(frames, int):
+            return [replace(part, box=half) for half in _halves(box, frames)], 10 * CALLS, ()
+        part, used = replace(part, frames=frames), 10 * CALLS
+    wide = np.flatnonzero(box[0] < box[1])
+    if part.known is None:
+        part = replace(part, frames=part.frames.part(box))
+        A = part.frames.polynomials()
+    else:
+        around, A = part.known
+        half = (around[1] - around[0])[wide] / 2
+        A = A.within((box.mean(0) - around.mean(0))[wide] / half, (box[1] - box[0])[wide] / 2 / half)
+    try:
+        found, spent = _forms(A, follows, part.start, work)
+    except np.linalg.LinAlgError:  # singular to rounding
+        found, spent = None, CALLS
+    used += spent
+    if found is None:
+        basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
+        if part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
+            return None, used, words[0]
+        moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
+        part = replace(part, barren=part.barren + 1)
+    else:
+        proved, moves, keep, spent = _judged(A, found, follows)
+        used += spent
+        if proved:
+            return (), used, ()
+        part = replace(part, start=found[0], barren=0)
+    moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
+    if not wide.size or moves.max() < 0:
+        return None, used, ()
+    part = replace(part, known=(part.known or (box, A)) if keep else None)
+    return [replace(part, box=half) for half in _halves(box, int(wide[np.argmax(moves)]))[::-1]], used, ()
+
+
+def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray | None:
+    """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box: see `FramesOver.of`.
+
+    They follow from norms at both ends of each side, as energies do: half the logarithm of what a form has on its diagonal.
+    """
+    frames = frames_at(box)
+    if isinstance(frames, int):
+        return units_of(frames_at, _halves(box, frames)[1], follows)
+    units = np.zeros((box.shape[1], frames.states))
+    for side in np.flatnonzero(box[0] < box[1]):
+        logs = []
+        for end in box[:, side]:
+            place = box.mean(0)
+            place[side] = end
+            A = frames.part(np.stack([place, place])).polynomials().terms[0]
+            centre, factor = find_norms(A, follows, None, SEARCH)
+            logs.append(np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if factor == 1 else None)
+        if logs[0] is not None and logs[1] is not None:
+            change = (logs[1] - logs[0]) / (box[1, side] - box[0, side])
+            units[side, frames.kept] = change - np.median(change)
+    return units
+
+
+def _forms(A, follows, start, work):
+    """Norms for the middle of a box and their slopes, None if none are found; and the work."""
+    at_middle, spent = A.terms[0], 0.0
+    radius = np.abs(np.linalg.eigvals(at_middle)).max()
+    if not radius < 1:
+        return None, spent
+    for share in SHARES:
+        margin = min(MARGIN, share * (1 / radius - 1))
+        grown = (1 + margin) * at_middle
+        if start is not None and start.shrinks(grown):
+            centre, factor = recentred(replace(start, work=0.0), grown, STEPS), 1
+        else:
+            centre, factor = find_norms(grown, follows, start, min(work - spent, SEARCH))
+        spent += centre.work
+        if factor == 1:
+            centre, slopes = sloped(centre.rounded(), (1 + margin) * A.terms[: 1 + A.numbers])
+            return (centre, slopes), spent + centre.work
+    return None, spent
+
+
+def _judged(A, found, follows):
+    """Whether a box is proved, how much each side moves the slack, whether the polynomials serve its halves, and the work."""
+    centre, slopes = found
+    seen = A.similar(centre.basis, centre.inverse)
+    P = np.zeros((len(A.terms), *centre.P.shape))
+    P[0], P[1 : 1 + A.numbers] = centre.P, slopes
+    forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
+    edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
+    spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
+    proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, follows)
+    if proved:
+        return True, np.zeros(0), True, spent
+    size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))
+    worst = np.argmax(np.nan_to_num(size[1:].sum(0) + errors + higher, nan=np.inf))
+    moves = ((1 - 0.5**A.exponents) * size[:, worst, None]).sum(0)
+    return False, moves, bool((errors < SHARED).all()), spent
+
+
+def _halves(box, side):
+    lower, upper = box.copy(), box.copy()
+    lower[1, side] = upper[0, side] = box[:, side].mean()
+    return [lower, upper]

@@ -1,0 +1,370 @@
+"""Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from textwrap import shorten
+
+import numpy as np
+
+from wavesweep.core.analyses.interval_records import FELT, FIELDS, LINES, OPEN
+from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.loops.dead_time import timing
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.spec.studies import K_VE_SPAN
+from wavesweep.core.stability.certificate import NONE, SEARCH
+from wavesweep.core.sweep.grid import Loops, loops_of, own_loop
+from wavesweep.for_all.joint import UNKNOWN
+from wavesweep.for_all.keys import GUARANTEES, values_of_range
+from wavesweep.for_all.mean_square import brackets_on_average
+from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
+from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, text_of
+
+MOST_CASES = 256  # combinations of numbers that have values in place of a range
+MOST_UNKNOWN = 5  # ranges
+NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
+SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
+QUICK = 3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
+NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
+SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
+OF_KINDS = {  # what a verdict is about, and its words
+    "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
+    "messages": ("for every pattern of messages", "stable", "not stable with {}"),
+    "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
+}
+TEXT = 160  # characters of a counterexample
+
+FOR_ALL_RECORD = np.dtype(
+    [
+        *FIELDS,
+        *((name, "<f8") for name in (*FELT, *LINES)),
+        ("fails_below", "<f8"),
+        ("fails_from", "<f8"),
+        ("settled", "?"),
+        ("counterexample", f"<U{TEXT}"),
+        ("left_open", f"<U{TEXT}"),
+        *OPEN,
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ForAllGuarantee:
+    """The numbers of [for_all], as `Along.guarantee`."""
+
+    rules: Rules
+    dtype = FOR_ALL_RECORD
+
+    @property
+    def kind(self) -> str:
+        """The word of its rows in the column `guarantee`."""
+        return GUARANTEES[self.rules.at_random]
+
+    @property
+    def method(self) -> str:
+        """How the intervals are found, in a line."""
+        if self.rules.at_random:
+            return (
+                "quadratic forms at the nodes of the chain of losses, which decay on average, checked by Cholesky with bounds "
+                "on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
+            )
+        if self.rules.vary and self.rules.ranges:
+            return (
+                "quadratic norms that depend on the numbers, on a graph of frames, in every part of the box of all numbers, "
+                "checked by Cholesky with bounds on all errors; refuted by numbers and a pattern of frames that grows"
+            )
+        if self.rules.vary:
+            return (
+                "quadratic norms on a graph of frames, or of messages, in which all shrink, checked by Cholesky with bounds on "
+                "rounding; refuted by a pattern of frames, or of messages, that grows"
+            )
+        return (
+            "guardian maps of all numbers at once, interpolated with a bound and proved positive by Bernstein coefficients; "
+            "refuted by the exact intervals of the worst numbers found"
+        )
+
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop."""
+        return intervals_for_all(self.rules, loop, along, span)
+
+
+def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> None:
+    """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty for a design alone.
+
+    cut: whether frames are cut open at the number.
+    """
+    for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
+    swept = [axis.name for axis in for_all.axes if axis.path == along]
+    ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
+    timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
+    cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
+    for wrong, expected, found in (
+        (rules.messages and ranges, "values of numbers beside channels", f"the range of {', '.join(ranges)}"),
+        (swept, "another number than that of the intervals", ", ".join(swept)),
+        (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
+        (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
+        (timed, "values of a number that dead times follow from", f"the range of {', '.join(timed)}"),
+        (
+            parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
+            "values of a number that decides how the loop is built and need not be whole",
+            f"the range of {', '.join(parts)}",
+        ),
+    ):
+        if wrong:
+            raise UsageError(f"[for_all]: expected {expected}, found {found}")
+    if rules.vary and cut:
+        rules.family(Loops(drawing, dict(spec.values)), along)
+
+
+def _has_parts(spec: Spec, axis: Axis) -> bool:
+    """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
+    return bool(axis.structural and not axis.values and not spec.drawing and spec.names.find(axis.name).type != "integer")
+
+
+def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+    """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
+    loop = _Loop(rules, along, span, loop)
+    return recorded(loop.varying() if rules.vary else loop.intervals(), loop.certified)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is proved, and the part that nothing refutes, with the texts of its ends and of what is open."""
+
+    low: float
+    high: float
+    part: Part
+    settled: bool
+    text: str
+    left_open: str = ""
+
+
+def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -> list[Case]:
+    """Return a case for each combination of the numbers of [for_all] that have values, with the ranges of the others."""
+    drawing, values = loop
+    unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+    ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
+    listed = [axis for axis in unknown if axis.values or axis.structural]
+    cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
+    for each in product(*map(values_of_range, listed)):
+        fixed = dict(zip((axis.path for axis in listed), each, strict=True))
+        own = values | fixed
+        drawn = loop_drawing(own, (along, *gains)) if "controller.kind" in own else drawing
+        cases.append(Case(Loops(drawn, own), along, span, ranges, fixed))
+    return cases
+
+
+class _Loop:
+    """One loop of a sweep with all numbers of [for_all]."""
+
+    def __init__(self, rules: Rules, along: str, span: tuple[float, float], loop: Loops):
+        self.rules, self.along, self.span, self.values = rules, along, span, loop.values
+        self.cases = cases_of(rules, along, span, loop)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the search was."""
+        return all(case.certified for case in self.cases)
+
+    def intervals(self) -> list[Row]:
+        """The rows of loops whose numbers are constant."""
+        found = proofs(self.cases, self.span, NEAR)
+        return [_row(part, *proved) for part, proved in found if proved]
+
+    def varying(self) -> list[Row]:
+        """The rows of loops whose frames vary."""
+        if self.rules.at_random:
+            return self._on_average()
+        rows = []
+        for part in searched(self.cases, self.span, narrow=False):
+            own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
+            if None not in own:
+                rows.append(all_of(own))
+        return [row for row in rows if row.low < row.high]
+
+    def _bracketed(self, case, about) -> Row | None:
+        loop = Loops(case.loop.drawing, self.values | case.fixed)
+        family = None if case.ranges else self.rules.family(loop, self.along)
+        if family is None or family.drift is not None:
+            return self._over_ranges(case, loop, about)
+        found = bracketed(family, self.span, about)
+        return found and self._row(case, family, found)
+
+    def _on_average(self) -> list[Row]:
+        """The rows of loops that lose messages at random: what the intervals of all cases have in common."""
+        rows = [Row(*self.span, Part(*self.span), settled=True, text="")]
+        for case in self.cases:
+            family = self.rules.family(Loops(case.loop.drawing, self.values | case.fixed), self.along)
+            own = [self._row(case, family, found) for found in brackets_on_average(family, self.span)]
+            both = [all_of(pair) for pair in product(rows, own)]
+            rows = [row for row in both if row.low < row.high]
+        return rows
+
+    def _row(self, case, family, found) -> Row:
+        texts = [text_of(family, word) for word in found.words]
+        part = Part(
+            found.fails_below if texts[0] else found.low,
+            found.fails_from if texts[1] else found.high,
+            *({**case.fixed, text: None} if text else None for text in texts),
+        )
+        return Row(found.low, found.high, part, found.settled, text_of_part(part))
+
+    def _over_ranges(self, case, loop, about) -> Row | None:
+        """The row of a case whose numbers have ranges, or whose drift depends on the number along which it lies."""
+        found = bracketed_over(self.rules, loop, self.along, case.ranges, self.span, about)
+        if found is None:
+            return None
+        ends = [found.below, found.above]
+        by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
+        part = Part(*(end.x if end.word else own for end, own in zip(ends, (found.low, found.high), strict=True)), *by)
+        return Row(found.low, found.high, part, found.settled, text_of_part(part), self._left_open(case, found.open))
+
+    def _left_open(self, case, open_):
+        """Which part of the numbers next to the proof was neither proved nor refuted, as a text."""
+        if open_ is None:
+            return ""
+        (low, high), share = open_
+        names = [self.along, *(axis.path for axis in case.ranges)]
+        places = (f"{name_of(path)} {a:.4g} to {b:.4g}" for path, a, b in zip(names, low, high, strict=True))
+        return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", TEXT, placeholder=" ...")
+
+
+def _row(part, low, high) -> Row:
+    """The proof reaches over this much of a part, which is settled if that is near to its ends."""
+    near = [is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), is_near(high, part.high)]
+    return Row(low, high, part, all(near), text_of_part(part))
+
+
+def is_near(one: float, other: float) -> bool:
+    """Whether an end that is proved is so near to one that is refuted that it counts as settled."""
+    return abs(one - other) <= SETTLED * max(abs(other), abs(one))
+
+
+def text_of_part(part: Part) -> str:
+    """What refutes the ends of a part."""
+    ends = [("below", part.low_by), ("from", part.high_by)]
+    texts = [(end, numbers_in_words(by)) for end, by in ends if by is not None]
+    if len(texts) == 1:
+        return shorten(texts[0][1], TEXT, placeholder=" ...")
+    most = TEXT // 2 - len("; below: ")
+    return "; ".join(f"{end}: {shorten(text, most, placeholder=' ...')}" for end, text in texts)
+
+
+def numbers_in_words(by: Mapping[str, object]) -> str:
+    """Numbers, by their paths, as a text; None for a text among the paths."""
+    return ", ".join(name_of(path) if value is None else f"{name_of(path)} = {value:.6g}" for path, value in by.items())
+
+
+def all_of(rows: Sequence[Row]) -> Row:
+    """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
+    low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
+    below, above = max(rows, key=lambda row: row.part.low).part, min(rows, key=lambda row: row.part.high).part
+    part = Part(below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega)
+    near = [
+        by is None or is_near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
+    ]
+    settled = all(near) and all(row.settled for row in (low, high))
+    return Row(low.low, high.high, part, settled, text_of_part(part), high.left_open or low.left_open)
+
+
+def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
+    """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved to be stable from about 0 on."""
+    rules = replace(rules, work=QUICK)
+    rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
+    share = NEAR_ZERO if rules.vary and rules.ranges else 10 * FROM_ZERO
+    found = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
+    return float(found["high"].max(initial=0.0))
+
+
+def in_words(found: Mapping[str, str]) -> str:
+    """What a verdict says."""
+    about, stable, unstable = OF_KINDS[found["kind"]]
+    words = {"proved": f"proved {stable}", "unknown": "not known: no counterexample found, and no proof"}
+    return f"{about}: {words.get(found['verdict'], unstable.format(found['counterexample']))}"
+
+
+def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
+    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown"),
+    counterexample, the numbers with which it is unstable, and kind, what it is about ("for_all", "messages" or "mean_square").
+    rules: others than those of the spec."""
+    refuse_unsuitable_ranges(spec, "")
+    rules = rules or Rules.of(spec)
+    kind = "mean_square" if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
+    return _verdict(spec, rules) | {"kind": kind}
+
+
+def _verdict(spec, rules):
+    known = True
+    loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
+    for number, case in enumerate(loop.cases):
+        if rules.vary and case.ranges:
+            said, by = decided_over(rules, Loops(case.loop.drawing, dict(spec.values) | case.fixed), case.ranges)
+            if said == "refuted":
+                return {"verdict": said, "counterexample": numbers_in_words(case.fixed | by)}
+            known &= said == "proved"
+            continue
+        if rules.vary:
+            said, pattern = _decided(spec, rules, number, case)
+            if said == "refuted":
+                return {"verdict": said, "counterexample": numbers_in_words({**case.fixed, pattern: None})}
+            known &= said == "proved"
+            continue
+        numbers = case.unstable()
+        found = case.cover() if numbers is None and case.ranges else None
+        if found is not None and len(found.unstable):
+            numbers = case.named(found.unstable[0])
+        if numbers is not None:
+            return {"verdict": "refuted", "counterexample": numbers_in_words(numbers)}
+        known &= found is None or not len(found.open)
+    return {"verdict": "proved" if known else "unknown", "counterexample": ""}
+
+
+def _decided(spec, rules, number, case):
+    """Whether a case whose frames vary is stable, and the pattern with which it is not.
+
+    What is not decided soon is asked of the intervals along the wall, or the spec's own number, as the tables have them: the
+    patterns that set their ends are found nearer to them.
+    """
+    values = dict(spec.values)
+    family = rules.family(Loops(case.loop.drawing, values | case.fixed), "")
+    said, pattern = decided(family, SOON)
+    path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
+    if said != UNKNOWN or not path or rules.at_random:
+        return (said, pattern) if said != UNKNOWN else decided(family)
+    value, axis = float(values[path]), next((axis for axis in spec.sweep if axis.path == path), None)
+    low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
+    span = min(value, low), max(value, high)
+    along = _Loop(rules, path, span, loops_of(spec, values, path)).cases[number]
+    try:
+        family_along = rules.family(Loops(along.loop.drawing, values | along.fixed), path)
+    except UsageError:  # its frames cannot be cut there
+        return decided(family)
+    if family_along.drift is not None:  # nothing is proved along such a number without ranges
+        return decided(family)
+    for part in searched([along], span):
+        said, pattern = decided_along(family_along, value, bracketed(family_along, span, (part.low, part.high)))
+        if said != UNKNOWN:
+            break
+    return said, pattern
+
+
+def recorded(rows: Sequence[Row], certified: bool) -> np.ndarray:
+    """Return the rows as records of FOR_ALL_RECORD."""
+    records = np.zeros(max(1, len(rows)), FOR_ALL_RECORD)
+    for name in FOR_ALL_RECORD.names:
+        if FOR_ALL_RECORD[name].kind == "f":
+            records[name] = np.nan
+    records["residual"] = 0.0
+    records["intervals"], records["doubt"] = len(rows), NONE if rows and certified else SEARCH
+    records["certified"] = bool(rows and certified)
+    for number, row in enumerate(rows):
+        records[number]["interval"] = number
+        records["low"][number], records["high"][number] = row.low, row.high
+        records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
+        records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan
+        records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega
+        records["settled"][number], records["counterexample"][number] = row.settled, row.text
+        records["left_open"][number] = row.left_open
+    return records

@@ -1,0 +1,229 @@
+"""Intervals that hold for all values of numbers that are not known, but constant: searched, then proved."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from types import MappingProxyType
+
+import numpy as np
+
+from wavesweep.core.analyses.by_frames import frames_where_solvable
+from wavesweep.core.analyses.interval_records import TINY
+from wavesweep.core.analyses.interval_search import Search
+from wavesweep.core.analyses.loops import drift_of, radii_of
+from wavesweep.core.loops.domain import domain
+from wavesweep.core.reading.axes import Axis
+from wavesweep.core.sweep.grid import Loops, distinct
+from wavesweep.for_all.boxes import Cover, cover
+
+SCATTERED = 24  # points of a box that are tried in addition to its corners, its middle and the spec's own numbers
+SHRINK = 12  # halvings of the steps of the search for the worst numbers
+FRAMES = 800_000  # that the proofs of a case may take
+MOST_UNSTABLE = 8  # points that a proof has met, at which it is looked again
+ROUNDS = 4  # of a search after a proof has met an unstable loop
+FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An interval that no number which was looked at refutes, by which numbers each end is set, none at the range's, and the
+    oscillation that starts there (rad/s)."""
+
+    low: float
+    high: float
+    low_by: Mapping[str, float] | None = None
+    high_by: Mapping[str, float] | None = None
+    low_omega: float = np.nan
+    high_omega: float = np.nan
+
+    def within(self, near: float) -> tuple[float, float]:
+        """The interval that is tried to be proved: from ends that are refuted it is away by this share of the end, at most of
+        the interval; and from FROM_ZERO on in place of 0."""
+        wide = self.high - self.low
+        away = [near * min(max(abs(end), FROM_ZERO * wide), wide) for end in (self.low, self.high)]
+        low = self.low if self.low_by is None else self.low + away[0]
+        high = self.high if self.high_by is None else self.high - away[1]
+        return (FROM_ZERO * high if low == 0 else low), high
+
+
+def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
+    """The parts that two sets of intervals have in common, each end with the numbers that set it."""
+    found = []
+    for one in parts:
+        for other in others:
+            low = max(one, other, key=lambda each: each.low)
+            high = min(one, other, key=lambda each: each.high)
+            if low.low < high.high:
+                found.append(Part(low.low, high.high, low.low_by, high.high_by, low.low_omega, high.high_omega))
+    return found
+
+
+def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = True) -> list[Part]:
+    """The intervals that nothing which is looked at in any of the cases refutes; narrow: see `Case.parts`."""
+    parts = [Part(*span)]
+    for case in cases:
+        parts = shared(parts, case.parts(narrow))
+    return parts
+
+
+def proofs(
+    cases: Sequence["Case"], span: tuple[float, float], near: float
+) -> Iterator[tuple[Part, tuple[float, float] | None]]:
+    """Yield the intervals that nothing which was met refutes, in order, and what is proved of each, None without.
+
+    near: share of an end that is refuted, by which what is tried to be proved stays away from it.
+    """
+    left = [(part, ROUNDS) for part in searched(cases, span)]
+    while left:
+        part, rounds = left.pop(0)
+        if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
+            yield part, (part.low, part.high)
+            continue
+        low, high = part.within(near)
+        if not low < high:
+            yield part, None
+            continue
+        covers, parts = [(case, case.cover(low, high)) for case in cases], [part]
+        for case, found in covers:
+            if len(found.unstable):
+                parts = case.narrowed(case.met(parts, found.unstable[:MOST_UNSTABLE, 1:]))
+        if parts != [part] and rounds:
+            left = [(each, rounds - 1) for each in parts] + left
+            continue
+        open_ = [box[:, 0] for _, found in covers for box in found.open]
+        for each in parts:
+            inner = each.within(near)
+            yield each, largest_free(max(low, inner[0]), min(high, inner[1]), open_)
+
+
+def largest_free(low, high, spans):
+    """The largest part of an interval that some spans leave free; None if none does."""
+    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
+    for a, b in edges:
+        if a > at:
+            free.append((at, min(a, high)))
+        at = max(at, b)
+    if at < high:
+        free.append((at, high))
+    return max((each for each in free if each[0] < each[1]), key=lambda each: each[1] - each[0], default=None)
+
+
+class Case:
+    """Loops whose numbers have ranges, along another number.
+
+    loop: with the others' values. along: empty for none. fixed: those among the values that are named with the numbers of an
+    end. certified: whether all intervals that were looked at are. vouched: whether some are; then a proof has a loop that is
+    stable to begin with. left: frames that proofs may take.
+    """
+
+    def __init__(
+        self,
+        loop: Loops,
+        along: str,
+        span: tuple[float, float],
+        ranges: Sequence[Axis],
+        fixed: Mapping[str, object] = MappingProxyType({}),
+    ):
+        self.along, self.span, self.fixed = along, span, dict(fixed)
+        self.loop = loop.read
+        self.ranges = [axis for axis in ranges if axis.path in loop.drawing.reads]
+        self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
+        self.certified, self.vouched, self.left = True, False, FRAMES
+
+    def parts(self, narrow: bool = True) -> list[Part]:
+        """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
+        parts = self.met([Part(*self.span)], self._points())
+        return self.narrowed(parts) if narrow else parts
+
+    def narrowed(self, parts: list[Part]) -> list[Part]:
+        """What is left of the parts after a search for worse numbers about those that set their ends."""
+        for halving in range(1, 1 + SHRINK if self.ranges else 1):
+            ends = {tuple(by[axis.path] for axis in self.ranges) for by in self._setting(parts)}
+            if not ends:
+                break
+            step = (self.box[1] - self.box[0]) * 0.5**halving * np.eye(len(self.ranges))
+            near = np.array(sorted(ends))[:, None] + np.concatenate([step, -step])
+            parts = self.met(parts, np.unique(np.clip(near, *self.box).reshape(-1, len(self.ranges)), axis=0))
+        return parts
+
+    def _setting(self, parts):
+        """The numbers that set an end of one of the parts, and are of this case."""
+        both = [by for part in parts for by in (part.low_by, part.high_by) if by is not None]
+        return [by for by in both if self.fixed.items() <= by.items()]
+
+    def _points(self):
+        count = len(self.ranges)
+        share = [*product((0.0, 1.0), repeat=count), (0.5,) * count]
+        if count:
+            golden = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))[:count]
+            share += list(np.mod(np.outer(np.arange(1, SCATTERED + 1), golden), 1.0))
+        return np.array(share).reshape(-1, count) * (self.box[1] - self.box[0]) + self.box[0] if count else np.zeros((1, 0))
+
+    def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
+        """What is left of the parts after the exact intervals at points of the box."""
+        for point, found in zip(points, self._exact(points), strict=True):
+            by = self.named(point)
+            own = [
+                Part(low, high, by if low > self.span[0] else None, by if high < self.span[1] else None, *omegas)
+                for low, high, *omegas in found
+            ]
+            parts = shared(parts, own)
+        return list(parts)
+
+    def _exact(self, points):
+        """The stable intervals at each point."""
+        found = [[] for _ in points]
+        for some in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
+            groups = ((np.arange(some.size), self.loop.changed(arrays)),)
+            records = Search(self.along, self.span, groups, felt=False, checked=True).records()
+            self.certified &= bool(records["certified"].all())
+            self.vouched |= bool(records["certified"].any())
+            for record in records[records["intervals"] > 0]:
+                ends = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
+                found[some[record["slice"]]].append(tuple(ends))
+        return found
+
+    def cover(self, low=0.0, high=0.0) -> Cover:
+        """The proof that all loops of the box are stable, from low to high of the number if there is one."""
+        box = np.column_stack([[low, high], self.box]) if self.along else self.box
+        paths = [*filter(None, [self.along]), *(axis.path for axis in self.ranges)]
+        bounds = np.array([domain(*self.loop, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]).T
+        frames = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, box))
+        found = cover(frames, box, bounds, self.left)
+        self.left -= found.used
+        return found
+
+    def unstable(self) -> Mapping[str, float] | None:
+        """Numbers among those that are looked at with which the loop is not stable, or not known to be; None without."""
+        points = self._points()
+        for some in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
+            radius = radii_of(self.loop.changed(arrays), some.size)
+            if (wrong := np.flatnonzero(~(radius < 1))).size:
+                return self.named(points[some[wrong[0]]])
+        return None
+
+    def named(self, point) -> dict[str, float]:
+        """The numbers of a point of the box."""
+        return self.fixed | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
+
+
+def frames_over(loop, paths, drift, x):
+    x = np.where(x == 0, TINY, x)
+    return frames_where_solvable(loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),))
+
+
+def drift_over(loop, paths, box):
+    """The drift of all loops of a box, counted from the state from which their entries are smallest."""
+    ends = zip(paths, box.T, strict=True)
+    drift = drift_of(loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}))
+    if len(drift.folded) != 1:
+        return drift
+    corners = np.array(list(product(*box.T)))
+    leads = [replace(drift, folded=(state,)) for state in sorted({*drift.kept, *drift.folded})]
+    with np.errstate(all="ignore"):
+        entries = (np.abs(frames_over(loop, paths, each, corners).E) for each in leads)
+        sizes = [np.nan_to_num(each, nan=np.inf).max(initial=0.0) for each in entries]
+    return leads[int(np.argmin(sizes))]

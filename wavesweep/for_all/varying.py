@@ -1,0 +1,232 @@
+"""Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results, or whose
+messages may be late or lost, by what their channels say."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import groupby
+
+import numpy as np
+
+from wavesweep.core.drawing.block_types import without_rule
+from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.drawing.expressions import names_in
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.domain import domain
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.sweep.grid import Loops
+from wavesweep.for_all.frames import FRAME, LOST, RATIO, Frames, plan_of_controller, plan_of_drawing
+from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
+from wavesweep.for_all.keys import ForAll, values_of_range
+from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.mean_square import Chances, chances, decays
+from wavesweep.for_all.messages import Sent, frames_with_messages
+from wavesweep.for_all.norms import WORK
+from wavesweep.for_all.plan import Plan
+from wavesweep.for_all.words import is_refuted
+from wavesweep.for_all.worst import WORK as WORK_OVER
+from wavesweep.for_all.worst import Loops as LoopsOver
+from wavesweep.for_all.worst import as_numbers, bracket_over, decide_over
+
+DELAY = "environment.delay"
+FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
+WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
+STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
+KIND = "controller.kind"
+GROW = "second moments that grow"  # with messages lost at random, in place of a pattern
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a spec says that its frames vary.
+
+    with_frame: whether results are in place with the next frame. elapsed: whether the slow environment integrates over the
+    time since its last frame. messages: whether the loop has channels; at_random: whether these lose messages at random.
+    work: operations of a proof over ranges beside what varies.
+    """
+
+    for_all: ForAll
+    with_frame: bool = False
+    elapsed: bool = True
+    messages: bool = False
+    at_random: bool = False
+    work: float = WORK_OVER
+
+    @staticmethod
+    def of(spec: Spec) -> "Rules":
+        """The rules of a spec with [for_all]."""
+        drawing = spec.drawing
+        messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
+        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed", *messages)
+
+    @property
+    def ranges(self) -> bool:
+        """Whether some numbers have ranges beside what varies."""
+        return any(not (axis.values or axis.structural) for axis in self.for_all.unknown)
+
+    @property
+    def vary(self) -> bool:
+        """Whether anything varies."""
+        return bool(self.for_all.changing or self.for_all.lost or self.messages)
+
+    def family(self, loop: Loops, along: str) -> LoopFrames | Chances:
+        """The frames of a loop along a number, empty for the loop at its own values.
+
+        Errors: UsageError for numbers that cannot vary, or another one along.
+        """
+        if not self.messages:
+            return self.plan(loop, (along,)).along(along)
+        if self.for_all.changing:
+            found = ", ".join(without_rule(loop.drawing.channels))
+            expected = "blocks whose types have a rule for steps that vary (`wavesweep keys block`)"
+            raise UsageError(f"[for_all] varying: expected {expected}, found {found}")
+        return (chances if self.at_random else frames_with_messages)(*loop, along)
+
+    def plan(self, loop: Loops, gains: Sequence[str]) -> Plan:
+        """What the frames of a loop without channels consist of; gains: numbers that count as other than 0.
+
+        Errors: UsageError.
+        """
+        (drawing, values), axes = loop, {axis.path: axis for axis in self.for_all.changing}
+        if KIND in values:
+            if wrong := axes.keys() - {RATIO, DELAY}:
+                raise UsageError(
+                    f"[for_all] varying: expected rates.ratio or environment.delay, found {', '.join(sorted(wrong))}"
+                )
+            lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
+            delays = values_of_range(axes[DELAY]) if DELAY in axes else (FRAME if self.with_frame else values[DELAY],)
+            frames = Frames(tuple(map(int, lengths)), tuple(delays), self.for_all.lost, self.elapsed)
+            return plan_of_controller(values, frames, gains)
+        if self.for_all.lost:
+            raise UsageError("[for_all] lost: expected a built-in controller, whose results may be lost, found a drawn loop")
+        running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
+        wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
+        if wrong or len(axes) != 1:
+            found = ", ".join(axis.name for axis in axes.values())
+            raise UsageError(f"[for_all] varying: expected one number, which `every` of blocks reads, found {found}")
+        ((path, axis),) = axes.items()
+        lengths = tuple(map(int, values_of_range(axis)))
+        # At the longest, blocks that follow it differ from those of every tick, which they may not at the spec's own.
+        return plan_of_drawing(drawing, {**values, path: max(lengths)}, lengths, self.elapsed)
+
+
+def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
+    """What is proved and refuted about an interval of the nominal loop; None if no start of a proof is found."""
+    low, high = about
+    for share in STARTS:
+        found = bracket(family, low + share * (high - low), span)
+        if np.isfinite(found.low):
+            return found
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """A refuted number beside a proof: at a point of a box, by a word, with the text of that."""
+
+    x: float
+    point: tuple[float, ...]
+    word: tuple[int, ...]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Over:
+    """A `Bracket` for all numbers of some ranges. open: see `worst.Bracket`."""
+
+    low: float
+    high: float
+    below: End
+    above: End
+    settled: bool
+    open: tuple[np.ndarray, float] | None
+
+
+def bracketed_over(
+    rules: Rules, loop: Loops, along: str, ranges: Sequence[Axis], span: tuple[float, float], about: tuple[float, float]
+) -> Over | None:
+    """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
+    loops = _over(rules, loop, along, ranges, span)
+    least = loops.zeros[0] + FROM_ZERO * (about[1] - loops.zeros[0])
+    for share in STARTS:
+        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work)
+        if np.isfinite(found.low):
+            ends = (End(each.x, each.point, each.word, _text_at(loops, each)) for each in (found.below, found.above))
+            return Over(found.low, found.high, *ends, found.settled, found.open)
+    return None
+
+
+def _text_at(loops, refuted):
+    return text_of(loops.family(refuted.point), refuted.word) if refuted.word else ""
+
+
+def _over(rules, loop, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
+    """The loops of a box of ranges, along a number or at their own values."""
+    paths = [axis.path for axis in ranges]
+    box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
+    plan, zeros = rules.plan(loop, (along, *paths)), [min(0.0, span[0])] if along else []
+    for path, (low, high) in zip(paths, box.T, strict=True):
+        least = domain(*loop, path, (low, high))[0]
+        zeros.append(least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan)
+    zeros = np.array(zeros)
+
+    @cache
+    def family(point):
+        return rules.family(loop.changed(dict(zip(paths, point, strict=True))), along)
+
+    def frames_at(part, units=None):
+        return plan.over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
+
+    return LoopsOver(family, frames_at, box, zeros)
+
+
+def decided_over(rules: Rules, loop: Loops, ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:
+    """Whether a loop is stable for all numbers of some ranges and every order of frames, and what it is not stable with."""
+    loops = _over(rules, loop, "", ranges)
+    point, word, proved = decide_over(loops)
+    by = dict(zip((axis.path for axis in ranges), point, strict=False))
+    return (REFUTED, by | {text_of(loops.family(point), word): None}) if word else (PROVED if proved else UNKNOWN, {})
+
+
+def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]:
+    """Whether a loop is stable for every order of frames, and the pattern with which it is not.
+
+    family: along no number. work: operations after which no more norms are looked for.
+    """
+    if isinstance(family, Chances):
+        verdict = decays(family)
+        return verdict, GROW if verdict == REFUTED else ""
+    found = decide(family, work=work)
+    return found.verdict, text_of(family, found.word)
+
+
+def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
+    """The same at a value of a number, by what is found about an interval along it: its proof, and the patterns of its ends."""
+    if found is not None and found.low <= value <= found.high:
+        return PROVED, ""
+    word = next((each for each in (found.words if found else ()) if each and is_refuted(family, each, value)), ())
+    return REFUTED if word else UNKNOWN, text_of(family, word)
+
+
+def text_of(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
+    """A pattern of frames, or of messages, or that second moments grow as a text; empty without a word."""
+    if isinstance(family, Chances):
+        return GROW if word else ""
+    symbols = [family.symbols[each] for each in word]
+    if symbols and isinstance(symbols[0], Sent):
+        return "messages " + "; ".join(f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items())
+    return f"frames {', '.join(_frame(family.symbols[each], family) for each in word)}" if word else ""
+
+
+def _frame(symbol, family):
+    several = len({(each.delay, each.lost) for each in family.symbols}) > 1
+    if symbol.delay == LOST:
+        return f"{symbol.ticks} (lost)"
+    return f"{symbol.ticks} (delay {symbol.delay})" if several else f"{symbol.ticks}"
+
+
+def _messages(late):
+    """What happens to the messages of a channel, as [simulate] takes it: those that are lost in a row are counted."""
+    runs = [(each, len(list(run))) for each, run in groupby(late)]
+    texts = ([f"{count} lost" if count > 1 else "lost"] if each is None else [f"{each}"] * count for each, count in runs)
+    return ", ".join(text for some in texts for text in some)

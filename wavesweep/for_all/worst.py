@@ -1,0 +1,222 @@
+"""Intervals of a number for every point of a box of others, while frames vary: refuted at the worst point that a search finds,
+and proved box by box."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from wavesweep.for_all.graph import Family
+from wavesweep.for_all.joint import nearest_refuted
+from wavesweep.for_all.norms import first_centre
+from wavesweep.for_all.ranges import Box, FramesAt, cover, units_of
+from wavesweep.for_all.words import Word, crossing, growing, growth, is_refuted, refuted_beyond
+
+TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
+NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
+SHRINK = 8  # halvings of the steps of the search for the worst point
+MOVED = 1e-4  # relative: a gain of the search below this ends it
+WORK = 7e11  # operations of the proofs: about a minute
+UPWARD = 0.6  # part of the work for the way to the upper end
+PART = 0.4  # of the way to the refuted number, at which a proof is begun
+ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
+UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
+ROUNDS = 3  # of the search for refutations, after the proof has met one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refuted:
+    """A number at which a word grows at a point of the box; x NaN and word () if none was found."""
+
+    x: float = np.nan
+    point: tuple[float, ...] = ()
+    word: Word = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bracket:
+    """The numbers around a start that are proved for the whole box, low to high, NaN if none is; and the refuted ones.
+
+    open: the box around what was left open next to `high`, or to `low`, as low and high ends of the number and of the others,
+    and its share of the others; None if nothing was left.
+    """
+
+    low: float
+    high: float
+    below: Refuted
+    above: Refuted
+    settled: bool
+    open: tuple[np.ndarray, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Loops over a box of numbers, `(2, numbers)`, along another number.
+
+    family: gives the frames at a point of the box as a family along the number. frames_at: gives the frames over a box of sides
+    (see `as_sides`), the first of which is that number. zeros: from where each is counted, as sides have it.
+    """
+
+    family: Callable[[tuple[float, ...]], Family]
+    frames_at: FramesAt
+    box: Box
+    zeros: np.ndarray
+
+
+def as_sides(numbers: np.ndarray, zeros: np.ndarray) -> np.ndarray:
+    """Return numbers `(..., numbers)` as the sides of a box: logarithms from where they are counted, if that is not NaN."""
+    with np.errstate(all="ignore"):
+        return np.where(np.isnan(zeros), numbers, np.log(numbers - np.nan_to_num(zeros)))
+
+
+def as_numbers(sides: np.ndarray, zeros: np.ndarray) -> np.ndarray:
+    """Return the numbers of sides; see `as_sides`."""
+    with np.errstate(all="ignore"):
+        return np.where(np.isnan(zeros), sides, np.exp(sides) + np.nan_to_num(zeros))
+
+
+def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least: float, work: float = WORK) -> Bracket:
+    """Return the numbers around a start, within limits, at which all loops of the box decay in every order of frames.
+
+    least: the lowest number that the proof aims at. work: operations of the proofs.
+    """
+    limits = max(limits[0], least), limits[1]
+    below, above = (_worst(loops, start, limit) for limit in limits)
+    follows = loops.family(tuple(loops.box.mean(0).tolist())).follows
+    zero, rounds, spent, open_ = loops.zeros[0], ROUNDS, 0.0, None
+    if above.word:
+        start = max(start, zero + PART * (above.x - zero))
+    high = low = start
+
+    def proved(low, high, most, up):
+        ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
+        units = None if zero else units_of(loops.frames_at, _layer(loops, *ends), follows)
+        found = cover(partial(loops.frames_at, units=units), _layer(loops, low, high), follows, most - spent, up)
+        return found, float(as_numbers(found.end - ROUNDED if up else found.end + ROUNDED, zero)), spent + found.used
+
+    while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
+        found, end, spent = proved(high, goal, UPWARD * work, True)
+        high = max(high, end)
+        if not (found.word and rounds):
+            open_ = _left(loops, found, 0)
+            break
+        above, rounds = _met(loops, found, start, above), rounds - 1
+    goal = _goal(below, limits[0], start)
+    if start < high and goal < start:
+        found, end, spent = proved(goal, start, work, False)
+        low, open_ = min(low, end), open_ or _left(loops, found, 1)
+    if high == low:
+        return Bracket(np.nan, np.nan, below, above, False, open_)
+    near = [_near(low, below.x if below.word else limits[0]), _near(high, above.x if above.word else limits[1])]
+    return Bracket(low, high, below, above, all(near), open_)
+
+
+def _near(end, refuted):
+    return abs(end - refuted) <= TOLERANCE * max(abs(end), abs(refuted))
+
+
+def _goal(refuted, limit, start):
+    """How far a proof is tried."""
+    if not refuted.word:
+        return limit
+    return refuted.x + np.sign(start - refuted.x) * min(NEAR * TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2)
+
+
+def _layer(loops, low, high):
+    """The sides of all loops from a number to another."""
+    return as_sides(np.column_stack([[low, high], loops.box]), loops.zeros)
+
+
+def _left(loops, found, end):
+    """The box around what holds a proof up on its way from below (end 0) or above (1), and its share of the other sides."""
+    if not found.open:
+        return None
+    open_, whole = np.array(found.open), as_sides(loops.box, loops.zeros[1:])
+    open_, wide = open_[open_[:, end, 0] == found.end], whole[0] < whole[1]
+    share = ((open_[:, 1] - open_[:, 0])[:, 1:][:, wide] / (whole[1] - whole[0])[wide]).prod(1).sum()
+    return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.zeros), float(share)
+
+
+def _worst(loops: Loops, start: float, limit: float) -> Refuted:
+    """The refuted number closest to the start that a search over the box finds, towards a limit.
+
+    Words are searched at the corners and in the middle; then the best point is moved, with its word, as long as that refutes a
+    number closer to the start, and words are searched there again.
+    """
+    corners = sorted(set(product(*loops.box.T)))
+    best = Refuted()
+    for point in [*corners, tuple(loops.box.mean(0))]:
+        best = _refuted_at(loops, point, start, limit, best)
+    for halving in range(1, 1 + SHRINK):
+        before = best
+        if not best.word or not loops.box.size:
+            break
+        while True:
+            moved = _moved(loops, start, limit, best, (loops.box[1] - loops.box[0]) * 0.5**halving)
+            if not moved.word or abs(moved.x - best.x) <= MOVED * abs(best.x - start):
+                break
+            best = moved
+        if best is not before:
+            best = _refuted_at(loops, best.point, start, best.x, best)
+    return best
+
+
+def _refuted_at(loops, point, start, limit, best):
+    """What is refuted at a point if it is closer to the start than the best."""
+    limit = best.x if best.word else limit
+    x, word = nearest_refuted(loops.family(point), start, limit, TOLERANCE)
+    if word and not (best.word and abs(x - start) >= abs(best.x - start)):
+        return Refuted(x, tuple(point), word)
+    return best
+
+
+def _moved(loops, start, limit, best, step):
+    """The best of the neighbours of a point at which its word refutes a number closer to the start."""
+    found = Refuted()
+    for move in np.concatenate([np.diag(step), -np.diag(step)]):
+        point = tuple(np.clip(np.array(best.point) + move, *loops.box))
+        if point == best.point:
+            continue
+        family = loops.family(point)
+        end = found.x if found.word else best.x
+        if growth(family.at(end), best.word) < 1:
+            continue
+        x = refuted_beyond(family, best.word, crossing(family, best.word, start, end), limit)
+        if x is not None and abs(x - start) < abs(end - start):
+            found = Refuted(x, point, best.word)
+    return found
+
+
+def _met(loops, found, start, above):
+    """What is refuted at a place that a proof has met."""
+    x, *point = as_numbers(found.point, loops.zeros)
+    point = tuple(np.clip(point, *loops.box))
+    family = loops.family(point)
+    if growth(family.at(x), found.word) < 1:
+        return above
+    at = refuted_beyond(family, found.word, crossing(family, found.word, start, x), x + abs(x))
+    if at is None or (above.word and at >= above.x):
+        return above
+    best = Refuted(at, point, found.word)
+    return _refuted_at(loops, point, start, at, best)
+
+
+def decide_over(loops: Loops, work: float = WORK) -> tuple[tuple[float, ...], Word, bool]:
+    """Return a point of the box and a word that grows there, () without, and whether all of the box is proved.
+
+    loops: along no number. work: operations of the proof.
+    """
+    for point in [*sorted(set(product(*loops.box.T))), tuple(loops.box.mean(0))]:
+        family = loops.family(point)
+        A = family.at(0.0)
+        for word in growing(A, family.follows, first_centre(A, family.follows)[0].basis):
+            if is_refuted(family, word, 0.0):
+                return tuple(map(float, point)), word, False
+    found = cover(loops.frames_at, as_sides(loops.box, loops.zeros), family.follows, work)
+    if found.word:
+        point = tuple(np.clip(as_numbers(found.point, loops.zeros), *loops.box).tolist())
+        if is_refuted(loops.family(point), found.word, 0.0):
+            return point, found.word, False
+    return (), (), not found.open

@@ -1,0 +1,171 @@
+"""`wavesweep identify`."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from wavesweep.core.cli.options import overwriting
+from wavesweep.core.cli.talk import talk
+from wavesweep.core.errors import UsageError
+
+OWN = "# The device of "  # what a spec of this command begins with
+
+
+@click.command("identify")
+@click.argument("log")
+@click.option(
+    "--resolution",
+    type=click.FloatRange(min=0),
+    metavar="STEP",
+    help="Step of the encoder in m (or rad) [default: that which the readings show]. With 0 there is none.",
+)
+@click.option("--spring", is_flag=True, help="Fit a spring as well.")
+@click.option("--friction", is_flag=True, help="Fit Coulomb friction as well.")
+@click.option(
+    "--two-masses",
+    is_flag=True,
+    help="Fit two masses on a spring, as of a drive with a flexible coupling: the log is of the first, which the force moves.",
+)
+@click.option("--delay", type=float, metavar="TICKS", help="Hold the delay of the force at this number, and do not fit it.")
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="HZ",
+    help="Of a frequency response: the rate at which its force was held [default: an analogue force].",
+)
+@click.option(
+    "--motor-constant",
+    metavar="LOW..HIGH",
+    help="Of a log with a current (A): the force or torque per ampere (N/A or N*m/A), a number or bounds, to which mass, "
+    "damping and more are proportional.",
+)
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    metavar="NAME=COLUMN",
+    help="Which column of the log is time, force, position (or torque, current, velocity, acceleration, angle, speed, "
+    "angular_acceleration), e.g. position=enc. May be repeated.",
+)
+@click.option(
+    "--scale",
+    "scales",
+    multiple=True,
+    metavar="NAME=FACTOR",
+    help="Factor from the numbers of a column to s, N and m (or N*m and rad), e.g. position=2e-5. May be repeated.",
+)
+@click.option(
+    "--out", metavar="FILE", help="The spec to write [default: results/<log's name>/device.toml]. An earlier one is replaced."
+)
+@overwriting("Replace a spec, or results, that are not of the same log.")
+@click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out.")
+def identify(
+    log: str,
+    out: str | None,
+    columns: tuple[str, ...],
+    scales: tuple[str, ...],
+    motor_constant: str | None,
+    **given: Any,
+) -> None:
+    """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
+
+    LOG is a CSV file with the columns time (s), force (N) and position (m), a sample a row, equally spaced. In place of the
+    force there may be a current (A), in place of the position a velocity or an acceleration; of a device that turns torque
+    (N*m), angle, speed (rad/s) or angular_acceleration. A force is held to the next row. The numbers are those of the sampled
+    model, with intervals of 95 % that know of the encoder's rounding; and the summary says whether the model explains the log
+    or, if it does not, what is missing.
+
+    A CSV file with the columns frequency_hz, admittance_abs and admittance_deg (or _re and _im), and maybe coherence, is a
+    frequency response (m/N), to which mass, damping, spring and delay are fitted. Its force is analogue; with --rate it was
+    held over ticks. mobility_abs, ... (m/s/N) and accelerance_abs, ... (m/s^2/N) are responses of the velocity and of the
+    acceleration.
+
+    With --two-masses the device is a motor with a load on a spring; mass, damping, position and velocity are the motor's.
+
+    The spec has the device, and the intervals in [for_all], so that every other command answers for all of them. The table
+    identify, with its figure, goes to results/<log's name>: measured and fitted positions, residual and its spectrum.
+
+    \b
+    Examples:
+      wavesweep identify log.csv --resolution 2e-5 --out device.toml
+      wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
+    """
+    from wavesweep.core import results
+    from wavesweep.core.cli.files import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
+    from wavesweep.core.cli.messages import progress, say, show_json, where
+    from wavesweep.core.tables import kind_named
+    from wavesweep.identification.device_spec import spec_text
+    from wavesweep.identification.log import pairs
+    from wavesweep.identification.table import identify
+
+    started = time.perf_counter()
+    asked = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
+    asked |= {"motor_constant": _bounds(motor_constant)} if motor_constant else {}
+    asked |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
+    directory = Path("results", Path(log).stem)
+    target = Path(out) if out else directory / "device.toml"
+    results.refuse_unusable(directory)
+    if out:
+        refuse_no_folder(target)
+    refuse_other_things(target)
+    tables = (directory / name for kind in ("identify", "identify-response") for name in results.names_of(kind))
+    refuse_inputs([log], target, *tables)
+    _refuse_foreign(target, given["overwrite"])
+    with progress(talk().quiet, "fitting"):
+        table = identify(log, **asked)
+    table = replace(table, facts={**table.facts, "spec_place": results.place_of([log], directory)})
+    if given["plot"]:
+        from wavesweep.core import plots
+
+        plots.refuse_settings()
+        table = plots.drawn(table)
+    kind = kind_named(table.kind)
+    tally = kind.tally(table)
+    paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
+    write_whole((target, spec_text(table.facts)))
+    paths, seconds = [*paths, target], time.perf_counter() - started
+    numbers = tally.numbers(table.facts)
+    lines = list(kind.lines(numbers))
+    if talk().as_json:
+        about = {"command": "identify", "log": Path(log).name, "notices": table.facts["notices"]}
+        show_json({**about, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
+    elif not talk().quiet:
+        for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
+            say(line, warning)
+        say(f"{where(paths[:-1], seconds)}; the device: {target}")
+
+
+def _bounds(text: str) -> tuple[float, float]:
+    """The two numbers of LOW..HIGH, or one twice."""
+    low, dots, high = text.partition("..")
+    try:
+        found = float(low), float(high if dots else low)
+    except ValueError:
+        found = (0.0, 0.0)
+    if not 0 < found[0] <= found[1] < float("inf"):
+        raise UsageError(f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}")
+    return found
+
+
+def _factors(given: dict[str, str]) -> dict[str, float]:
+    found = {}
+    for name, text in given.items():
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise UsageError(f"--scale {name}={text}: expected a number, found {text}") from None
+        if not 0 < abs(found[name]) < float("inf"):
+            raise UsageError(f"--scale {name}={text}: expected a finite number that is not 0")
+    return found
+
+
+def _refuse_foreign(target: Path, overwrite: bool) -> None:
+    if overwrite or not target.is_file():
+        return
+    with target.open(encoding="utf-8", errors="replace") as file:
+        if not file.readline().startswith(OWN):
+            raise UsageError(f"{target}: found a spec that identify did not write; give --overwrite to replace it")

@@ -1,0 +1,132 @@
+"""The spec of a device that was found from a log: the text that `wavesweep identify` writes."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.spec.writing import as_toml
+
+PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
+DRAWN = {
+    "mass": "Jm",
+    "damping": "D",
+    "load_mass": "Jl",
+    "load_damping": "Dl",
+    "coupling_stiffness": "k",
+    "coupling_damping": "d",
+}
+"""The numbers of the template two-mass."""
+STRAIGHT = (
+    ("kg*m^2", "kg"),
+    ("N*m*s/rad", "N*s/m"),
+    ("N*m/rad", "N/m"),
+    ("rad/s", "m/s"),
+    ('"N*m"', '"N"'),
+    ("inertia", "mass"),
+)
+"""What the template says of what turns, and what is said of a device that moves straight."""
+EARLY = 1.5  # ticks; a log whose rows have the position after their force is one tick ahead
+TOLD = 0.1  # ticks that a delay may differ from the one in the spec
+
+
+def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
+    """Sentences on numbers below 0."""
+    if (delay := parameters["delay"]["value"]) < -EARLY:
+        unit = parameters["delay"]["unit"].replace("tick", "ticks")
+        yield f"the position is {-delay:.3g} {unit} ahead of its force: are the two columns of the same time?"
+    for name in dict.fromkeys((*PATHS, *DRAWN)):
+        if name in parameters and parameters[name]["low"] < 0:
+            yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
+
+
+def spoken(each: Mapping[str, Any]) -> str:
+    """A number with its interval, to the digits that it has."""
+    value, low, high, unit = (each[part] for part in ("value", "low", "high", "unit"))
+    if low == high:
+        return f"{value:g} {unit}, given"
+    digits = min(max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12)
+    return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
+
+
+def whole(delay: Mapping[str, Any]) -> int | None:
+    """The delay as a whole number of ticks, which a spec's device may have; None if it is not known to be one."""
+    ticks = max(round(delay["value"]), 0)
+    return ticks if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD else None
+
+
+def spec_text(facts: Mapping[str, Any]) -> str:
+    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
+    parameters = facts["parameters"]
+    if "load_mass" in parameters:
+        return "\n".join([*_comments(facts), _two_masses(facts)])
+    known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
+    tables: dict[str, dict[str, Any]] = {
+        "controller": {"kind": "dc"},
+        "rates": {"fast_hz": float(f"{1 / facts['period_s']:.9g}")},
+    }
+    for path, each in known.items():
+        room, name = path.split(".")
+        tables.setdefault(room, {})[name] = max(each["value"], 0.0)
+    if ticks := whole(parameters["delay"]):
+        tables["device"]["delay"] = ticks
+    effects = {"resolution": facts["resolution"]} if facts["resolution"] and facts["measured"] == "position" else {}
+    if "friction" in parameters:
+        effects["friction"] = max(parameters["friction"]["value"], 0.0)
+    tables["simulate"] = effects
+    tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
+    return "\n".join([*_comments(facts), as_toml(tables)])
+
+
+def _two_masses(facts: Mapping[str, Any]) -> str:
+    """The template two-mass with the numbers that were found, and a slow first controller.
+
+    A proof takes five ranges at most, so the load's damping has its ends as values in place of a range.
+    """
+    from wavesweep.core.bundled import bundled
+
+    template = (bundled("sweeps/templates") / "two-mass.toml").read_text(encoding="utf-8")
+    text = "[rates]" + template.partition("[rates]")[2].partition("[sweep]")[0]
+    parameters, period = facts["parameters"], facts["period_s"]
+    numbers = {name: max(parameters[found]["value"], 0.0) for found, name in DRAWN.items()}
+    numbers["tau"] = max(parameters["delay"]["value"], 0.0) * period
+    resonance = float(np.sqrt(numbers["k"] * (1 / numbers["Jm"] + 1 / numbers["Jl"])))
+    bandwidth = min(resonance / 10, 0.1 / (numbers["tau"] + period))
+    gain = float(f"{bandwidth * (numbers['Jm'] + numbers['Jl']):.3g}")
+    numbers |= {"f": float(f"{resonance / 2 / np.pi:.4g}"), "kp": gain, "ki": float(f"{gain * bandwidth / 10:.3g}")}
+    for name, value in numbers.items():
+        text = re.sub(rf"(?m)^({name} *= {{ value = )[^,]*", rf"\g<1>{value!r}", text)
+    text = re.sub(r"(?m)^tick_hz = \S+", f"tick_hz = {float(f'{1 / period:.9g}')!r}", text)
+    for turning, straight in STRAIGHT if not facts["turns"] else ():
+        text = text.replace(turning, straight)
+    sweep = {"along": "kp", "kp": {"start": 0.0, "stop": 20 * gain}}
+    ends = {name: [max(parameters[found][end], 0.0) for end in ("low", "high")] for found, name in DRAWN.items()}
+    ranges: dict[str, Any] = {name: {"start": low, "stop": high} for name, (low, high) in ends.items()}
+    return text + as_toml({"sweep": sweep, "for_all": ranges | {"Dl": {"values": sorted({*ends["Dl"]})}}})
+
+
+def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
+    delay, millis, two = facts["parameters"]["delay"], 1e3 * facts["period_s"], "load_mass" in facts["parameters"]
+    place = "It is tau." if two else "It is device.delay."
+    unknown = "It is no whole number of them, so no built-in loop has it."
+    lines = [
+        f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
+        "# Intervals of 95 %, in [for_all]:",
+        *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",
+        f"# {unknown if whole(delay) is None and not two else place}",
+    ]
+    if two:
+        lines.append(
+            "# A proof takes five ranges, so the load's damping Dl has the ends of its interval as values, and tau its own."
+        )
+    if "stiffness" in facts["parameters"]:
+        lines.append("# The spring stands as that of the hand, which acts as well on the device.")
+    if facts["turns"]:
+        lines.append("# The device turns: kg is kg*m^2, N is N*m, and m is rad.")
+    if facts["missing"] == "unseen":
+        lines.append("# The log cannot tell whether the model is enough.")
+    elif not facts["explained"]:
+        lines.append("# The model does NOT explain the log; the intervals are widened by what is left.")
+    return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in negative(facts["parameters"]))]

@@ -1,0 +1,96 @@
+"""The figure of a device found from a log: measured and fitted position, what is left, and its spectrum."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.core.plots.words import as_it_stands
+from wavesweep.simulation.figure import extremes
+
+SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
+
+
+def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw an `identify` table: force, measured and fitted position, the residual with half a step either way, its spectrum."""
+    from wavesweep.identification.table import READ, turned
+
+    measured, times = facts.get("measured", "position"), columns["time_s"]
+    force, unit = "torque (N·m)" if facts["turns"] else "force (N)", READ[measured]
+    unit = (turned(unit) if facts["turns"] else unit).replace("^2", "²")
+    angle = {"position": "angle", "velocity": "speed"} if facts["turns"] else {}
+    place = f"{angle.get(measured, measured)} ({unit})"
+    with figure(TWO_COLUMNS, 5.2) as canvas:
+        panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
+        panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
+        panels[0].set_ylabel(force)
+        panels[1].plot(*extremes(times, columns[measured]), color=distinct_colour(0), linewidth=1.6, label="measured")
+        panels[1].plot(*extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
+        panels[1].set_ylabel(place)
+        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        panels[2].plot(*extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7)
+        for side in (-0.5, 0.5) if facts["resolution"] else ():
+            panels[2].axhline(side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":")
+        panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
+        hertz, density, white = _spectrum(columns, facts)
+        panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
+        panels[3].loglog(hertz, white, color="0.5", linewidth=0.8, linestyle="--", label="encoder and\nwhite noise")
+        panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
+        panels[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        for axes in panels:
+            axes.grid(**GRID)
+            axes.margins(x=0)
+        for axes in panels[:2]:
+            axes.sharex(panels[2])
+            axes.tick_params(labelbottom=False)
+        _title(canvas, facts, "log")
+        canvas.align_ylabels()
+    return canvas
+
+
+def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw an `identify-response` table: modulus and phase, measured and fitted, and how far they are apart."""
+    hertz = columns["frequency_hz"]
+    with figure(TWO_COLUMNS, 4.4) as canvas:
+        panels = canvas.subplots(3, 1, sharex=True, height_ratios=[2, 1.4, 1.2])
+        phase = np.unwrap(columns["fitted_deg"], period=360)
+        apart = (columns["measured_deg"] - columns["fitted_deg"] + 180) % 360 - 180
+        curves = ((columns["measured_abs"], columns["fitted_abs"]), (phase + apart, phase))
+        for axes, (measured, fitted) in zip(panels, curves, strict=False):
+            axes.plot(hertz, measured, ".", color=distinct_colour(0), markersize=4, label="measured")
+            axes.plot(hertz, fitted, color=IDEAL, linewidth=0.9, label="fitted")
+        panels[2].plot(hertz, 100 * columns["residual_abs"], ".", color=distinct_colour(1), markersize=4)
+        panels[0].set(xscale="log", yscale="log", ylabel="admittance (m/N)")
+        panels[0].legend(loc="upper right", fontsize=7)
+        panels[1].set_ylabel("phase (deg)")
+        panels[2].set(ylabel="apart by (%)", xlabel="frequency (Hz)")
+        for axes in panels:
+            axes.grid(**GRID)
+        _title(canvas, facts, "response")
+        canvas.align_ylabels()
+    return canvas
+
+
+def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
+    """The numbers that were found below the panels, and above them a warning if the model does not explain what was read."""
+    from wavesweep.identification.device_spec import spoken
+
+    names = ("mass", "load_mass", "coupling_stiffness") if "load_mass" in facts["parameters"] else ("mass", "damping")
+    numbers = (f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in names)
+    note_below(canvas, as_it_stands(", ".join(numbers).replace("*", "·")))
+    warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {what}")
+
+
+def _spectrum(columns, facts):
+    """Frequencies (Hz), the amplitude density of the residual over bands, and that of white errors of the encoder and noise."""
+    left, period = columns["residual"][columns["weight"] > 0], facts["period_s"]
+    left = left - left.mean()
+    power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)
+    edges = np.unique(np.round(np.geomspace(1, len(power) + 1, SEGMENTS + 1)).astype(int)) - 1
+    sizes = np.diff(edges)
+    density = np.sqrt(np.add.reduceat(power, edges[:-1]) / sizes)
+    hertz = (edges[:-1] + edges[1:] + 1) / 2 / (len(left) * period)
+    variance = facts["resolution"] ** 2 / 12 + facts["residual"]["white_noise"] ** 2
+    return hertz, np.maximum(density, 1e-300), np.full(len(hertz), np.sqrt(2 * period * variance))

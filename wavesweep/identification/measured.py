@@ -1,0 +1,181 @@
+"""How far a spec's own design is from what was measured of the device: limits, walls that were tried, a response."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.analyses.asked import axes_asked, axis_along
+from wavesweep.core.analyses.intervals import job_over
+from wavesweep.core.analyses.loops import loop_at_hand
+from wavesweep.core.doubts import INCOMPLETE
+from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.response.steady import respond
+from wavesweep.core.spec import Spec
+from wavesweep.core.sweep.grid import make_grid
+from wavesweep.core.sweep.running import in_memory
+from wavesweep.identification.points import FrequencyResponse, Walls, response_of, walls_of
+
+FAR = 10.0  # times the largest stiffness that was measured, up to which limits are looked for
+CLOSE = 0.1  # of their median: limits without repetition are explained if the model is off by less, rms
+REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
+LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
+COHERENT = 0.5  # coherence, below which a point of a response is left out
+WORST = 3  # walls on the wrong side that are named one by one
+
+Points = tuple[Walls | None, FrequencyResponse | None]
+
+
+def read_points(spec: Spec) -> Points:
+    """What [measured] names, before anything is computed. Errors: UsageError for a file that cannot be used."""
+    return walls_of(spec), response_of(spec)
+
+
+def distances(spec: Spec, points: Points, stable: bool) -> dict[str, Any]:
+    """How far the spec's own design is from its points, as a JSON-able dict; a missing number is None.
+
+    stable: whether the design is; only then its response is compared. limits: see `_limits`; tried: see `_tried`;
+    response: see `_response`.
+    """
+    walls, response = points
+    found: dict[str, Any] = {}
+    if walls is not None:
+        columns = _stable_intervals(spec, walls)
+        found = {"limits": _limits(walls, columns)} if walls.stable is None else {"tried": _tried(walls, columns)}
+        found = {name: {"file": spec.measured["z_width"]} | each for name, each in found.items()}
+    if response is not None:
+        found["response"] = {"file": spec.measured["response"]} | _response(spec, response, stable)
+    return found
+
+
+def _stable_intervals(spec: Spec, walls: Walls) -> list[tuple[list[tuple[float, float, bool]], bool]]:
+    """For each wall, the stable intervals of stiffness at its damping, as (low, high, whether high is an end of stability).
+
+    Beside them is whether all of the column is known.
+    """
+    stiffness, damping = spec.wall
+    along = axis_along(spec, name_of(stiffness) if spec.drawing else "K_VE", (0.0, FAR * max(walls.K_VE.max(), 1.0)))
+    values, place = np.unique(walls.B_VE, return_inverse=True)
+    axes = axes_asked(spec, {name_of(damping) if spec.drawing else "B_VE": values}, along)
+    rows = in_memory(job_over(make_grid(spec, axes, along.path), along))
+    found: dict[float, tuple[list[tuple[float, float, bool]], bool]] = {}
+    for row, value in enumerate(rows[axes[0].name].tolist()):
+        intervals, _ = found.setdefault(value, ([], str(rows["doubt"][row]) not in INCOMPLETE))
+        if rows["intervals"][row]:
+            ends = bool(np.isfinite(rows["high_omega"][row]))
+            intervals.append((float(rows["low"][row]), float(rows["high"][row]), ends or rows["high"][row] < along.stop))
+    return [found[values[each]] for each in place.ravel().tolist()]
+
+
+def _limits(walls: Walls, columns) -> dict[str, Any]:
+    """The limit that the model has in place of each measured one: ratio, rms, and on which side the model errs.
+
+    A wall was stable just below a limit, and unstable just above. If the limit lies in a stable interval of the model, it is
+    compared with the upper end of that; otherwise the model became unstable at the upper end of the next interval below, and
+    0 stands for none. So a limit above a hole is compared with the end above the hole. beyond: the model has no limit up to
+    FAR times the largest one measured, and its ratio is at least that.
+    """
+    points = []
+    for B, K, (intervals, known) in zip(walls.B_VE.tolist(), walls.K_VE.tolist(), columns, strict=True):
+        below = [each for each in intervals if each[0] <= K]
+        low, high, ends = below[-1] if below else (0.0, 0.0, True)
+        hole = bool(below) and (len(below) > 1 or low > 0)
+        found = {"B_VE": B, "K_VE": K, "computed": high, "ratio": high / K, "beyond": not ends, "above_hole": hole}
+        points.append(found if known else found | {"computed": None, "ratio": None})
+    known = [each for each in points if each["ratio"] is not None]
+    ratios = np.array([each["ratio"] for each in known])
+    summary = {
+        "count": len(points),
+        "compared": len(known),
+        "more": int((ratios > 1).sum()),
+        "less": int((ratios < 1).sum()),
+        "above_hole": sum(each["above_hole"] for each in known),
+        "beyond": sum(each["beyond"] for each in known),
+        "median_ratio": float(np.median(ratios)) if known else None,
+        "worst": max(known, key=lambda each: _far(each["ratio"]), default=None),
+        "most_promised": max((each for each in known if each["ratio"] > 1), key=lambda each: each["ratio"], default=None),
+    }
+    return summary | _explained(known) | {"points": points}
+
+
+def _far(ratio: float) -> float:
+    return abs(np.log(ratio)) if ratio > 0 else np.inf
+
+
+def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
+    """rms of computed minus measured (N/m), its share of the median limit, and whether the model explains the limits.
+
+    If limits were measured again at the same damping, REPEATED times or more in all, their scatter (N/m) is what the model is
+    held against: it explains them if the means are off by no more than repetitions are, by an F test at LEVEL with no number
+    fitted. Otherwise the rms is held against CLOSE of the median.
+    """
+    if not known:
+        return {"rms": None, "share": None, "scatter": None, "explained": None}
+    off = np.array([each["computed"] - each["K_VE"] for each in known])
+    rms = float(np.sqrt(np.mean(off**2)))
+    share = rms / float(np.median([each["K_VE"] for each in known]))
+    place = np.unique([each["B_VE"] for each in known], return_inverse=True)[1].ravel()
+    repeats = np.bincount(place)
+    means = np.bincount(place, off) / repeats
+    spare = len(off) - len(means)
+    if spare < REPEATED:
+        return {"rms": rms, "share": share, "scatter": None, "explained": share <= CLOSE}
+    from scipy.special import fdtri
+
+    scatter = float(np.sum((off - means[place]) ** 2) / spare)
+    explained = float(np.mean(repeats * means**2)) <= fdtri(len(means), spare, LEVEL) * scatter
+    return {"rms": rms, "share": share, "scatter": float(np.sqrt(scatter)), "explained": bool(explained)}
+
+
+def _tried(walls: Walls, columns) -> dict[str, Any]:
+    """How many of the walls that were tried are on the wrong side, and the worst ones.
+
+    promised: unstable in the experiment, stable by the model, which is the dangerous side; denied: the other way round. Their
+    ratio is that of the nearest end of stability over the stiffness that was tried; None without one, or of a stiffness of 0.
+    """
+    wrong: dict[str, list[dict[str, Any]]] = {"promised": [], "denied": []}
+    unknown = 0
+    tried = zip(walls.B_VE.tolist(), walls.K_VE.tolist(), walls.stable.tolist(), columns, strict=True)
+    for B, K, stable, (intervals, known) in tried:
+        inside = [each for each in intervals if each[0] <= K <= each[1]]
+        if not (inside or known):
+            unknown += 1
+        elif bool(inside) != stable:
+            ends = [e for low, high, real in inside or intervals for e in ([low] if low > 0 else []) + ([high] if real else [])]
+            end = min(ends, key=lambda e: _far(e / K), default=None) if K > 0 else None
+            point = {"B_VE": B, "K_VE": K, "stable": stable, "computed": end, "ratio": None if end is None else end / K}
+            wrong["denied" if stable else "promised"].append(point)
+    numbers = {"count": len(columns), "stable": int(walls.stable.sum()), "not_known": unknown}
+    numbers |= {name: len(points) for name, points in wrong.items()}
+    order = sorted(wrong["promised"] + wrong["denied"], key=lambda each: -_far(each["ratio"] or 0.0))
+    return numbers | {"wrong": len(order), "worst": order[:WORST]}
+
+
+def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str, Any]:
+    """Computed over measured admittance: ratios of magnitude and differences of phase (deg), their medians and worst.
+
+    Frequencies above half the rate of the ticks, and points of low coherence, are not compared.
+    """
+    counts = {"count": len(measured.frequency_hz), "stable": stable}
+    chosen = (measured.frequency_hz <= spec.tick_hz / 2) & (measured.coherence >= COHERENT)
+    nothing = {"compared": 0, "softer": 0, "median_ratio": None, "worst": None, "median_deg": None, "worst_phase": None}
+    if not (stable and chosen.any()):
+        return counts | nothing
+    hertz = measured.frequency_hz[chosen]
+    quotient = respond(loop_at_hand(spec), hertz).admittance.ravel() / measured.admittance[chosen]
+    known = np.isfinite(quotient) & (quotient != 0)
+    if not known.any():
+        return counts | nothing
+    hertz, quotient = hertz[known], quotient[known]
+    ratio, degrees = np.abs(quotient), np.degrees(np.angle(quotient))
+    rows = zip(hertz.tolist(), ratio.tolist(), degrees.tolist(), strict=True)
+    points = [dict(zip(("frequency_hz", "ratio", "deg"), row, strict=True)) for row in rows]
+    return counts | {
+        "compared": len(points),
+        "softer": int((ratio > 1).sum()),
+        "median_ratio": float(np.median(ratio)),
+        "worst": max(points, key=lambda each: _far(each["ratio"])),
+        "median_deg": float(np.median(degrees)),
+        "worst_phase": max(points, key=lambda each: abs(each["deg"])),
+    }

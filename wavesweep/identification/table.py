@@ -1,0 +1,354 @@
+"""A device found from a log: the table `identify`, with the numbers in its facts and its summary."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from math import exp, isnan
+from pathlib import Path
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+
+from wavesweep.core.analyses.assumptions import USUAL
+from wavesweep.core.columns import Columns
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.keys import TURNED
+from wavesweep.core.reproducibility import versions
+from wavesweep.core.tables.fields import COLUMNS, Field
+from wavesweep.core.tables.kind import Line, Numbers, whole_kind
+from wavesweep.core.tables.table import Table
+from wavesweep.identification.device_spec import PATHS, negative, spoken, whole
+
+METHOD = (
+    "likelihood of rounded readings against the sampled model, force held over a tick, from the row on at which the force "
+    "before the log no longer matters; intervals from linear programs if rounding explains each reading, from the curvature "
+    "of the likelihood if white noise does as well, and otherwise from the spectrum of what is left"
+)
+UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
+COUPLED = {"load_mass": "kg", "load_damping": "N*s/m", "coupling_stiffness": "N/m", "coupling_damping": "N*s/m"}
+UNITS |= COUPLED
+LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}  # that are fitted
+OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
+KNOWN = 2.0  # times the least load or stiffness, below which the largest has to be: noise alone looks like a less certain one
+MILLI = 1e-3  # s, the unit of the delay of an analogue force
+READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
+TURNING = {"mass": "kg*m^2", "load_mass": "kg*m^2"}
+MISSING = {
+    "friction": "Coulomb friction; --friction fits it",
+    "spring": "a spring; --spring fits it",
+    "delay": "a delay; without --delay it is fitted",
+    "resonance": "a resonance near {frequency_hz:.3g} Hz; --two-masses fits a load on a spring",
+    "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
+    "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
+}
+MISSING_OF_TWO = {
+    "resonance": "another resonance, near {frequency_hz:.3g} Hz",
+    "unknown": "an effect that is no delay or resonance, as Coulomb friction, which is a constant force (offset) if the motor "
+    "moves one way only; most is left near {frequency_hz:.3g} Hz",
+}
+
+RESPONSE_METHOD = (
+    "least squares of the logarithm of measured over modelled admittance, force held over a tick, weighted by coherence; "
+    "intervals from the Jacobian and the errors that are left"
+)
+
+
+class Asked(TypedDict, total=False):
+    """Names in the file and factors to SI units of columns, step of the encoder, what is fitted, and the rate of a response.
+
+    motor_constant: the least and the largest one (N/A or N*m/A) of the motor whose current is in the log.
+    """
+
+    columns: Mapping[str, str]
+    scales: Mapping[str, float]
+    resolution: float | None
+    spring: bool
+    friction: bool
+    two_masses: bool
+    delay: float | None
+    rate_hz: float | None
+    motor_constant: tuple[float, float] | None
+
+
+def identify(path: str, **asked: Unpack[Asked]) -> Table:
+    """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response, as `api.identify` says.
+
+    Errors: UsageError for a log that cannot be used, or that does not tell the mass.
+    """
+    from wavesweep.identification.model import Model
+    from wavesweep.identification.points import is_response
+
+    rate_hz, two = asked.get("rate_hz"), asked.get("two_masses", False)
+    if two and (asked.get("spring") or asked.get("friction")):
+        hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
+        raise UsageError(f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}")
+    model = Model(asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two)
+    if is_response(path):
+        if asked.get("columns") or asked.get("scales") or asked.get("resolution") is not None or asked.get("friction"):
+            raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
+        return _of_response(path, rate_hz, model)
+    if rate_hz is not None:
+        raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
+    return _of_log(path, asked, model)
+
+
+def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
+    from wavesweep.core.columns import complex_columns
+    from wavesweep.identification.points import read_response
+    from wavesweep.identification.response import Hold, fitted_response
+
+    period = MILLI if rate_hz is None else 1 / rate_hz
+    started = time.perf_counter()
+    measured = read_response(path)
+    fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
+    parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
+    for each in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
+        each["unit"] = "ms"
+    _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N")
+    residual = {
+        "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
+        "correlation": fit.correlation,
+        "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
+        "share_of_missing": fit.share,
+    }
+    asked = {"spring": model.spring, "delay": model.delay, "period_s": period} | ({"two_masses": True} if model.load else {})
+    if rate_hz is None:
+        asked |= {"analogue": True}
+    facts = _facts(path, measured.sha256, asked, period, parameters, (fit.explained, fit.missing, residual), started)
+    if rate_hz is None:
+        facts["notices"] = ["the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"]
+    parts = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
+    found = {
+        "frequency_hz": measured.frequency_hz,
+        "residual_abs": np.abs(fit.residual),
+        "coherence": measured.coherence,
+    } | parts
+    found = {each.name: found[each.name] for each in COLUMNS["identify-response"]}
+    return Table.of("identify-response", found, facts | {"methods": {"identify": RESPONSE_METHOD}})
+
+
+def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
+    explained, missing, residual = judged
+    return {
+        "schema_version": 1,
+        **versions(),
+        "spec_name": Path(path).stem,
+        "spec_sha256": sha256(f"{sha} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
+        "log_sha256": sha,
+        "asked": asked,
+        "turns": False,
+        "measured": "position",
+        "period_s": period,
+        "resolution": 0.0,
+        "parameters": parameters,
+        "explained": explained,
+        "missing": missing,
+        "residual": residual,
+        "notices": [],
+        "timings": {"compute_s": round(time.perf_counter() - started, 6)},
+    }
+
+
+def _of_log(path: str, given: Asked, model: Any) -> Table:
+    from wavesweep.identification.log import MOTIONS, read_log, step_of
+    from wavesweep.identification.verdict import identified
+
+    started = time.perf_counter()
+    columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
+    constants = given.get("motor_constant")
+    log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
+    step = step_of(log.reading) if resolution is None else resolution
+    if step and np.ptp(log.reading) < 3 * step:
+        moved = np.ptp(log.reading) / step
+        raise UsageError(f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}")
+    model = replace(model, measured=log.measured)
+    if model.load and log.measured == "acceleration":
+        raise UsageError(f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration")
+    origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
+    fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
+    halves = fit.half + fit.extra, fit.half
+    parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
+    units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
+    names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
+    named = "time, {} and {} in s, {} and {}".format(*names, *units)
+    _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
+    asked = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
+    asked |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
+    asked |= {"scales": dict(scales), "columns": dict(columns)}
+    judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
+    facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
+    facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}, "measured": log.measured}
+    facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))))
+    found = {
+        "time_s": log.times,
+        "force": log.force,
+        log.measured: log.reading,
+        "fitted": fit.readings + origin,
+        "residual": fit.residual,
+        "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
+    }
+    return Table.of("identify", found, facts, fields=fields_of_log(log.measured, log.turns))
+
+
+def turned(unit: str) -> str:
+    """The unit of a device that turns."""
+    return TURNED.get(unit, unit.replace("m", "rad", 1) if unit in READ.values() else unit)
+
+
+def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
+    """The columns of a table with what is measured, of a device that turns with its own units."""
+    own = [each for each in COLUMNS["identify"] if each.name == measured or each.name not in READ]
+    units = [READ[measured] if each.unit == "m" else each.unit for each in own]
+    return tuple(replace(each, unit=turned(unit) if turns else unit) for each, unit in zip(own, units, strict=True))
+
+
+def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool, constants=None) -> dict[str, dict[str, Any]]:
+    """The numbers with their intervals of 95 % and units.
+
+    constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and fitted with the middle one.
+    """
+    ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
+    for name in [name for name in LOGARITHMS if LOGARITHMS[name] in ends]:
+        ends[name] = [exp(min(max(end, -700.0), 700.0)) for end in ends[LOGARITHMS[name]]]
+    found = fit.numbers
+    names = ["mass", "damping", *(name for name in (*COUPLED, "stiffness", "friction") if name in ends), "delay"]
+    mixed = fit.model.measured == "acceleration" and "velocity" not in ends  # with the effect of the initial velocity
+    names += [name for name in ("offset", "bias") if name in ends and not (mixed and name == "offset")]
+    units = UNITS | {"bias": READ[fit.model.measured]}
+    parameters = {}
+    for name in names:
+        value = found[name]
+        low, high = ends.get(name, (value, value))
+        if constants and name in OF_FORCE:
+            by_constant = [end * 2 * each / sum(constants) for end in (low, high) for each in constants]
+            low, high = min(by_constant), max(by_constant)
+        unit = TURNING.get(name, turned(units[name]))
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else units[name]}
+    return parameters
+
+
+def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, question: str) -> None:
+    """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks."""
+    mass = parameters["mass"]
+    if not mass["high"] < 3 * mass["low"]:
+        others = ", ".join(f"{name} {spoken(each)}" for name, each in parameters.items() if name != "mass")
+        raise UsageError(
+            f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
+            f"{mass['unit']} (with {others}); record a pulse, a chirp or noise that moves the device quickly"
+        )
+    for name in (name for name in ("load_mass", "coupling_stiffness") if name in parameters):
+        if not (each := parameters[name])["high"] < KNOWN * each["low"]:
+            raise UsageError(
+                f"{path}: the force does not excite the resonance of the two masses: the {name} could be anything from "
+                f"{each['low']:.2g} to {each['high']:.2g} {each['unit']}; record a chirp or noise through the resonance"
+            )
+    for name in (*PATHS, *COUPLED):
+        if name in parameters and parameters[name]["high"] < 0:
+            said = f"expected a {name} of at least 0, found {spoken(parameters[name])}"
+            raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
+    low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
+    if not low <= mass["value"] <= high and not scaled:
+        found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
+        hint = "--scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
+        raise UsageError(f"{path}: {found}; {question}?{f' {hint}' if question.startswith('are') else ''}")
+
+
+def _residual(fit, verdict) -> dict[str, Any]:
+    return {
+        "rms": verdict.rms,
+        "rms_of_encoder": verdict.expected,
+        "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
+        "white_noise": fit.estimate.noise,
+        "correlation": verdict.correlation,
+        "correlation_of_encoder": verdict.correlation_expected,
+        "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
+        "share_of_missing": verdict.share,
+        "resonance_hz": verdict.resonance_hz,
+    }
+
+
+def _notices(log, resolution, step, wild) -> Iterator[str]:
+    from wavesweep.identification.log import JITTER
+
+    if log.jitter > JITTER:
+        steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
+        yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
+    unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
+    if resolution is None:
+        found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
+        yield f"{found}; --resolution gives those of the encoder"
+    if len(wild):
+        yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
+
+
+JUDGED = ("parameters", "explained", "missing", "residual")  # the facts that every summary has
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    samples = len(columns["time_s"])
+    found = {"samples": samples, "duration_s": facts["period_s"] * samples, "rate_hz": 1 / facts["period_s"]}
+    return found | {name: facts[name] for name in ("turns", "measured", "resolution", *JUDGED)}
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    yield f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz", False
+    yield from _spoken(found)
+    if "offset" not in found["parameters"] and found["measured"] != "acceleration":
+        yield "no constant force was fitted: the device moves one way only, where it and friction are the same", True
+    unit = READ[found["measured"]]
+    left, unit = found["residual"], turned(unit) if found["turns"] else unit
+    against = ""
+    if found["resolution"]:
+        against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
+    yield f"residual {left['rms']:.3g} {unit} rms{against}", False
+    if found["resolution"] and not left["white_noise"]:
+        yield "each reading is within half a step of the model: the intervals are those of an encoder without noise", False
+    if left["white_noise"] and found["explained"]:
+        yield f"white noise of {left['white_noise']:.3g} {unit} in addition to the rounding", False
+    yield from _judgement(found, "log")
+
+
+def _spoken(found: Numbers) -> Iterator[Line]:
+    yield from ((f"{name} {spoken(each)}", False) for name, each in found["parameters"].items())
+
+
+def _judgement(found: Numbers, what: str) -> Iterator[Line]:
+    yield from ((line, True) for line in negative(found["parameters"]))
+    if found["explained"]:
+        yield f"the model explains the {what}", False
+        other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
+        if band := found["residual"].get("resonance_hz"):
+            yield f"{other} of a quarter of the mass would show from {band[0]:.3g} to {band[1]:.3g} Hz", False
+        if whole(found["parameters"]["delay"]) is None and "load_mass" not in found["parameters"]:
+            yield (
+                "the spec's device has no such delay, so what is proved of it is not proved of this one: a drawn loop has it",
+                True,
+            )
+        return
+    if found["missing"] == "unseen":
+        yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
+        yield "push harder, or record a chirp or noise", True
+        return
+    known = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {})
+    missing = known[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
+    yield f"the model does not explain the {what}, and the intervals are widened by what is left: it lacks {missing}", True
+
+
+def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    hertz = columns["frequency_hz"]
+    found = {"frequencies": len(hertz), "from_hz": float(hertz[0]), "to_hz": float(hertz[-1]), "rate_hz": 1 / facts["period_s"]}
+    return found | {name: facts[name] for name in JUDGED}
+
+
+def _response_lines(found: Numbers) -> Iterator[Line]:
+    yield f"{found['frequencies']} frequencies from {found['from_hz']:.6g} to {found['to_hz']:.6g} Hz", False
+    yield from _spoken(found)
+    yield f"residual {100 * found['residual']['rms']:.3g} % rms", False
+    yield from _judgement(found, "response")
+
+
+KINDS = (
+    whole_kind("identify", _numbers, _lines, "identification.figure.identify"),
+    whole_kind("identify-response", _response_numbers, _response_lines, "identification.figure.identify_response"),
+)

@@ -1,0 +1,346 @@
+"""Margins that hold for all numbers of [for_all]: searched for the worst numbers, then proved for all of them.
+
+A factor k of the signal is one more number of the loop, and a margin is a path of k that starts at 1, over its size p: gains
+`exp(p)` and `exp(-p)`, the phase `exp(j p)`. The guardian maps of `robust.boxes` prove that the frame is stable along the path
+for all numbers of the box; one with complex k has a real form of twice the size. A disk is proved if the frame is stable all
+along its rim, `k = (1 + p exp(j psi))/(1 - p exp(j psi))`, as the spectral radius of a frame that is analytic in k has no peak
+inside. Delays are no factors of a frame: see `Arc`.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from wavesweep.core.analyses.open_loops import ANY
+from wavesweep.core.drawing.drawing import name_of, path_of
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.loops.domain import domain
+from wavesweep.core.monodromy.circle import inverse, on_circle
+from wavesweep.core.monodromy.rounding import balance
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.stability.certificate import NONE, SEARCH
+from wavesweep.core.stability.frames import Frames
+from wavesweep.core.sweep.grid import Loops
+from wavesweep.for_all.boxes import Cover, GuardianMaps, any_positive, positive
+from wavesweep.for_all.guardian_maps import of_complex_frames
+from wavesweep.for_all.rows import NEAR, SETTLED, numbers_in_words, refuse_unsuitable_ranges, values_of_range
+from wavesweep.for_all.unknown import drift_over, frames_over
+from wavesweep.for_all.varying import Rules
+from wavesweep.margins.broken_loops import GAIN, broken_at, with_block, with_gain
+from wavesweep.margins.lifted_margins import margins_of
+from wavesweep.margins.loop_margins import MOST, SPANS, BrokenLoop, Margin, disk_margins
+
+HALVINGS = 6  # of the steps of the search for the worst numbers
+SHARES = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
+FRAMES, FRAMES_OF_DELAY = 60_000, 200_000  # that a proof may take
+ROUNDS = 6  # of search and proof
+SWEEPS = 12  # of balancing
+TERMS = 16.0  # errors of the entries of a frame, in roundings of their sizes
+ENDS = {"gain_up": np.log(MOST), "gain_down": np.log(MOST), "phase": np.pi, "delay": np.inf, "disk": 1.0}
+
+
+METHOD_FOR_ALL = (
+    "the guardian map along a path of factors of the signal, and functions of L beside the arc of a delay, interpolated with a "
+    "bound over all numbers at once and proved positive by Bernstein coefficients; refuted by the worst numbers found"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BoxMargin:
+    """A margin of all loops of a box.
+
+    value: what is proved, NaN if nothing is. refuted: the least that a loop of the box was seen to have, NaN without; omega:
+    its frequency, rad/s; counterexample: the numbers of that loop. settled: whether both are within SETTLED of each other.
+    limited: whether there is a limit. doubt: why nothing is proved, a code.
+    """
+
+    name: str
+    value: float
+    refuted: float
+    omega: float
+    counterexample: str
+    settled: bool
+    limited: bool
+    doubt: int = NONE
+
+
+def refused(spec: Spec) -> str:
+    """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
+    varying = [axis.name for axis in spec.for_all.changing]
+    varying += ["lost"] * bool(spec.for_all.lost) + ["messages"] * Rules.of(spec).messages
+    if not varying:
+        refuse_unsuitable_ranges(spec, "")
+    return (
+        varying and f"margins for all of [for_all] need constant numbers, but {', '.join(varying)} may vary: these rows are not"
+    )
+
+
+def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
+    """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all numbers of its [for_all]."""
+    spec, cut = with_block(spec, cut)
+    axes = spec.for_all.unknown
+    listed = [axis for axis in axes if axis.values or axis.structural]
+    ranges = [axis for axis in axes if axis not in listed]
+    each = product(*map(values_of_range, listed))
+    cases = [_Case(spec, cut, ranges, dict(zip((axis.path for axis in listed), values, strict=True))) for values in each]
+    unstable = next((point for case in cases for point in case.unstable()), None)
+    if unstable is not None:
+        text = numbers_in_words(unstable)
+        return [BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True) for name in cases[0].names]
+    found = [_for_all_cases([(case, *case.margin(name)) for case in cases], name) for name in cases[0].names]
+    return [row for margin in found for row in (_with_gain_and_phase(margin) if margin.name == "disk" else [margin])]
+
+
+def _for_all_cases(found, name) -> BoxMargin:
+    """The margin of all cases, from what is proved of each, and its worst loop."""
+    proved = min(size for _, size, _, _ in found)
+    case, _, point, worst = min(found, key=lambda each: size_of(each[-1], each[0].period))
+    least, doubt = size_of(worst, case.period), max(margin.doubt for *_, margin in found)
+    known = np.isfinite(least) and least < ENDS[name]
+    settled = proved >= (1 - SETTLED) * min(least, ENDS[name])
+    at = (worst.value, worst.omega, numbers_in_words(case.named(point))) if known else (np.nan, np.nan, "")
+    value = _value(name, proved, case.period) if proved > 0 else np.nan
+    return BoxMargin(name, value, *at, bool(settled), bool(known or not settled), doubt or (NONE if proved > 0 else SEARCH))
+
+
+def size_of(margin: Margin, period: float) -> float:
+    """How far a margin lets a signal go, see above; a delay in frames. Infinite without a limit."""
+    if not margin.limited or margin.doubt:
+        return np.inf
+    match margin.name:
+        case "phase":
+            return np.radians(margin.value)
+        case "delay":
+            return margin.value / period
+        case "disk":
+            return margin.value / 2
+    return abs(np.log(margin.value))
+
+
+def _value(name, size, period):
+    if name == "delay":
+        return min(size, MOST) * period
+    of = {"gain_up": np.exp, "gain_down": lambda p: np.exp(-p) if p < ENDS[name] else 0.0, "phase": np.degrees}
+    return float(of.get(name, lambda p: 2 * p)(size))
+
+
+def _with_gain_and_phase(disk: BoxMargin) -> Iterator[BoxMargin]:
+    """The disk margin with its gain and its phase."""
+    both = (disk_margins(a, disk.omega, 0.0, NONE) for a in (disk.value, disk.refuted))
+    for proved, refuted in zip(*both, strict=True):
+        rest = disk.omega, disk.counterexample, disk.settled, proved.limited or np.isfinite(refuted.omega), disk.doubt
+        value = np.nan if np.isnan(disk.value) else proved.value
+        yield BoxMargin(proved.name, value, refuted.value if refuted.limited else np.nan, *rest)
+
+
+class _Case:
+    """Loops broken at a signal, whose numbers have ranges; fixed: the others' values among those that are listed."""
+
+    def __init__(self, spec: Spec, cut: str, ranges: Sequence[Axis], fixed: Mapping[str, object]):
+        self.spec, self.cut, self.fixed = spec.with_values(fixed) if fixed else spec, cut, fixed
+        values = dict(self.spec.values)
+        drawing = self.spec.drawing or loop_drawing(values, tuple(axis.path for axis in ranges))
+        ranges = [axis for axis in ranges if axis.path in drawing.reads]
+        self.ranged, self.known = [axis.path for axis in ranges], {}
+        self.box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
+        self.loop = Loops(with_gain(drawing, cut), values | {path_of(GAIN): 1.0}).read
+        own = broken_at(self.spec, cut)
+        self.period = own.period
+        self.names = [name for name in ENDS if name != "delay" or isinstance(own, BrokenLoop)]
+        self.rated = any(name_of(path) in drawing.rating for path in self.ranged)
+        if not ranges:
+            return
+        paths = [path_of(GAIN), *self.ranged]
+        limits = [domain(*self.loop, path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
+        self.limits = np.array(limits).T
+        self.frames_at = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, np.column_stack([ANY, self.box])))
+
+    def named(self, point) -> dict[str, object]:
+        """The numbers of a point of the box."""
+        return {**self.fixed, **dict(zip(self.ranged, point, strict=True))}
+
+    def _at(self, point) -> dict[str, Margin] | None:
+        """The margins of a loop of the box; None if it is not stable."""
+        if point not in self.known:
+            found, doubt = margins_of(broken_at(self.spec.with_values(self.named(point)), self.cut))
+            known = {margin.name: margin for margin in found}
+            self.known[point] = known if found or doubt else None
+        return self.known[point]
+
+    @property
+    def _corners(self):
+        return [*product(*self.box.T.tolist()), tuple(self.box.mean(0).tolist())] if self.ranged else [()]
+
+    def unstable(self) -> Iterator[dict[str, object]]:
+        """Yield the numbers with which a loop at a corner or in the middle of the box is not stable."""
+        return (self.named(point) for point in self._corners if self._at(point) is None)
+
+    def margin(self, name: str) -> tuple[float, tuple[float, ...], Margin]:
+        """The size of a margin that is proved for the whole box, 0 for none, and the worst loop found, with its margin."""
+        point, worst = self._worst(name, [])
+        if not self.ranged:
+            return (0.0 if worst.doubt else size_of(worst, self.period)), point, worst
+        if worst.doubt or (name == "delay" and self.rated):
+            return 0.0, point, worst
+        shares, proved = [*SHARES], 0.0
+        for _ in range(ROUNDS):
+            size = min(size_of(worst, self.period), ENDS[name])
+            end = 1.0 if size == ENDS[name] and name != "disk" else 1 - NEAR
+            proved, met = self._proved(name, shares[0] * end * size)
+            point, worst = self._worst(name, met)
+            if size_of(worst, self.period) >= size:
+                if proved > 0 or not shares[1:]:
+                    break
+                shares.pop(0)
+        return proved, point, worst
+
+    def _worst(self, name, met):
+        """The point with the least margin that a search finds, and this margin; one in doubt if there is one."""
+
+        def size(point):
+            margins = self._at(point)
+            margin = margins and margins.get(name)
+            return -np.inf if margin is None or margin.doubt else size_of(margin, self.period)
+
+        best = min([*self._corners, *met, *self.known], key=size)
+        for halving in range(1, 1 + HALVINGS if self.ranged else 1):
+            steps = np.diag(self.box[1] - self.box[0]) * 0.5**halving
+            near = np.clip(best + np.concatenate([steps, -steps]), *self.box)
+            best = min([best, *map(tuple, near.tolist())], key=size)
+        margins = self._at(best) or {}
+        return best, margins.get(name, Margin(name, np.nan, np.nan, np.nan, SEARCH))
+
+    def _proved(self, name, size) -> tuple[float, list[tuple[float, ...]]]:
+        """The size of a margin, up to this one, that is proved, and points next to which it may be smaller."""
+        proved = 0.0
+        if name == "delay":
+            found = self._delay(size)
+        elif name == "disk":
+            found = self._disk(size)
+        else:
+            turn = {"gain_up": 1.0, "gain_down": -1.0, "phase": 1j}[name]
+            for end in sorted({size, *np.log(SPANS)}) if turn.real else [size]:
+                found = self._along(turn, proved, min(end, size))
+                proved = min([end, size, *found.open[:, 0, 0]])
+                if len(found.open) or proved == size:
+                    break
+        own = -len(self.ranged)
+        met = np.concatenate([found.unstable[:, own:], found.open[-1:, :, own:].mean(1)])
+        return (proved if len(found.open) else size), [tuple(each) for each in met.tolist()]
+
+    def _along(self, turn, low, high) -> Cover:
+        """The proof of a part of the path `k = exp(turn p)`."""
+        if turn.real:
+            functions = GuardianMaps(lambda x: self.closed(np.exp(turn * x[:, 0]), x[:, 1:]))
+        else:
+            functions = Turned(self.closed, lambda p, sign: (np.exp(sign * turn * p), np.ones(p.shape)), 1)
+        return positive(functions, *self._beside([[low, high]]), FRAMES)
+
+    def _disk(self, radius) -> Cover:
+        """The proof of a disk; where the signal comes back within a tick, of all smaller ones too, which may have poles."""
+        pivots = np.array([self.closed(np.full(len(self._corners), k), np.array(self._corners)).pivots for k in ANY])
+        low = radius if (pivots[0] == pivots[1]).all() else 0.0
+        return positive(Turned(self.closed, _rim, 2), *self._beside([[low, radius], [0.0, np.pi]]), FRAMES)
+
+    def _delay(self, frames) -> Cover:
+        """The proof that so many frames of delay, and fewer, leave the loop stable."""
+        half, edge = (min(turn / frames, np.pi) for turn in (np.pi, 2 * np.pi))
+        parts = [(edge, np.pi, Arc.WAYS[:1])]
+        parts += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
+        parts += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
+        for low, high, ways in parts:
+            found = any_positive([Arc(self.closed, frames, way) for way in ways], *self._beside([[low, high]]), FRAMES_OF_DELAY)
+            if len(found.open):
+                break
+        return found
+
+    def _beside(self, sides):
+        """The box with further sides before its own, and the limits of all."""
+        sides = np.array(sides, float).T
+        free = np.full(sides.shape, np.inf) * [[-1.0], [1.0]]
+        return np.column_stack([sides, self.box]), np.column_stack([free, self.limits])
+
+    def closed(self, k, x) -> Frames:
+        """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal, `(n,)`."""
+        return self.frames_at(np.column_stack([k, x]))
+
+
+def _rim(p, psi, sign):
+    """The factor, and what is zero at its pole."""
+    d = p * np.exp(1j * sign * psi)
+    return (1 + d) / (1 - d), 1 - d
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turned:
+    """The guardian map of frames along a path of complex factors, a function of the first `sides` numbers: see `Functions`."""
+
+    closed: Callable[[np.ndarray, np.ndarray], Frames]
+    path: Callable[..., tuple[np.ndarray, np.ndarray]]
+    sides: int
+
+    def units(self, middle) -> np.ndarray:
+        """The units in which the states have similar sizes, `(n,)`."""
+        return _units(self.closed(np.ones(1), middle[None, self.sides :]))
+
+    def values(self, x, units):
+        """Phase, logarithm, error and pivots at points `(n, sides + numbers)`."""
+        turns = (self.path(*x[:, : self.sides].T, sign) for sign in (1, -1))
+        k, pole = (np.concatenate(part) for part in zip(*turns, strict=True))
+        found = self.closed(k, np.concatenate([x[:, self.sides :]] * 2))
+        pivots = np.multiply(*np.split(found.pivots * pole[:, None], 2))
+        return *of_complex_frames(*np.split(found.E, 2), units), pivots
+
+
+def _units(frames):
+    return balance(np.abs(frames.E), SWEEPS)[1][0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arc:
+    """Functions of angle (rad per frame) and numbers that are positive where L stays away from an arc: see `Functions`.
+
+    With s frames of delay the loop has an eigenvalue on the unit circle where `-L = exp(j s theta)`. For all s from 0 to
+    `frames` this is an arc of the unit circle from 1 on. No value of -L on the arc lies inside of the circle ("below"), outside
+    of it ("above"), beyond the arc's chord ("beyond") or, if the arc is less than half a circle, on the other side of the line
+    through 0 and its end ("past") or its begin ("before"). If one of these holds at every angle, and L is inside of the circle
+    at pi, no delay up to `frames` moves an eigenvalue across the circle. At angles whose arc is a whole circle "below" has to
+    hold. With `det(z - A) = D` without the signal and `D + N` with it, L is N/D.
+    """
+
+    WAYS = "below", "above"
+    closed: Callable[[np.ndarray, np.ndarray], Frames]
+    frames: float
+    way: str
+
+    def units(self, middle) -> np.ndarray:
+        """The units in which the states have similar sizes, `(n,)`."""
+        return _units(self.closed(np.ones(1), middle[None, 1:]))
+
+    def values(self, x, units):
+        """Phase, logarithm, error and pivots at points `(n, 1 + numbers)`."""
+        found = self.closed(np.repeat([0.0, 1.0], len(x)), np.concatenate([x[:, 1:]] * 2))
+        E = (found.E * (units / units[:, None])).reshape(2, 1, len(x), units.size, units.size)
+        w = on_circle(np.stack([x[:, 0], -x[:, 0]]))[..., None, None] * np.eye(units.size)
+        phase, log = np.linalg.slogdet(w - E)
+        # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
+        off = (np.abs(np.swapaxes(inverse(w - E), -1, -2)) * TERMS * (np.abs(E) + np.abs(w))).sum((-1, -2))
+        pivots, scale = found.pivots.reshape(2, len(x), -1), log.max((0, 1))
+        value = phase * pivots[:, None, :, 0] * np.exp(log - scale)
+        (D, N), (dD, dN) = ((part[0], part[1] + sign * part[0]) for part, sign in ((value, -1), (np.abs(value) * off, 1)))
+        of_D, of_N = ((part[0] * part[1], (error * np.abs(part[::-1])).sum(0)) for part, error in ((D, dD), (N, dN)))
+        if self.way in self.WAYS:
+            value, error = (of_D[0] - of_N[0]) * (1 if self.way == "below" else -1), of_D[1] + of_N[1]
+        else:
+            end = self.frames * x[:, 0]
+            level, angle = {"beyond": (np.cos(end / 2), end / 2), "past": (0.0, end - np.pi / 2)}.get(
+                self.way, (0.0, np.pi / 2)
+            )
+            turn = np.exp(np.multiply.outer([-1j, 1j], angle + 0 * end)) / 2
+            value = level * of_D[0] + (N * D[::-1] * turn).sum(0)
+            error = np.abs(level) * of_D[1] + (np.abs(turn) * (dN * np.abs(D[::-1]) + np.abs(N) * dD[::-1])).sum(0)
+        size = np.abs(value)
+        return (value / size)[None], (np.log(size) + 2 * scale)[None], (error / size)[None], pivots.prod(0)

@@ -1,0 +1,106 @@
+"""Loops that are broken at a signal, an output of a block."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.analyses.open_loops import open_loops
+from wavesweep.core.drawing.drawing import Drawing, path_of
+from wavesweep.core.drawing.drawn_block import DrawnBlock
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT
+from wavesweep.core.monodromy.open_ticks import OpenTicks
+from wavesweep.core.reading.checking import nearest
+from wavesweep.core.spec import Spec, load
+from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.margins.lifted_margins import LiftedLoop
+from wavesweep.margins.loop_margins import BrokenLoop
+
+MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
+BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
+
+
+def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
+    """Break the spec's own loop at a signal, "block.port" or a name in [signals].
+
+    Errors: UsageError for a signal at which that is not possible.
+    """
+    named = spec.tables().get("signals", {})
+    spec, signal = with_block(spec, signal)
+    loop = own_loop(spec)
+    times = _times_per_frame(loop)
+    if signal not in times:
+        hint = nearest(signal, [*times, *named])
+        raise UsageError(
+            f"cut: expected an output of a block that some wire reads ({', '.join(times) or 'this loop has none'}), found "
+            f"{signal!r}" + (f"; did you mean `{hint}`?" if hint else "")
+        )
+    if times[signal] > MOST_TIMES:
+        raise UsageError(
+            f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
+            "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
+        )
+    loop = Loops(with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
+    with np.errstate(all="ignore"):
+        whole = loop.drawn()
+        ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
+    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
+    lifted = LiftedLoop(ticks, drift, float(whole.period) * whole.ticks)
+    if not lifted.returns:
+        raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
+    found = open_loops(loop, GAIN) if times[signal] == 1 else None
+    return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
+
+
+def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
+    """The spec with a name in [signals] as the output of a block, and that output; another signal as it is.
+
+    The block is a gain of 1, which runs when the only block that reads it does, else in every tick.
+    """
+    tables = spec.tables()
+    named, block = tables.get("signals", {}), f"cut_at_{signal}"
+    if signal not in named:
+        return spec, signal
+    tables["wire"] |= {f"{block}.u": named[signal]}
+    named[signal], tables["block"][block] = f"{block}.y", {"type": "gain"}
+    wires = load(tables).drawing.wires
+    readers = {port.rpartition(".")[0] for port, terms in wires if f"{block}.y" in dict(terms)}
+    own = tables["block"].get(readers.pop(), {}) if len(readers) == 1 else {}
+    tables["block"][block] |= {key: own[key] for key in ("every", "phase") if key in own}
+    return load(tables), f"{block}.y"
+
+
+def cuts_of(spec: Spec) -> list[str]:
+    """The signals at which the spec's own loop can be broken, first those of controllers that a plant reads and rare ones."""
+    loop = own_loop(spec)
+    plants = {block.name for block in loop.drawing.blocks if block.plant}
+    wires = [(port.rpartition(".")[0], name) for port, terms in loop.drawing.wires for name, _ in terms]
+    joined = [*loop.drawing.wires, *loop.drawing.couplings]
+    pairs = {(port.rpartition(".")[0], name.rpartition(".")[0]) for port, terms in joined for name, _ in terms}
+    for through in [block.name for block in loop.drawing.blocks]:  # what depends on what, by S. Warshall's method
+        pairs |= {(reader, source) for reader, a in pairs if a == through for b, source in pairs if b == through}
+    acting = {name for reader, name in wires if reader in plants}
+    found = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
+    found = {name: times for name, times in found.items() if (name.rpartition(".")[0],) * 2 in pairs}
+    return sorted(found, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, found[name]))
+
+
+def _times_per_frame(loop: Loops) -> dict[str, int]:
+    """How often each output that a wire reads is made in a frame, without those that a dead time reads between two ticks."""
+    drawn, plants, read = loop.drawn(), loop.drawing.plants, {name for _, terms in loop.drawing.wires for name, _ in terms}
+    runs = [(each.block, int(each.runs(drawn.ticks).sum())) for each in drawn.placed]
+    found = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
+    sensed = {name for plant in plants for name, _ in plant.sensed}
+    of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read - sensed]
+    return found | dict.fromkeys(of_plants, drawn.ticks)
+
+
+def with_gain(drawing: Drawing, signal: str) -> Drawing:
+    """The drawing with a gain behind a signal, which runs when its block does; all wires read the signal behind it."""
+    source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
+    gain = DrawnBlock(BLOCK, "gain", (("k", ("name", GAIN, 0)),), source.every, source.phase, source.phases)
+    behind = {signal: f"{BLOCK}.y"}
+    wires = tuple((port, tuple((behind.get(name, name), factor) for name, factor in terms)) for port, terms in drawing.wires)
+    wires += ((f"{BLOCK}.u", ((signal, ("number", 1.0, 0)),)),)
+    return replace(drawing, blocks=(*drawing.blocks, gain), wires=wires)

@@ -1,0 +1,307 @@
+"""The figure of margins: Nyquist curve, open-loop Bode plot and step response of a loop that is broken at a signal."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.errors import UsageError
+from wavesweep.core.plots.layout import MOST_MEMBERS
+from wavesweep.core.plots.style import (
+    GRID,
+    TWO_COLUMNS,
+    Look,
+    family_looks,
+    figure,
+    fitting,
+    is_narrow,
+    note_below,
+    paler,
+    wide,
+)
+from wavesweep.core.plots.words import assumption, valued
+from wavesweep.core.response.step import Step
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.margins.steps import MARK, draw_others, draw_step
+
+LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
+FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)
+LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
+ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
+FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it; it shows the circle, the disk and the marks whole
+_CURVE, _DISK = "#0072B2", "#D55E00"
+_MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D"}
+Family = Sequence[tuple[str, Spec]]
+_TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """L of a loop that is broken at a signal, over its frequencies (Hz), with its margins.
+
+    several: whether the values of L are the eigenvalues of a lifted one, which have no order. table: value and omega (rad/s) of
+    each margin. marks: the value of L at which each of those that `_MARKS` names is set.
+    """
+
+    hertz: np.ndarray
+    L: np.ndarray
+    several: bool
+    table: Mapping[str, tuple[float, float]]
+    marks: Mapping[str, complex]
+
+    @property
+    def style(self) -> dict[str, Any]:
+        """The style of the curve, or of the points."""
+        return {"linestyle": "none", "marker": ".", "markersize": 1.5} if self.several else {"linewidth": 1.2}
+
+    def drawn(self, look: Look) -> dict[str, Any]:
+        """The style of the curve as a member of a family."""
+        return {
+            "color": look.colour,
+            "zorder": 1.9,
+            **(self.style if self.several else {"linestyle": look.line, "linewidth": 0.9}),
+        }
+
+    @property
+    def disk(self) -> np.ndarray | None:
+        """The disk about -1 that L leaves free, with the gains `gain` and 1/gain at its ends; None if there is no limit."""
+        gain, omega = self.table.get("disk_gain", (np.nan, np.nan))
+        return None if np.isnan(omega) else disk_of(gain)
+
+
+def disk_of(gain: float) -> np.ndarray:
+    """The rim of the disk about -1 with the gains `gain` and 1/gain at its ends."""
+    return -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _TURN
+
+
+def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> Any:
+    """Draw a `margins` table: L over the frequencies of the frame, the point -1, the circle of the gain 1, and the disk margin.
+
+    Beside it are gain (dB) and phase of L over frequency, with the margins as lines between the curve and its limit, and below
+    it the closed loop's response to a step of the signal. All of this is computed from the spec of the table, the curves so
+    densely that no step shows. family: names and specs of other loops, which have a curve in each panel and no margins; by
+    default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that is proved for all of them.
+    """
+    from wavesweep.core.spec import load
+
+    spec, cut = load(facts["spec"]), facts["cut"]
+    whose = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
+    tables = {}
+    for word in ("spec", "for_all"):
+        rows = zip(*(columns[name][whose == word].tolist() for name in ("margin", "value", "omega")), strict=True)
+        tables[word] = {name: (value, omega) for name, value, omega in rows}
+    loop, proved = open_loop(spec, cut, tables["spec"]), () if family else tables["for_all"].get("disk_gain", ())
+    family = family or ends_of_ranges(spec)
+    others = [
+        (open_loop(one, cut, {}), look, name) for (name, one), look in zip(family, family_looks(len(family)), strict=True)
+    ]
+    steps = [_closed_step(each, cut) for each in (spec, *(one for _, one in family))]
+    left, right = ["nyquist"] + ["step"] * bool(steps[0]), ["gain", "phase"]
+    if is_narrow():
+        mosaic, ratios, height = [[name] for name in (*left[:1], *right, *left[1:])], [2, 1, 1, *[1] * (len(left) - 1)], 6.0
+    else:
+        mosaic, ratios, height = [["nyquist", "gain"], [left[-1], "phase"]], [1, 1], 3.6
+    with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
+        panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
+        draw_nyquist(panels["nyquist"], loop, cut, others)
+        if proved and proved[0] < np.inf:
+            rim = disk_of(proved[0])
+            said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
+            panels["nyquist"].plot(rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said)
+        draw_bode(panels["gain"], panels["phase"], loop, others)
+        handles, labels = panels["nyquist"].get_legend_handles_labels()
+        if steps[0]:
+            marks = draw_step(panels["step"], steps[0], "step response of T")
+            handles, labels = [*handles, *(handle for handle, _ in marks)], [*labels, *(words for _, words in marks)]
+            draw_others(panels["step"], [(step, look) for step, (_, look, _) in zip(steps[1:], others, strict=True) if step])
+        across = fitting(labels, wide(TWO_COLUMNS), 7)
+        canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
+        canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
+        slow = "; ".join(name for (name, _), step in zip(family, steps[1:], strict=True) if not step)
+        note_below(canvas, f"Unstable, or too slow for a step response: {slow}." if slow else "", assumption(facts))
+    return canvas
+
+
+def ends_of_ranges(spec: Spec) -> list[tuple[str, Spec]]:
+    """The spec at the ends of the ranges of [for_all], named: in all combinations or, if these are many, each by itself.
+
+    Numbers that change from frame to frame are left out, since they make no loop of their own.
+    """
+    axes = [axis for axis in (spec.for_all.unknown if spec.for_all else ()) if axis.start < axis.stop]
+    if 2 ** len(axes) <= MOST_MEMBERS:
+        places = [{axis.name: end for axis, end in zip(axes, ends, strict=True)} for ends in product(*map(_ends, axes))]
+    else:
+        places = [{axis.name: end} for axis in axes for end in _ends(axis)][:MOST_MEMBERS]
+    return named_specs(spec, [place for place in places if place])
+
+
+def _ends(axis: Axis) -> tuple[float, float]:
+    return axis.start, axis.stop
+
+
+def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple[str, Spec]]:
+    """The spec with other numbers, and these in words; places: their names, as axes have them, and values."""
+    paths, facts = {name: spec.names.find(name).path for place in places for name in place}, {"spec": spec.tables()}
+    return [
+        (
+            ", ".join(valued(name, value, facts) for name, value in place.items()),
+            spec.with_values({paths[name]: value for name, value in place.items()}),
+        )
+        for place in places
+    ]
+
+
+def _closed_step(spec: Spec, cut: str) -> Step | None:
+    """The response of T = L/(1 + L) to a step; None of a loop that comes to rest too slowly, or not at all."""
+    from wavesweep.core.analyses.steps import step_at
+    from wavesweep.margins.broken_loops import with_block
+
+    try:
+        step = step_at(*with_block(spec, cut))
+    except UsageError:
+        return None
+    return replace(step, value=-step.value, final=-step.final)
+
+
+def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float]]) -> OpenLoop:
+    """L of the spec's own loop, broken at a signal, with the margins of `table`: their value and omega (rad/s)."""
+    from wavesweep.margins.broken_loops import broken_at
+
+    loop = broken_at(spec, cut)
+    hertz, L = response_of(loop)
+    return OpenLoop(hertz, L, loop.times > 1, table, marks_of(loop, table))
+
+
+def response_of(loop: Any, step: float = STEP, first: int = FIRST, loci: int = LOCI) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) of a broken loop and L there, so densely that no step shows; of a lifted one its eigenvalues.
+
+    step, first: change of ln L between two of them, and the number to begin with; loci: their number for a lifted one.
+    """
+    angles = dense_angles(loop.response, step, first) if loop.times == 1 else np.geomspace(LEAST, 1.0, loci) * np.pi
+    return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(loop.response(angles))
+
+
+def marks_of(loop: Any, table: Mapping[str, tuple[float, float]]) -> dict[str, complex]:
+    """The value of L, or the eigenvalue of a lifted one, that the factor of each margin brings to -1."""
+    marks = {}
+    for name in _MARKS:
+        value, omega = table.get(name, (np.nan, np.nan))
+        if omega > 0:
+            loci = np.ravel(loop.response(omega * loop.period))
+            factor = value if name.startswith("gain") else np.exp(1j * np.radians(value)) if name == "phase" else -1 / loci
+            missed = np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci))
+            marks[name] = complex(loci[np.argmin(missed)])
+    return marks
+
+
+def dense_angles(response: Callable[[np.ndarray], np.ndarray], step: float, first: int) -> np.ndarray:
+    """Angles up to pi between which ln L changes little, so that neither plot shows a step at a resonance."""
+    angles = np.concatenate([np.geomspace(1e-6, 1e-2, first // 3, endpoint=False), np.linspace(1e-2, 1.0, first)]) * np.pi
+    values = response(angles)
+    for _ in range(ROUNDS):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = np.abs(np.log(values[1:] / values[:-1]))
+        wide_steps = (turned > step) & np.isfinite(turned) & (np.diff(angles) > NEXT)
+        if not wide_steps.any():
+            break
+        between = (angles[:-1] + angles[1:])[wide_steps] / 2
+        order = np.argsort(np.concatenate([angles, between]), kind="stable")
+        angles, values = (np.concatenate(pair)[order] for pair in ((angles, between), (values, response(between))))
+    return angles
+
+
+Others = Sequence[tuple[OpenLoop, Look, str]]
+
+
+def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> None:
+    """Draw L of a loop that is broken at `cut`, with what limits it, and L of others."""
+    L, disk = loop.L, loop.disk
+    axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1")
+    axes.plot(
+        L.real,
+        L.imag,
+        color=_CURVE,
+        label=f"{'eigenvalues of ' * loop.several}L at {cut}{', nominal' * bool(others)}",
+        **loop.style,
+    )
+    for each, look, name in others:
+        axes.plot(each.L.real, each.L.imag, label=name, **each.drawn(look))
+    axes.plot(L.real, -L.imag, color=_CURVE, **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}))
+    axes.plot([-1], [0], "+", color=MARK, markersize=8)
+    if disk is not None:
+        said = f"disk margin {loop.table['disk'][0]:.3g}"
+        axes.fill(disk.real, disk.imag, facecolor=paler(_DISK, 0.25), edgecolor=paler(_DISK, 0.25), linewidth=0.8, label=said)
+    for name, at in loop.marks.items():
+        said = in_words(name, *loop.table[name])
+        axes.plot([at.real], [at.imag], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name), label=said)
+    whole = np.concatenate([_TURN, [*loop.marks.values()], disk if disk is not None else [-1]])
+    near = np.concatenate([L, *(each.L for each, *_ in others)])
+    near = near[np.abs(near) <= min(FARTHEST, 1.15 * np.abs(whole).max())]
+    reach = np.concatenate([whole, near])
+    for part, limit in ((reach.real, axes.set_xlim), (np.append(reach.imag, -reach.imag), axes.set_ylim)):
+        room = ROOM * np.ptp(part)
+        limit(part.min() - room, part.max() + room)
+    axes.set_aspect("equal")
+    axes.set(xlabel="real part of L", ylabel="imaginary part of L")
+    axes.grid(**GRID)
+
+
+def _face(name: str) -> str:
+    return "none" if name == "delay" else MARK  # it often lies where the phase margin does
+
+
+def in_words(name: str, value: float, omega: float) -> str:
+    """A margin as the legend has it, with the frequency of its crossing."""
+    size = {"phase": f"{value:.3g}°", "delay": f"{1e3 * value:.4g} ms"}.get(name)
+    size = size or f"{value:.3g} ({20 * np.log10(value) if value > 0 else -np.inf:.3g} dB)"
+    return f"{name.replace('_', ' ')} {size} at {omega / (2 * np.pi):.4g} Hz"
+
+
+def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (dB) and phase of L, which goes on at -180 degrees and begins at most at 180; of eigenvalues that of one turn."""
+    degrees = -(-np.degrees(np.angle(L)) % 360) if several else np.degrees(np.unwrap(np.angle(L)))
+    degrees -= 360 * np.ceil(np.max(degrees, where=np.isfinite(degrees), initial=-360) / 360 - 0.5)
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(np.abs(L)), degrees
+
+
+def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> None:
+    """Draw gain (dB) and phase of L over its frequencies. The phases of the eigenvalues of a lifted L are those of one turn."""
+    from matplotlib.ticker import MultipleLocator
+
+    hertz, L = loop.hertz, loop.L
+    decibels, degrees = decibels_and_degrees(L, loop.several)
+    shown, family_seen = (hertz >= LEAST * hertz[-1]) & np.isfinite(decibels), ([], [])
+    for each, look, _ in others:
+        both = decibels_and_degrees(each.L, each.several)
+        inside = (each.hertz >= LEAST * each.hertz[-1]) & np.isfinite(both[0])
+        for axes, values, seen in zip((gain, phase), both, family_seen, strict=True):
+            axes.plot(each.hertz, values, **each.drawn(look))
+            seen.append(values[inside])
+    for part, axes, values, limit in ((0, gain, decibels, 0.0), (1, phase, degrees, -180.0)):
+        axes.plot(hertz, values, color=_CURVE, **loop.style)
+        axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
+        for name, at in loop.marks.items():
+            place, turned = loop.table[name][1] / (2 * np.pi), -(-np.degrees(np.angle(at)) % 360)
+            if not loop.several:
+                turned += 360 * np.round((np.interp(place, hertz, degrees) - turned) / 360)
+            end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
+            level = 20 * np.log10(abs(at)) if axes is gain else turned
+            if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
+                axes.plot([place, place], [level, end], color=MARK, linewidth=1.0)
+            axes.plot([place], [level], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name))
+        axes.set_xscale("log")
+        axes.set_xlim(LEAST * hertz[-1], hertz[-1])
+        seen = [values[shown], *family_seen[part]]
+        low, high = min(limit, *(each.min() for each in seen)), max(limit, *(each.max() for each in seen))
+        axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+        axes.grid(**GRID)
+    gain.set_ylabel("gain of L (dB)")
+    gain.tick_params(labelbottom=False)
+    phase.set(xlabel="frequency (Hz), up to half the frame's rate", ylabel="phase of L (deg)")
+    for axes, steps in ((gain, (5, 10, 20, 40, 60)), (phase, (15, 45, 90, 180, 360))):  # at most seven ticks
+        low, high = axes.get_ylim()
+        axes.yaxis.set_major_locator(MultipleLocator(next((step for step in steps if high - low <= 7 * step), steps[-1])))

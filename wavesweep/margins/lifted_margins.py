@@ -1,0 +1,211 @@
+"""Margins of a loop broken at a signal that is made several times in a frame: those of the lifted loop.
+
+With the signal multiplied by the same number k in all of its m samples of a frame, the frame's eigenvalues z solve
+`det(1 - k H(z)) = 0`, H being the m x m transfer function from the samples back to themselves without the number: -H is the
+return ratio of the lifted signal. A real k gives gain margins, `k = exp(j phi)` the phase margin, `k = (1 + d)/(1 - d)` with
+|d| < a/2 the disk margin a. With `S = 1/(1 - H)` the last one is `det(1 - 2 d (S - 1/2)) = 0`, so that 1/a is the largest
+spectral radius of `S - 1/2` on the unit circle: the structured singular value of a repeated complex scalar (A. Packard,
+J. Doyle, Automatica 29, 1993). For one sample in a frame all this is what `loop_margins` computes of a scalar.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wavesweep.core.energy.hinf import SOFT, START
+from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps, reached, read
+from wavesweep.core.monodromy.circle import on_circle, solve
+from wavesweep.core.monodromy.drift import TickDrift, errors_of_closed, filled, without_drift
+from wavesweep.core.monodromy.open_ticks import OpenTicks
+from wavesweep.core.stability.along_any import stable_along_any
+from wavesweep.core.stability.certificate import FAST, NONE, SEARCH
+from wavesweep.core.stability.frames import Frames
+from wavesweep.margins.loop_margins import BESIDE, SPANS, BrokenLoop, Margin, disk_margins, limited_or_not, scalar_margins
+from wavesweep.passive.channel import TOLERANCE, peak_of
+
+EXACT = 2e-9  # relative error of an end of `stable_along_any`
+GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
+GRID = 10_000  # samples of a frame at all angles at which the spectral radius is looked at before its peaks are refined
+ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedLoop:
+    """A single loop without a number that multiplies all samples of a signal in a frame.
+
+    ticks: those of the loop without the number. drift: of the loop with it. period: of the frame, s.
+    """
+
+    ticks: OpenTicks
+    drift: TickDrift
+    period: float
+
+    @cached_property
+    def returned(self) -> LiftedMap:
+        """H, from the samples of a frame back to themselves."""
+        maps = self.ticks.ticks.maps
+        return TickMaps.of([(each.E, each.B, each.C, each.D) for each in maps], self.ticks.ticks.kind, ()).lifted(
+            measured=False
+        )
+
+    @property
+    def times(self) -> int:
+        """How often the signal is made in a frame."""
+        return self.returned.T.shape[-1]
+
+    @property
+    def returns(self) -> bool:
+        """Whether the signal comes back to itself."""
+        maps = [(each.E, each.B, each.C, each.D) for each in self.ticks.ticks.maps]
+        return bool((read(maps) & reached(maps)).any() or self.returned.T.any())
+
+    def response(self, theta) -> np.ndarray:
+        """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`; of one sample L, `(...)`.
+
+        They are 1/s - 1 for the eigenvalues s of S: next to a large eigenvalue of H, as integrators give it at low frequencies,
+        rounding would leave nothing of the small ones.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
+        return found if self.times > 1 else found[..., 0]
+
+    def _sensitivity_at(self, theta):
+        E, B, C, D = (part[0] for part in self.sensitivity().maps[0])
+        A = on_circle(np.asarray(theta, float))[..., None, None] * np.eye(len(E)) - E
+        return D + C @ solve(A, B + 0 * A[..., :1])
+
+    def sensitivity(self, less: float = 0.0) -> TickMaps:
+        """Return the map `S = 1/(1 - H)`, less a number."""
+        E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
+        left = np.linalg.inv(np.eye(len(T)) - T)
+        return TickMaps.of([(E + G @ left @ O, G @ left, left @ O, left - less * np.eye(len(T)))], np.zeros(1, int), ())
+
+    def radius(self, theta) -> np.ndarray:
+        """Return the spectral radius of `S - 1/2` at the angles theta."""
+        return np.abs(np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5).max(-1)
+
+    def frames(self, k) -> Frames:
+        """Return the frames of the loop with the number k, `(n,)`, real or complex."""
+        E, pivot, condition = self.ticks.frames(np.zeros(k.size, int), k)
+        pivot, condition = (np.broadcast_to(part, k.shape) for part in (pivot, condition))
+        return Frames(filled(without_drift(E, self.drift)), pivot[:, None], condition)
+
+    def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same frames, and bounds on the errors of their entries."""
+        return errors_of_closed(self.ticks.closed(np.zeros(k.size, int), k, terms=True), self.drift)
+
+    def along_gain(self, span):
+        """Return the stable intervals along real k."""
+        return stable_along_any(
+            lambda _, p: self.frames(p.ravel()), span, 1, np.array([self.period]), errors=lambda _, p: self.errors(p.ravel())
+        )
+
+    def along_turn(self, factor):
+        """Return the stable intervals along an angle from 0 to pi; factor: k, and its analytic continuation, for an angle.
+
+        The real matrix [[Re, -Im], [Im, Re]] of a complex frame has its eigenvalues and their conjugates, which are those at
+        the opposite angle.
+        """
+
+        def frames(_, p):
+            p = p.ravel()
+            up, down = (self.frames(factor(each) + 0j) for each in (p, -p))
+            E, pivots = _real_form(up.E, down.E), up.pivots * down.pivots
+            E, pivots = (E, pivots) if np.iscomplexobj(p) else (E.real, pivots.real)
+            return Frames(E, pivots, up.condition + down.condition)
+
+        def errors(_, p):
+            p = p.ravel()
+            (up, of_up), (down, of_down) = (self.errors(factor(each) + 0j) for each in (p, -p))
+            error = np.maximum(of_up.real, of_down.real)
+            return _real_form(up, down).real, np.concatenate([np.concatenate([error] * 2, -1)] * 2, -2)
+
+        return stable_along_any(frames, (0.0, np.pi), 1, np.array([self.period]), errors=errors)
+
+
+def _real_form(up, down):
+    """[[Re, -Im], [Im, Re]] of matrices with the conjugates `down`."""
+    real, imaginary = (up + down) / 2, (up - down) / 2j
+    return np.concatenate([np.concatenate(row, -1) for row in ((real, -imaginary), (imaginary, real))], -2)
+
+
+def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
+    """Return the margins of a broken loop, empty if it is not stable, and why its stability is in doubt, a code."""
+    if isinstance(loop, LiftedLoop):
+        return lifted_margins(loop)
+    found, doubt = scalar_margins(loop)
+    if not (doubt or any(each.doubt not in (NONE, FAST) for each in found)):
+        return found, doubt
+    others, of_others = lifted_margins(loop.lifted)
+    known = {each.name: each for each in others if not each.doubt}
+    return ([known.get(each.name, each) if each.doubt else each for each in found] or others), of_others
+
+
+def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
+    """Return the margins of a lifted loop, empty if it is not stable, and why its stability is in doubt, a code.
+
+    As `margins_of`, with the same factor on all samples of a frame; sensitivity and complementary are the largest singular
+    values of S and of S - 1. There is no delay margin: a delay of samples is no factor of a frame.
+    Accuracy: gains and phase EXACT, as ends of certified intervals along k; a disk that is smaller by GAP is proved: along its
+    rim the frame is stable, and so it is within, since the spectral radius of a frame that is analytic in k has no peak there.
+    """
+    for most in SPANS:
+        found = loop.along_gain((1 / most, most))
+        own = found.take((found.low < 1) & (found.high > 1))
+        if not own.low.size or (own.high[0] < most and own.low[0] > 1 / most):
+            break
+    doubt = int(found.doubt[0])
+    if not own.low.size:
+        return [], doubt
+    gains = [
+        limited_or_not(name, float(value[0]), float(omega[0]), EXACT, doubt)
+        for name, value, omega in (("gain_up", own.high, own.high_omega), ("gain_down", own.low, own.low_omega))
+    ]
+    return [*gains, _phase(loop), *_peaks(loop)], doubt
+
+
+def _phase(loop):
+    found = loop.along_turn(lambda angle: np.exp(1j * angle))
+    doubt, high = int(found.doubt[0]), float(found.high[0])
+    if found.low[0] != 0 or np.isnan(found.high_omega[0]):
+        return Margin.unlimited("phase", 180.0, doubt)
+    return Margin("phase", float(np.degrees(high)), float(found.high_omega[0]), EXACT * (1 + 1e-3 / high), doubt)
+
+
+def _peaks(loop) -> Iterator[Margin]:
+    disk, theta, doubt = _disk(loop)
+    yield from disk_margins(disk, theta / loop.period, GAP, doubt)
+    for name, less in (("sensitivity", 0.0), ("complementary", 1.0)):
+        peak = peak_of(loop.sensitivity(less).in_even_units())
+        value, omega = float(np.sqrt(peak.value[0])), float(peak.theta[0]) / loop.period
+        yield Margin(name, value, omega, TOLERANCE, NONE if peak.certified[0] else SEARCH)
+
+
+def _disk(loop):
+    """The disk margin, its angle (rad per frame), and the doubt."""
+    from scipy.optimize import minimize_scalar
+
+    few = max(100, GRID // loop.times)
+    poles = np.angle(1 + np.linalg.eigvals(loop.sensitivity().maps[0][0][0]))
+    points = np.concatenate([START, SOFT, np.geomspace(1e-6, 1.0, few), np.linspace(0, np.pi, few), np.abs(poles)])
+    points = np.unique(np.clip(points[np.isfinite(points)], BESIDE, np.pi))
+    best, at = 0.0, 0.0
+    for _ in range(ROUNDS):
+        size = np.nan_to_num(loop.radius(points))
+        for top in np.argsort(size)[-3:]:
+            ends = points[max(top - 1, 0)], points[min(top + 1, points.size - 1)]
+            near = minimize_scalar(lambda t: -float(loop.radius(t)), bounds=ends, method="bounded", options={"xatol": 1e-12})
+            for value, place in ((-near.fun, near.x), (size[top], points[top])):
+                best, at = (float(value), float(place)) if value > best else (best, at)
+        disk = min(1 / best, 2.0)
+        reach = disk / 2 * (1 - GAP)
+        found = loop.along_turn(lambda angle, reach=reach: (1 + reach * np.exp(1j * angle)) / (1 - reach * np.exp(1j * angle)))
+        direct = np.diagonal(loop.returned.T[0])
+        doubt = int(found.doubt[0]) or (SEARCH if (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any() else NONE)
+        if doubt or (found.low[0] == 0 and found.high[0] == np.pi):
+            return disk, at, doubt
+        angles = np.concatenate([found.low_omega, found.high_omega]) * loop.period
+        points = np.unique(np.concatenate([points, angles[np.isfinite(angles)]]))
+    return disk, at, SEARCH

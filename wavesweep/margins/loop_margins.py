@@ -1,0 +1,240 @@
+"""How far a loop that is broken at one signal is from instability: gain, phase, delay and disk margins, peak sensitivities."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.energy.hinf import SOFT, START, angles, with_middles
+from wavesweep.core.energy.lifted_map import TickMaps
+from wavesweep.core.monodromy.circle import on_circle, solve
+from wavesweep.core.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
+from wavesweep.core.stability.boundary import K_VE
+from wavesweep.core.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
+from wavesweep.core.stability.stable import stable_intervals
+from wavesweep.passive.channel import TOLERANCE, peak_of
+
+MOST = 1e6  # times more or less gain, up to which a limit is looked for
+SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
+SPARED = 1e-6  # relative error of a margin up to which there is no doubt
+TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch it
+DIRECT = 1e-6  # distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
+BESIDE = 1e-7  # rad; stands for the angle 0, at which an integrator has no response
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """One margin.
+
+    value: NaN if it is not known. omega: its frequency, rad/s up to half the rate of the frame; NaN without a limit. bound: on
+    the error of the value, relative, to first order. doubt: a code of `core.stability.certificate`. limited: whether there
+    is a limit; otherwise the value is the end of what was looked at.
+    """
+
+    name: str
+    value: float
+    omega: float
+    bound: float
+    doubt: int = NONE
+    limited: bool = True
+
+    @staticmethod
+    def unlimited(name: str, value: float, doubt: int) -> "Margin":
+        """A margin without a limit up to that value, if there is no doubt about it."""
+        return Margin(name, np.nan if doubt else value, np.nan, 0.0, doubt, limited=bool(doubt))
+
+
+@dataclass(frozen=True, eq=False)
+class BrokenLoop:
+    """A loop broken at a signal that is made once per frame: `-L(z) = C (z - 1 - E)^-1 B + D`, and bounds on errors of these.
+
+    cut: a single loop, at the number by which the signal is multiplied. lifted: the same as a `LiftedLoop` of one sample, which
+    settles what is in doubt here.
+    Accuracy: see `slope_and_error`.
+    """
+
+    cut: Cut
+    lifted: Any = None
+    times = 1
+
+    @cached_property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """E, B, C and D."""
+        return open_in(self.cut, K_VE, np.zeros(()))
+
+    @cached_property
+    def errors(self) -> tuple[np.ndarray, ...]:
+        """Bounds on the errors of their entries."""
+        errors = {part: getattr(self.cut, error) for part, error in zip(PARTS, ERRORS, strict=True)}
+        dE, dB, dC, dD = open_in(replace(self.cut, **errors), K_VE, np.zeros(()))
+        if self.cut.integrates:  # which is read with a factor of exactly 1
+            dC[..., -1] = 0.0
+        return dE, dB, dC, dD
+
+    @property
+    def period(self) -> float:
+        """Of the frame, s."""
+        return float(self.cut.period)
+
+    def response(self, theta) -> np.ndarray:
+        """Return L at the angles `theta` (rad per frame)."""
+        E, B, C, D = self.parts
+        A = on_circle(np.asarray(theta, float))[..., None, None] * np.eye(len(E)) - E
+        return -(C @ solve(A, B + 0 * A[..., :1]) + D)[..., 0, 0]
+
+    def slope_and_error(self, theta: float) -> tuple[complex, float]:
+        """Return the derivative of L by the angle, and a bound on its error: of the frame's entries, and of rounding."""
+        (E, B, C, D), (dE, dB, dC, dD) = self.parts, self.errors
+        w, one = complex(on_circle(theta)), np.eye(len(E))
+        A = w * one - E
+        state, read = solve(A, B + 0j), solve(A.T, C.T + 0j).T
+        rounded = len(E) * np.finfo(float).eps * (abs(w) * one + np.abs(E))
+        error = np.abs(read) @ ((dE + rounded) @ np.abs(state) + dB) + dC @ np.abs(state) + dD
+        error = error + len(E) * np.finfo(float).eps * (np.abs(C) @ np.abs(state) + np.abs(D))
+        return complex((read @ state)[0, 0]) * 1j * (1 + w), float(error[0, 0])
+
+    def sensitivity(self, less: float = 0.0) -> TickMaps:
+        """Return the map S = 1/(1 + L), less a number."""
+        E, B, C, D = self.parts
+        left = 1 - D
+        whole = [(E + B / left @ C, B / left, C / left, 1 / left - less)]
+        return TickMaps.of(whole, np.zeros(1, int), ()).in_even_units()
+
+    def unit_gains(self) -> tuple[np.ndarray, bool]:
+        """Return all angles in (0, pi) at which |L| crosses 1, and whether it is known that there are no others.
+
+        |L| = 1 exactly where the real part of S is 1/2. The pencil of that level has all the angles as eigenvalues; between
+        these and their middles the size of L shows where it crosses, and a root is found to rounding.
+        """
+        from scipy.optimize import brentq
+
+        def size(theta):
+            return np.nan_to_num(np.log(np.abs(self.response(theta))), nan=np.inf, posinf=1e3, neginf=-1e3)
+
+        with np.errstate(all="ignore"):
+            met = angles(self.sensitivity().pencil(np.zeros(1, int), np.array([0.5])))
+            points = np.unique(np.concatenate([with_middles(met)[0], SOFT, START]))
+            points = points[np.isfinite(points)]
+            sizes = size(points)
+            above = sizes > 0
+            change = np.flatnonzero(above[:-1] != above[1:])
+            rtol = 4 * np.finfo(float).eps
+            found = np.array([brentq(size, *points[at : at + 2], xtol=1e-300, rtol=rtol) for at in change])
+        inside = (points > 0) & (points < np.pi)  # at the ends a rotation by 180 degrees is meant, which no other one exceeds
+        near = np.flatnonzero((np.abs(sizes) <= TOUCHES) & (inside | (found.size == 0)))
+        beside = np.zeros(near.size, bool)
+        for root in found:
+            slope = abs((self.slope_and_error(root)[0] * self.response(root).conj()).real)
+            beside |= slope * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
+        direct = abs(float(self.parts[3][0, 0]))
+        return found, bool(beside.all()) and abs(direct - 1) > DIRECT
+
+
+def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
+    """Return the margins of a loop, empty if it is not stable, and why its stability is in doubt, a code.
+
+    gain_up, gain_down: factors of the signal at the ends of the stable interval around 1; MOST and 0 if they are beyond MOST
+    and 1/MOST. phase (degrees): up to which every rotation of the signal leaves the loop stable. delay (s): less than that, in
+    whole frames, leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those
+    from 1/disk_gain to disk_gain, and rotations up to disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
+    |L/(1 + L)|.
+    Accuracy: see `Margin.bound`. Peaks by level sets (see `peak_by_levels`), gains as in `stable_intervals`.
+    Source: P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
+    """
+    gains, doubt = _gains(loop)
+    if not gains:
+        return [], doubt
+    return [*gains, *_phases(loop), *_peaks(loop)], doubt
+
+
+def _gains(loop):
+    """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
+    for most in SPANS:
+        found = stable_intervals(with_batch(loop.cut, 1), K_VE, (0.0, most), np.zeros((1, 1)))
+        own = found.take((found.low < 1) & (found.high > 1))
+        if not own.low.size or own.high[0] < most:
+            break
+    doubt, margins = int(found.doubt[0]), []
+    if not own.low.size:
+        return [], doubt
+    for name, (gain,), (omega,) in (("gain_up", own.high, own.high_omega), ("gain_down", own.low, own.low_omega)):
+        if not 1 / MOST < gain < MOST:
+            margins.append(Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt))
+            continue
+        theta = omega * loop.period
+        response = complex(loop.response(theta))
+        free = 0 < theta < np.pi * (1 - 1e-12)
+        bound = _error(loop, theta, response.imag, lambda slope: slope.imag, free=free) / abs(response)
+        margins.append(_margin(name, float(gain), float(omega), bound + abs(1 + gain * response), doubt))
+    return margins, doubt
+
+
+def _error(loop, theta, left, along, *, free=True):
+    """A bound on the error of L where a real part of it is 0: of L itself, and as the angle moves with it.
+
+    left: what is left of that part; along: gives it from the derivative of L; free: whether the angle may move.
+    """
+    slope, error = loop.slope_and_error(theta)
+    error += abs(left)
+    if not free:
+        return error
+    with np.errstate(all="ignore"):
+        return error + abs(slope) * float(np.float64(error) / abs(along(slope)))
+
+
+def _margin(name, value, omega, bound, doubt=NONE):
+    return Margin(name, value, omega, float(bound), doubt if doubt != NONE or bound <= SPARED else ROUNDING)
+
+
+def _phases(loop) -> Iterator[Margin]:
+    theta, known = loop.unit_gains()
+    doubt = NONE if known else CROWDED
+    slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
+    names = "phase", "delay"
+    if not theta.size:
+        yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
+        yield Margin.unlimited("delay", MOST * loop.period, doubt if slow else FAST)
+        return
+    response = loop.response(theta)
+    lag = np.angle(-response)
+    sizes = {"phase": np.abs(lag), "delay": (lag % (2 * np.pi)) / theta}
+    for name in names if slow else names[:1]:
+        at = int(np.argmin(sizes[name]))
+        L, angle, size = complex(response[at]), float(theta[at]), float(sizes[name][at])
+        error = _error(loop, angle, abs(L) - 1, lambda slope, L=L: (slope * L.conjugate()).real / abs(L))
+        value, turn = (np.degrees(size), size) if name == "phase" else (size * loop.period, size * angle)
+        yield _margin(name, float(value), angle / loop.period, error / turn, doubt)
+    if not slow:
+        yield Margin.unlimited("delay", np.nan, FAST)
+
+
+def _peaks(loop) -> Iterator[Margin]:
+    for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
+        peak = peak_of(loop.sensitivity(less))
+        theta, size = float(peak.theta[0]), float(np.sqrt(peak.value[0]))
+        beside = max(theta, BESIDE)  # an integrator has no response at 0
+        S = 1 / (1 + complex(loop.response(beside)))
+        bound = TOLERANCE + (abs(S) ** 2 * loop.slope_and_error(beside)[1] + abs(abs(S - less) - size)) / size
+        rest = theta / loop.period, bound, NONE if peak.certified[0] else SEARCH
+        if name == "disk":
+            yield from disk_margins(1 / size, *rest)
+        else:
+            yield _margin(name, size, *rest)
+
+
+def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterator[Margin]:
+    """Yield the disk margin with its gain and its phase, `(1 + a/2)/(1 - a/2)` and `2 atan(a/2)`."""
+    yield _margin("disk", disk, omega, bound, doubt)
+    gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
+    yield limited_or_not("disk_gain", gain, omega, bound * 4 * disk / (4 - disk**2) if gain < MOST else 0.0, doubt)
+    half = np.arctan(disk / 2)
+    yield _margin("disk_phase", float(np.degrees(2 * half)), omega, bound * np.sin(2 * half) / (2 * half), doubt)
+
+
+def limited_or_not(name: str, gain: float, omega: float, bound: float, doubt: int) -> Margin:
+    """Return the margin of a gain, which has a limit between 1/MOST and MOST."""
+    if 1 / MOST < gain < MOST:
+        return _margin(name, gain, omega, bound, doubt)
+    return Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt)

@@ -1,0 +1,145 @@
+"""How far a loop is from instability at one signal, at which it is broken: the table `margins`."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns, joined
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import Spec
+from wavesweep.core.stability.certificate import words
+from wavesweep.core.tables.kind import Kind, Line, Numbers, Whole, from_spec, plain
+from wavesweep.core.tables.table import Table, facts_of, held
+
+METHOD = (
+    "gains from the certified stable interval around 1 of a factor of the signal; crossings of the gain 1 from the pencil of "
+    "the level 1/2 of the real part of 1/(1 + L), found to rounding; peaks by level sets; of a lifted signal the certified "
+    "stable intervals of its phase, and of complex factors on the rim of a disk"
+)
+UNITS = {"phase": "deg", "delay": "s", "disk_phase": "deg"}  # of margins that have one
+SAID = {
+    "gain_up": "gain may grow by a factor up to",
+    "gain_down": "gain may fall by a factor down to",
+    "phase": "phase margin",
+    "delay": "delay margin",
+    "disk": "disk margin",
+    "disk_gain": "  gain alone within the disk, up or down by a factor of",
+    "disk_phase": "  phase alone within the disk",
+    "sensitivity": "peak sensitivity Ms",
+    "complementary": "peak complementary sensitivity Mt",
+}
+
+
+def margins(spec: Spec, cut: str = "") -> Table:
+    """The margins of the spec's own loop, broken at a signal; of the lifted loop if it is made several times in a frame.
+
+    With unknown numbers in [for_all] there are rows of the margins that hold for all of them as well.
+    cut: the signal, "block.port" or a name in [signals]; by default the first of `cuts_of`, an actuator's. Errors: UsageError
+    for a signal at which the loop cannot be broken, or a loop that is not known to be stable.
+    """
+    from wavesweep.core.analyses.assumptions import over_preset
+    from wavesweep.margins.broken_loops import broken_at, cuts_of
+    from wavesweep.margins.lifted_margins import margins_of
+
+    started, cut = time.perf_counter(), cut or next(iter(cuts_of(spec)), "")
+    loop = broken_at(spec, cut)
+    found, doubt = margins_of(loop)
+    if not found:
+        reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
+        raise UsageError(f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it")
+    columns = _columns(cut, found, {"bound": np.array([each.bound for each in found])})
+    methods, notices = {"margins": METHOD}, [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
+    if spec.for_all:
+        from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
+
+        if said := refused(spec):
+            notices.append(said)
+        else:
+            columns = _with_those_for_all(columns, cut, margins_for_all(spec, cut))
+            methods["for_all"] = METHOD_FOR_ALL
+    counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
+    timings = {"compute_s": time.perf_counter() - started}
+    facts = facts_of(spec, methods, counts, timings, [*notices, *over_preset(spec)])
+    return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times})
+
+
+def _columns(cut: str, found: Sequence[Any], more: Columns) -> Columns:
+    doubts = words([each.doubt for each in found])
+    return {
+        "cut": np.full(len(found), cut, object),
+        "margin": np.array([each.name for each in found], object),
+        "value": np.array([each.value for each in found]),
+        "unit": np.array([UNITS.get(each.name, "1") for each in found], object),
+        "omega": np.array([each.omega for each in found]),
+        **more,
+        "certified": doubts == "",
+        "doubt": doubts,
+        "limited": np.array([each.limited for each in found]),
+    }
+
+
+def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns:
+    """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns of these."""
+    both = joined([own, _columns(cut, found, {"bound": np.zeros(len(found))})])
+    rows = len(own["cut"])
+    none, refuted = np.full(rows, np.nan), np.array([each.refuted for each in found])
+    down = np.array([each.name == "gain_down" for each in found])
+    return {
+        **both,
+        "guarantee": np.array(["spec"] * rows + ["for_all"] * len(found), object),
+        "fails_below": np.concatenate([none, np.where(down, refuted, np.nan)]),
+        "fails_from": np.concatenate([none, np.where(down, np.nan, refuted)]),
+        "settled": np.concatenate([own["certified"], [each.settled for each in found]]),
+        "counterexample": np.array([""] * rows + [each.counterexample for each in found], object),
+    }
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    whose = columns.get("guarantee", np.full(len(columns["cut"]), "spec", object))
+
+    def rows(of: str, *more: str) -> Numbers:
+        names = ("value", "unit", "omega", "doubt", "limited", *more)
+        some = {name: columns[name][whose == of].tolist() for name in ("margin", *names)}
+        return {margin: {name: plain(some[name][at]) for name in names} for at, margin in enumerate(some["margin"])}
+
+    found = {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1), "margins": rows("spec")}
+    of_all = rows("for_all", "fails_below", "fails_from", "settled", "counterexample") if "guarantee" in columns else {}
+    return found | ({"for_all": of_all} if of_all else {})
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    times, period = found["times"], f"{1e3 * found['period_s']:.6g} ms"
+    once = f"broken at {found['cut']}, once in {period}"
+    several = (
+        f"broken at {found['cut']}, {times} times in {period}: of the lifted loop, one factor on all its samples of a frame"
+    )
+    yield once if times == 1 else several, False
+    for name, margin in found["margins"].items():
+        at = f", at {margin['omega']:.5g} rad/s ({margin['omega'] / (2 * pi):.4g} Hz)" if margin["omega"] is not None else ""
+        yield _line(name, margin, at)
+    if of_all := found.get("for_all"):
+        yield "proved for all numbers of [for_all] (for_all):", False
+        unstable = next(iter(of_all.values()))
+        if unstable["value"] is None and unstable["counterexample"] and unstable["fails_from"] is None:
+            yield f"nothing: not stable with {unstable['counterexample']}", True
+            return
+        for name, margin in of_all.items():
+            below, end = margin["fails_below"], margin["fails_from"]
+            refuted = f"below {below:.6g}" if below is not None else f"from {end:.6g} on" if end is not None else ""
+            yield _line(name, margin, refuted and f", refuted {refuted} by {margin['counterexample']}")
+
+
+def _line(name: str, margin: Numbers, more: str) -> Line:
+    doubt = f"not certified ({margin['doubt']})" if margin["doubt"] else ""
+    if margin["value"] is None:
+        return f"{SAID[name]}: {doubt}{more}", True
+    if not margin["limited"]:
+        return f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
+    unit = "" if margin["unit"] == "1" else f" {margin['unit']}"
+    return f"{SAID[name]} {margin['value']:.6g}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
+
+
+KINDS = (Kind("margins", lambda _: Whole(_numbers), _lines, figure="margins.figure.margins", again=from_spec(margins, "cut")),)

@@ -1,0 +1,69 @@
+"""`wavesweep passivity`."""
+
+import click
+
+from wavesweep.core.cli.options import Options, run_options
+from wavesweep.core.cli.studies import one_spec
+
+
+@click.command("passivity")
+@one_spec
+@click.option(
+    "--filters",
+    is_flag=True,
+    help="Write a second table, passivity-filters: the norm of the channel with LP1 of order 1 to 8 at several cutoffs.",
+)
+@click.option(
+    "--tolerance",
+    metavar="SHARE",
+    type=click.FloatRange(min=0.0),
+    default=1e-3,
+    show_default=True,
+    help="Energy (J per J sent) that aliasing may add for the channel to count as passive, here and with --filters.",
+)
+@click.option(
+    "--along",
+    metavar="NAME",
+    help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel, with their proof. "
+    "[sweep] gives its range.",
+)
+@run_options("workers", "long")
+def passivity(spec: str, options: Options, filters: bool, tolerance: float, along: str | None) -> None:
+    """Compute the norm of the wave channel and the passivity margin at the hand's port.
+
+    A passive loop gives out no energy, so it is stable with every passive hand. SPEC is a TOML file; each axis of its [sweep]
+    table that has values is swept. The channel is passive if its norm is at most 1, the port if its margin is not negative.
+    damping_needed is the further damping of the device with which the port is passive. If the loop has no waves, the norm
+    is missing and channel_passive is 1.
+
+    At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
+    necessary: see zwidth --for-hands passive.
+
+    A drawn loop with a second port, [ports] environment, is absolutely stable if it is stable with every pair of passive
+    terminations: ports_margin is the damping that both ports may lose, and a second table, passivity-ports, has Llewellyn's
+    index over frequency.
+
+    With --along NAME the table is passivity-along: the stable intervals of that number, those with a passive port, those that
+    are absolutely stable, and those with a passive channel, one row each. The column hand says which; certified is 1 if every
+    value of the interval is proved to be so, and those just outside are proved not to be.
+
+    \b
+    Examples:
+      wavesweep passivity sweeps/paper/fig4.toml --filters
+      wavesweep passivity mine.toml --along K_VE --set 'sweep.K_VE={start = 0, stop = 2000}'
+    """
+    from wavesweep.core.cli.output import produce
+    from wavesweep.passive import table as tables
+
+    def compute(specs, **work):
+        (loaded,) = specs
+        if along:
+            return [tables.passive_along(loaded, along, tolerance, **work)]
+        choices = [tables.filter_choices(loaded, tolerance)] if filters else []  # first, since a spec may have none
+        choices += [tables.over_frequency(loaded)] if loaded.drawing and loaded.drawing.environment else []
+        return [tables.passivity(loaded, tolerance, **work), *choices]
+
+    if along and filters:
+        raise click.UsageError("--filters: expected without --along, which has a table of its own")
+    kinds = ["passivity-along"] if along else ["passivity", *(["passivity-filters"] if filters else []), "passivity-ports"]
+    produce(kinds, [spec], options, compute)

@@ -1,0 +1,157 @@
+"""The least damping with which a switched system takes in no less energy than it gives back, whatever the order.
+
+The system goes from states s and a displacement u to `A s + B u`, and takes in `z' S z + d u^2` meanwhile, z being s and u. If
+`s' P_i s` is stored at node i of a graph, it never gives back more than was stored as long as
+
+    F = [P_i 0; 0 d] + S - [A B]' P_j [A B]
+
+is positive definite on every edge from i to j. The least such d is a semidefinite program in P and d. `prove.every_hand` checks
+what is found here.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.core.monodromy.rounding import balance
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.norms import Centre, find_norms, hessian_of, packed, unpacked
+
+CLOSE = 1e-7  # of the damping: distance from the optimum at which the program ends
+CENTRED = 0.5  # Newton decrement below which a point counts as the centre
+FASTER = 8.0  # factor of the weight of the damping from one centre to the next
+SWEEPS = 12  # over the states, for their units
+STEPS = 400  # of Newton's method
+RIDGE = 1e-11  # of the diagonal of the Hessian, against rounding
+SHORTEST = 1e-9  # part of a step below which rounding leaves no room
+SCALES = np.geomspace(1e-6, 1e6, 49)  # of the first energies, in the size of what is taken in
+
+
+def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
+    """Return the smallest graph of ticks whose walks are the allowed sequences of words.
+
+    words: the kinds of ticks of each word; follows: `(words, words)`, which may come after which. A node is what may still
+    happen: the rests of words, each with the words that may come then.
+    """
+    after = [tuple(np.flatnonzero(row).tolist()) for row in follows]
+    nodes, edges, open_ = {}, [], []
+
+    def begun(some):
+        return frozenset((words[symbol], after[symbol]) for symbol in some)
+
+    def number(node):
+        if node not in nodes:
+            nodes[node] = len(nodes)
+            open_.append(node)
+        return nodes[node]
+
+    for some in dict.fromkeys(after):
+        number(begun(some))
+    while open_:
+        node = open_.pop()
+        for kind in sorted({rest[0] for rest, _ in node}):
+            further = ({(rest[1:], some)} if rest[1:] else begun(some) for rest, some in node if rest[0] == kind)
+            edges.append((nodes[node], kind, number(frozenset().union(*further))))
+    return Graph(*np.array(edges).T)
+
+
+def least_damping(M: np.ndarray, S: np.ndarray, follows: np.ndarray) -> Iterator[tuple[Centre, float]]:
+    """Yield energies and dampings with which every edge dissipates, from the least damping on; nothing if none are found.
+
+    M: `[A B]` of each edge, `(edges, n, n + 1)`; S: `(edges, n + 1, n + 1)`; follows: `(edges, edges)`. The edges are the
+    symbols of the graph of the energies. Accuracy: CLOSE, unless rounding ends the program earlier.
+    """
+    n, size = M.shape[1], np.abs(S).sum(0)
+    size[:n] = np.abs(M).sum(0)
+    units = balance(size[None], SWEEPS)[1][0]
+    units = units[:n] / units[n]
+    M, S = M / units[:, None], S.copy()
+    M[..., :n] *= units
+    S[:, :n] *= units[:, None]
+    S[..., :n] *= units
+    centre, factor = find_norms(M[..., :n], follows)
+    if factor == 1:
+        for each, damping in reversed(_path(centre, M, S)):
+            yield replace(each, basis=units[:, None] * each.basis, inverse=each.inverse / units), damping
+
+
+def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
+    """The centres for growing weights w: the minima of the barrier `w d - sum log det F + sum tr P` in P and d."""
+    n, graph = centre.P.shape[-1], centre.graph
+    M, S = centre.inverse @ M[graph.symbol], S[graph.symbol].copy()
+    M[..., :n] = M[..., :n] @ centre.basis
+    S[:, :n] = np.swapaxes(centre.basis, -1, -2) @ S[:, :n]
+    S[..., :n] = S[..., :n] @ centre.basis
+
+    def slack(P, d):
+        F = S - np.swapaxes(M, -1, -2) @ P[graph.target] @ M
+        F[:, :n, :n] += P[graph.source]
+        F[:, n, n] += d
+        return F
+
+    def barrier(P, d):
+        try:
+            logs = np.log(np.diagonal(np.linalg.cholesky(slack(P, d)), axis1=-2, axis2=-1)).sum()
+        except np.linalg.LinAlgError:
+            return np.inf
+        return weight * d - 2 * logs + np.trace(P, axis1=-2, axis2=-1).sum()
+
+    P, d = _first(slack, centre.P, np.abs(S).max())
+    unit = abs(d) or 1.0
+    P, d, S, weight, found, steps = P / unit, d / unit, S / unit, 1.0, [], 0
+    while steps < STEPS and len(M) * (n + 1) > CLOSE * weight * max(abs(d), CLOSE):
+        weight, decrement = weight * FASTER, np.inf
+        while decrement > CENTRED and steps < STEPS:
+            steps, length, before = steps + 1, 1.0, barrier(P, d)
+            try:
+                change, step, decrement = _newton(slack(P, d), M, weight, graph, len(P))
+            except np.linalg.LinAlgError:  # singular to rounding
+                return found
+            while length > SHORTEST and not barrier(P + length * change, d + length * step) < before:
+                length *= 0.7
+            if length <= SHORTEST:
+                return found
+            P, d = P + length * change, d + length * step
+        found.append((replace(centre, P=P * unit), d * unit))
+    return found
+
+
+def _first(slack: Callable, P, size):
+    """Energies to begin with, and a damping with which all edges dissipate: the least over some scales of P."""
+    n, best = P.shape[-1], (np.inf, P)
+    for scale in SCALES * size:
+        F = slack(scale * P, 0.0)
+        half = np.linalg.solve(F[:, :n, :n], F[:, :n, n:])
+        least = ((F[:, n:, :n] @ half)[:, 0, 0] - F[:, n, n]).max()
+        best = min(best, (least, scale * P), key=lambda each: each[0])
+    return best[1], best[0] + 0.2 * abs(best[0]) + 1e-12 * size
+
+
+def _newton(F, M, weight, graph, nodes):
+    """The step of Newton's method in the energies and the damping, and its decrement."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    n = M.shape[1]
+    inverse = np.linalg.inv(F)
+    inverse = (inverse + np.swapaxes(inverse, -1, -2)) / 2
+    moved = M @ inverse
+    arriving = moved @ np.swapaxes(M, -1, -2)
+    slope, mixed = np.zeros((2, nodes, n, n))
+    slope += np.eye(n)
+    for into, at, part, sign in (
+        (graph.source, inverse[:, :n, :n], inverse[:, :n, n], -1),
+        (graph.target, arriving, moved[..., n], 1),
+    ):
+        np.add.at(slope, into, sign * at)
+        np.add.at(mixed, into, -sign * part[:, :, None] * part[:, None, :])
+    slope, mixed = packed(slope).ravel(), packed(mixed).ravel()
+    hessian = hessian_of(inverse[:, :n, :n], moved[..., :n], arriving, graph, nodes)
+    hessian[np.diag_indices_from(hessian)] *= 1 + RIDGE
+    factor = cho_factor(hessian, lower=True, overwrite_a=True)
+    of_slope, of_mixed = cho_solve(factor, np.stack([slope, mixed], -1)).T
+    rise = weight - inverse[:, n, n].sum()
+    step = -(rise - mixed @ of_slope) / ((inverse[:, n, n] ** 2).sum() - mixed @ of_mixed)
+    change = -(of_slope + of_mixed * step)
+    decrement = np.sqrt(max(0.0, -(slope @ change + rise * step)))
+    return unpacked(change.reshape(nodes, -1), n), step, decrement

@@ -1,0 +1,194 @@
+"""Intervals that hold for every passive hand and all of [for_all], whatever the frames do: the loops are those without waves.
+
+The force against the hand and the device's damping are linear in the number along which the intervals lie. So the energies that
+are stored at two of its values add up to those of any value between them: passive values are an interval, and what is proved at
+two of them is proved between.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import held_loop
+from wavesweep.core.drawing.drawing import Drawing, name_of
+from wavesweep.core.drawing.expressions import degree
+from wavesweep.core.energy.held_loop import HAND, HeldLoop, device_keys, device_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import scalar_place
+from wavesweep.core.spec import Spec
+from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
+from wavesweep.for_all.unknown import Case, Part
+from wavesweep.for_all.varying import Rules, text_of
+from wavesweep.passive.any_hand import reads_velocity
+from wavesweep.passive.channel import has_waves
+
+STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for
+CLOSE = 1e-5  # of an end, or of the range, how near the last value on its other side is
+LARGE = 1e9  # N*s/m: more than anything is short of
+SLOW = 1e-3  # rad per tick, below which the motion is the same in each repetition of a pattern
+REFUSED = "hand passive while frames vary ([for_all]): expected {}, found {}"
+
+
+@dataclass(frozen=True, slots=True)
+class EveryHandGuarantee:
+    """Every passive hand with all of [for_all], as `Along.guarantee`."""
+
+    rules: Rules
+    dtype = FOR_ALL_RECORD
+    kind = "passive"
+    method = (
+        "stored energies at the nodes of an automaton of ticks, by a semidefinite program, checked by elimination in ball "
+        "arithmetic; refuted by a pattern of frames and a motion of the hand that takes energy out for ever"
+    )
+
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop."""
+        rows = [_row(_Margin(self.rules, case, along), case, span) for case in cases_of(self.rules, along, span, loop)]
+        row = None if None in rows else all_of(rows)
+        return recorded([row] if row and row.low < row.high else [], True)
+
+
+def refuse(spec: Spec, rules: Rules, along: str) -> None:
+    """Raise UsageError for a loop, ranges, or a number along which nothing can be said of every passive hand."""
+    drawing, values = own_loop(spec, along)
+    if rules.messages:
+        raise UsageError("for hands: expected a spec without channels, found some")
+    if has_waves(drawing):
+        raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
+    if drawing.dead_times:
+        raise UsageError(REFUSED.format("delays in ticks", f"seconds of {', '.join(drawing.dead_times)}"))
+    margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, values))[0], along)
+    ruled, device = margin.ruled, margin.device_damping
+    for axis in margin.case.ranges:
+        if axis.path not in HAND and (axis.path in ruled.reads or degree(device, name_of(axis.path)) > 1):
+            raise UsageError(REFUSED.format("ranges of the device's mass and damping alone, and values of others", axis.name))
+    name = name_of(along)
+    if along and (degree(device, name) > 1 or (along in ruled.reads and not _acts_once(ruled, name))):
+        raise UsageError(
+            REFUSED.format("intervals along a number that multiplies what it does not act on itself, such as K_VE", name)
+        )
+
+
+def _acts_once(ruled: Drawing, name: str) -> bool:
+    """Whether a single wire or gain of a loop with a ruler reads a number, and what it gives does not come back to it."""
+    place = scalar_place(ruled, name)
+    start = place.split(".")[1] if place else ""
+    sources = {}
+    for port, terms in (*ruled.wires, *ruled.couplings):
+        sources.setdefault(port.partition(".")[0], set()).update(signal.partition(".")[0] for signal, _ in terms)
+    found = sources.get(start, set())
+    while more := set().union(*(sources.get(each, ()) for each in found)) - found:
+        found = found | more
+    return bool(place) and start not in found
+
+
+def damping(spec: Spec) -> dict[str, object] | None:
+    """What every passive hand needs of the device's damping, for all of [for_all]: `needed` and `refuted` (N*s/m, None if it is
+    not known), the device's own, and the counterexample. None for loops of which nothing is said."""
+    rules = Rules.of(spec)
+    loop = Loops(own_loop(spec).drawing, dict(spec.values))
+    if not rules.vary or device_of(loop.drawing) is None or reads_velocity(held_loop(loop)):
+        return None
+    try:
+        refuse(spec, rules, "")
+        margins = [_Margin(rules, case, "") for case in cases_of(rules, "", (0.0, 0.0), loop)]
+        found = [(margin, *margin.at(0.0)) for margin in margins]
+    except UsageError:
+        return None
+    _, needed, has = max(found, key=lambda each: each[1].proved - each[2])
+    margin, worst, _ = max(found, key=lambda each: each[1].refuted - each[2])
+    numbers = {"needed": needed.proved, "refuted": worst.refuted, "device": has}
+    return {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {"by": margin.text(worst)}
+
+
+class _Margin:
+    """What is left of the device's damping beyond what every passive hand needs, at values of the number along."""
+
+    def __init__(self, rules: Rules, case: Case, along: str):
+        from wavesweep.passive.proof import with_ruler
+
+        self.case, self.along, self.known = case, along, {}
+        values = {**case.loop.values, **case.fixed, **dict.fromkeys(HAND, 0.0)}
+        self.plan = rules.plan(Loops(case.loop.drawing, values), (along,) if along else ())
+        self.loop = HeldLoop(self.plan.drawing, {**values, **self.plan.values})
+        self.ruled = with_ruler(self.plan.drawing)
+        block = next(block for block in self.plan.drawing.blocks if block.name == device_of(self.plan.drawing))
+        self.device_damping = dict(block.keys)["damping"]
+
+    def at(self, p: float):
+        """What is needed at a value, and the least damping of the device there."""
+        from wavesweep.passive.proof import EveryHand, Needed
+
+        own = {self.along: p} if self.along else {}
+        key = p if self.along in self.ruled.reads else None
+        if key not in self.known:
+            loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **own}))
+            self.known[key] = loop, loop.needed() if loop else Needed(np.inf)
+        ends = product(*((axis.start, axis.stop) for axis in self.case.ranges))
+        paths = [axis.path for axis in self.case.ranges]
+        has = min(device_keys(self.loop.changed({**dict(zip(paths, each, strict=True)), **own}))[1] for each in ends)
+        return self.known[key][1], float(has)
+
+    def text(self, needed) -> str:
+        """What refutes."""
+        if not needed.word:
+            return ""
+        loop, omega = next(each for each in self.known.values() if each[1] is needed)[0], needed.omega
+        alike = omega * loop.period < SLOW
+        moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
+        return f"{text_of(loop, needed.word)}, a hand that moves {moves}"
+
+
+def _row(margin: _Margin, case: Case, span) -> Row | None:
+    """The passive values that are proved, and the nearest ones that are refuted."""
+    low, high = span
+    proved, refuted = (_signed(margin, part) for part in ("proved", "refuted"))
+    start = next((p for p in (low + share * (high - low) for share in STARTS) if proved(p) <= 0), None)
+    if start is None:
+        return None
+    ends, fails, by, omega = [], [], [], []
+    for limit in span:
+        end, beyond = _edge(proved, start, limit)
+        if beyond is not None and refuted(beyond) <= 0:
+            beyond = _edge(refuted, beyond, limit)[1]
+        ends.append(end)
+        fails.append(limit if beyond is None else beyond)
+        needed = None if beyond is None else margin.at(beyond)[0]
+        by.append(needed and {**case.fixed, margin.text(needed): None})
+        omega.append(needed.omega if needed else np.nan)
+    part = Part(*fails, *by, *omega)
+    settled = all(
+        is_near(end, fail) and (known or end == limit) for end, fail, known, limit in zip(ends, fails, by, span, strict=True)
+    )
+    return Row(*ends, part, settled, text_of_part(part))
+
+
+def _signed(margin, part) -> Callable[[float], float]:
+    def missing(p):
+        needed, has = margin.at(p)
+        return getattr(needed, part) - has
+
+    return missing
+
+
+def _edge(missing: Callable[[float], float], inside: float, limit: float) -> tuple[float, float | None]:
+    """The last value found at which nothing is missing, from one where it is so towards a limit, and the first one beyond."""
+    from scipy.optimize import brentq
+
+    if missing(limit) <= 0:
+        return limit, None
+    seen = {}
+
+    def looked(p):
+        seen[p] = missing(p)
+        return min(seen[p], LARGE)
+
+    least = CLOSE * abs(limit - inside)
+    end = brentq(looked, inside, limit, xtol=CLOSE * least, rtol=CLOSE / 4)
+    for side in (-1, 1):
+        looked(float(np.clip(end + side * CLOSE / 2 * max(abs(end), least), *sorted((inside, limit)))))
+    within = [p for p, value in seen.items() if value <= 0]
+    return max(within, key=lambda p: abs(p - inside)), min(seen.keys() - within, key=lambda p: abs(p - inside))

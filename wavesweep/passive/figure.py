@@ -1,0 +1,196 @@
+"""Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's port, and filter orders."""
+
+from collections.abc import Mapping, Sequence
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns, axes_of
+from wavesweep.core.plots.layout import rows_with
+from wavesweep.core.plots.sampling import Blocks, shown_loops
+from wavesweep.core.plots.scales import by_factors, is_logarithmic
+from wavesweep.core.plots.style import (
+    DOUBTFUL,
+    GRID,
+    TWO_COLUMNS,
+    distinct_colour,
+    family_looks,
+    figure,
+    fitting,
+    is_narrow,
+    note_below,
+    wide,
+)
+from wavesweep.core.plots.words import assumption, at_hand, label, symbol, valued
+
+_TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
+_LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
+_PASSIVE, _COLOUR = {"color": "#CCECE3", "linewidth": 0}, distinct_colour(0)  # the shade, and the dots
+_UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
+_CURVES = 8  # of the index over frequency
+_NAME = 40  # letters of the name of a dot with those of its axes
+_PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
+
+
+def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity` table: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
+
+    If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
+    """
+    columns, roles, left_out = shown_loops(table)
+    # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
+    margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
+    columns = {**columns, "port_margin": 1e3 * margin}
+    return _draw_lines(columns, roles, left_out, facts) if roles else _draw_dots(columns, left_out, facts)
+
+
+def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out: str, facts: Mapping[str, Any]) -> Any:
+    x, family, *_ = [*roles, None]
+    members = roles[family] if family else (None,)
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
+        channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
+        for look, value in zip(family_looks(len(members)), members, strict=True):
+            rows = rows_with(columns, {family: value} if family else {})
+            order = np.argsort(rows[x], kind="stable")
+            name = valued(family, value, facts) if family else None
+            style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
+            for panel, values in ((channel, _excess(rows["channel_norm"])), (port, rows["port_margin"])):
+                panel.plot(rows[x][order], values[order], label=name, **style)
+        _mark_unstable(port, columns[x], columns["port_margin"], columns["stable"])
+        for panel in (channel, port):
+            if is_logarithmic(columns[x]):
+                by_factors(panel.xaxis, columns[x].min(), columns[x].max())
+            panel.set_xlim(columns[x].min(), columns[x].max())
+        _scale(channel.yaxis, port.yaxis, columns, facts)
+        _legend(canvas, port, "passive")
+        note_below(canvas, left_out, assumption(facts), axis=label(x, facts))
+    return canvas
+
+
+def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
+    count = len(columns["channel_norm"])
+    places, axes = np.arange(count), ""
+    swept = [name for name in axes_of(columns, "channel_norm") if len(np.unique(columns[name])) > 1]
+    names = [", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)]
+    if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
+        axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
+        names = [", ".join(part.partition(" = ")[2] for part in name.split(", ")) for name in names]
+    with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() else 1)) as canvas:
+        channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
+        panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")
+        for panel, values, verdict in panels:
+            # Filled where passive: a margin just below zero looks like zero.
+            for passes, face, name in ((True, _COLOUR, "passive"), (False, "white", "not passive")):
+                drawn = (columns[verdict] == passes) & (columns["stable"] | (panel is channel))
+                of_both = (columns["port_passive"] == passes) | (columns["channel_passive"] == passes)
+                said = name if panel is port and of_both.any() else None
+                panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4, label=said)
+            panel.grid(**GRID, axis="y")
+        _mark_unstable(port, columns["port_margin"], places, columns["stable"])
+        channel.set_yticks(places, names)
+        channel.set_ylabel(axes)
+        channel.set_ylim(count - 0.4, -0.6)
+        _scale(channel.xaxis, port.xaxis, columns, facts)
+        _legend(canvas, port, "range of what is passive")
+        note_below(canvas, left_out, assumption(facts))
+    return canvas
+
+
+def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> None:
+    """Cross out the margins of unstable loops: they are not passive, also if the margin is positive."""
+    if not stable.all():
+        port.plot(x[~stable], y[~stable], label="unstable, not passive", **_UNSTABLE)
+
+
+def _excess(norm: np.ndarray) -> np.ndarray:
+    """Norm less 1, or 0 below the tolerance."""
+    return np.maximum(norm - 1, _TOLERANCE)
+
+
+def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
+    """Scale, shade and label the axes of values of both panels, in either direction."""
+    known = columns["channel_norm"][~np.isnan(columns["channel_norm"])]
+    if known.size:
+        _set(channel, "log", (_TOLERANCE / 10, max(3 * _excess(known).max(), 1e-2)), (_TOLERANCE / 10, _TOLERANCE))
+    else:  # without a channel there is nothing that could generate energy
+        channel.axes.text(0.5, 0.5, "no wave channel", ha="center", va="center", transform=channel.axes.transAxes)
+        channel.set_ticks([])
+    channel.set_label_text("channel norm - 1")
+    margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
+    largest = float(np.abs(margin).max(initial=0.0)) or 1.0
+    linear = _LINEAR * largest
+    bottom, top = min(float(margin.min(initial=0.0)) * 2, -linear), max(float(margin.max(initial=0.0)) * 2, linear)
+    _set(port, "symlog", (bottom, top), (0.0, top), linthresh=linear)
+    # Decades next to the linear part would stand on the 0. Side by side there is room for every other one.
+    every = -1 if port.axis_name == "y" else -2
+    decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, np.ceil(np.log10(largest)) + 1))[::every][::-1]
+    port.set_ticks([tick for tick in (*-decades[::-1], 0.0, *decades) if bottom <= tick <= top])
+    port.set_label_text(at_hand("port margin", "port_margin", "mm/N", facts))
+
+
+def _set(axis: Any, scale: str, limits: tuple[float, float], passive: tuple[float, float], **options: float) -> None:
+    """Give an axis a scale and limits, and shade the range of what is passive."""
+    upright, axes = axis.axis_name == "y", axis.axes
+    (axes.set_yscale if upright else axes.set_xscale)(scale, **options)
+    (axes.set_ylim if upright else axes.set_xlim)(limits)
+    (axes.axhspan if upright else axes.axvspan)(*passive, **_PASSIVE)
+
+
+def _legend(canvas: Any, panel: Any, shaded: str) -> None:
+    from matplotlib.patches import Patch
+
+    handles, labels = panel.get_legend_handles_labels()
+    handles, labels = [*handles, Patch(**_PASSIVE)], [*labels, shaded]
+    canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)))
+
+
+def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity-ports` table: Llewellyn's index at the left, the margin at the right, a curve per combination."""
+    axes = [name for name in columns if name not in ("frequency_hz", "llewellyn", "damping_margin")]
+    starts = np.flatnonzero(np.diff(columns["frequency_hz"], prepend=np.inf) < 0)
+    curves = np.split(np.arange(columns["frequency_hz"].size), starts[1:])
+    shown = [curves[at] for at in np.unique(np.linspace(0, len(curves) - 1, _CURVES).astype(int))]
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
+        panels = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
+        for look, rows in zip(family_looks(len(shown)), shown, strict=True):
+            name = ", ".join(valued(axis, columns[axis][rows[0]], facts) for axis in axes)
+            for panel, values in zip(panels, ("llewellyn", "damping_margin"), strict=True):
+                style = {"color": look.colour, "linestyle": look.line, "linewidth": 1, "label": name or None}
+                panel.plot(columns["frequency_hz"][rows], columns[values][rows], **style)
+        least = [np.nanmin(columns["damping_margin"][rows], initial=np.inf) for rows in shown]
+        most = 4 * max(map(abs, least))  # excess in plenty, as at high frequencies, would hide where there is little
+        panels[1].set_ylim(min(*least, 0.0) - most / 20, most)
+        for panel, limit, scale in zip(panels, (1.0, 0.0), ("log", "linear"), strict=True):
+            ends = columns["frequency_hz"].min(), columns["frequency_hz"].max()
+            panel.set(xscale="log", yscale=scale, xlabel="frequency (Hz)", xlim=ends)
+            panel.set_ylim(top=max(panel.get_ylim()[1], limit + 0.1))
+            panel.axhspan(limit, panel.get_ylim()[1], **_PASSIVE)
+            panel.grid(**GRID)
+        panels[0].set_ylabel("Llewellyn's index")
+        panels[1].set_ylabel(at_hand("damping in excess", "damping_margin", "N*s/m", facts))
+        _legend(canvas, panels[0], "absolutely stable")
+        note_below(
+            canvas, f"Shown: {len(shown)} of {len(curves)} combinations." if len(shown) < len(curves) else "", assumption(facts)
+        )
+    return canvas
+
+
+def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity-filters` table: without the local model at the left, with it at the right."""
+    del facts
+    orders = np.unique(columns["lp1_order"]).tolist()
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
+        panels = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
+        for panel, (name, title) in zip(panels, _PANELS, strict=True):
+            for look, order in zip(family_looks(len(orders)), orders, strict=True):
+                rows = columns["lp1_order"] == order
+                style = {"color": look.colour, "linestyle": look.line, "marker": ".", "linewidth": 1}
+                panel.plot(columns["lp1_cutoff_hz"][rows], _excess(columns[name][rows]), label=f"{order}", **style)
+            panel.set(yscale="log", xlabel="LP1 cutoff (Hz)", ylabel=title)
+            panel.grid(**GRID)
+        panels[0].set_ylim(_TOLERANCE / 3, 1)
+        handles, labels = panels[0].get_legend_handles_labels()
+        columns_of_legend = min(8, fitting(labels, wide(TWO_COLUMNS)))
+        canvas.legend(handles, labels, title="order of LP1", loc="outside upper center", ncols=columns_of_legend)
+    return canvas

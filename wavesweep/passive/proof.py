@@ -1,0 +1,252 @@
+"""The damping with which a loop is stable with every passive hand, whatever its frames do, proved in ball arithmetic.
+
+The hand is continuous and may push within a tick. While the device moves by u in a tick of length T, its damper takes at least
+`d u^2/T`, and the force against it, which is held, takes `f u` (see `passive.any_hand.damping_needed`). So what matters is the
+switched system from displacements to forces, with the position x of the device prescribed. At rest all its states are multiples
+of x. Counted from there they follow `s+ = A s + B u`, and the force is `f = k x + C s + D u`. With the stored energy
+`k x^2/2 + s' P_i s` at node i of an automaton of ticks, no hand takes out more than was stored if
+
+    F = [P_i 0; 0 d/T] + [0 C'/2; C/2 D - k/2] - [A B]' P_j [A B]
+
+is positive definite for every kind of tick from node i to j: x cancels, but for `k u^2/2`. The nodes are what may still happen,
+such as the ticks since the last sample and whether its result is in place. `robust.dissipation` finds P and the least d in
+doubles; here F is computed in balls, and eliminated. With less than what a kind of frame needs that is repeated for ever
+(`damping_needed`), a hand takes out energy: this refutes.
+"""
+
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+from flint import arb, arb_mat
+
+from wavesweep.core.drawing.drawing import Drawing, DrawnBlock
+from wavesweep.core.energy.held_loop import device_of
+from wavesweep.core.energy.lifted_map import TickMaps, closure
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import rate_of
+from wavesweep.core.stability.spectrum import is_stable
+from wavesweep.for_all.checking import Norms
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.loop_frames import Symbol
+from wavesweep.for_all.plan import Plan
+from wavesweep.passive.any_hand import peak_of
+from wavesweep.passive.dissipation import automaton, least_damping
+from wavesweep.prove.columns import precision
+from wavesweep.prove.ticks import Loop
+
+BITS = 192
+MOST = 1500  # unknown numbers of the stored energies, which take some seconds
+X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
+LONGEST, TRIED = 3, 96  # frames of a pattern, and how many patterns of two and of three are looked at
+NEAR, LEAST = 1e-4, 0.01  # of what is proved and of so much (N*s/m), next to which no longer patterns are looked at
+ROOM = 1e-12  # of the damping, for the rounding of a product
+
+
+@dataclass(frozen=True, slots=True)
+class Needed:
+    """Damping of device and hand together, N*s/m.
+
+    proved: suffices for every passive hand and every order of frames; infinite if none is proved. refuted: with less, a passive
+    hand that moves at `omega` (rad/s) takes out energy for ever while the pattern `word` is repeated; -infinite without one.
+    """
+
+    proved: float
+    refuted: float = -np.inf
+    word: tuple[int, ...] = ()
+    omega: float = np.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EveryHand:
+    """A loop whose frames vary, as the hand sees it.
+
+    kinds: of each kind of tick `[A B]` and `[C D - k/2]` as matrices of balls. graph: the automaton, whose symbols are kinds.
+    period: of a tick, s. words: the kinds of ticks of each symbol; symbols, follows: see `LoopFrames`.
+    """
+
+    kinds: tuple[tuple[arb_mat, arb_mat], ...]
+    graph: Graph
+    period: float
+    words: tuple[tuple[int, ...], ...]
+    symbols: tuple[Symbol, ...]
+    follows: np.ndarray
+
+    @staticmethod
+    def of(plan: Plan) -> "EveryHand | None":
+        """Return the loop of a plan; None if it does not settle to a force with a stiffness of 0 or more.
+
+        Nothing may read the velocity of the mass that the hand holds. Errors: UsageError if it is too large.
+        """
+        with precision(BITS):
+            index, maps = _ticks(plan)
+            rows, samples, symbols, follows = plan.written(index)
+            joined: dict[tuple[int, ...], int] = {}
+            words = tuple(_timed([*row, sample], maps, joined) for row, sample in zip(rows, samples, strict=True))
+            kinds = _from_rest([reduce(_after, (maps[each] for each in some)) for some in joined])
+        if kinds is None:
+            return None
+        graph, n = automaton(words, follows), kinds[0][0].nrows()
+        if (most := graph.nodes * n * (n + 1) // 2) > MOST:
+            raise UsageError(
+                f"hand passive while frames vary: expected at most {MOST} unknown numbers of stored energies, found {most}; "
+                "choose shorter frames, or fewer delays of results"
+            )
+        return EveryHand(kinds, graph, 1 / float(rate_of(plan.drawing, plan.values)), words, symbols, follows)
+
+    def needed(self) -> Needed:
+        """Return the damping that is needed. Accuracy: 1e-7, unless rounding ends the search for energies earlier."""
+        n = self.kinds[0][0].nrows()
+        M, rows = (np.array([_doubles(kind[part]) for kind in self.kinds]) for part in (0, 1))
+        S = np.zeros((len(M), n + 1, n + 1))
+        S[:, n, :] += rows[:, 0] / 2
+        S[:, :, n] += rows[:, 0] / 2
+        edges, proved = self.graph.symbol, np.inf if n else float(ROOM - S.min() * self.period)
+        follows = self.graph.target[:, None] == self.graph.source
+        for centre, damping in least_damping(M[edges], S[edges], follows) if n else ():
+            if centre.norms.graph.is_complete(follows) and self._dissipates(centre.norms, damping):
+                proved = float(damping * self.period * (1 + ROOM * np.sign(damping)))
+                break
+        return Needed(proved, *self._refuted(M, rows, proved))
+
+    def _refuted(self, M, rows, proved):
+        """The most damping that a pattern needs which is repeated for ever, that pattern, and the frequency.
+
+        Patterns that need most are made longer until one needs about what is proved.
+        """
+        n, best, beam = M.shape[1], (-np.inf, (), np.nan), [()]
+        maps = [(A[:, :n] - np.eye(n), A[:, n:], row[:, :n], row[:, n:]) for A, row in zip(M, rows, strict=True)]
+        for _ in range(LONGEST):
+            longer = [(*first, last) for first in beam for last in range(len(self.words))]
+            longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]
+            found = sorted((self._needed_by(word, maps) for word in longer), key=lambda each: -each[0])
+            best = max(best, found[0], key=lambda each: each[0])
+            if best[0] >= proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
+                break
+            beam = [word for _, word, _ in found[: max(1, TRIED // len(self.words))]]
+        return best
+
+    def _needed_by(self, word, maps):
+        """The damping that a repeated pattern needs, -infinite if it is not known, the pattern, and the frequency."""
+        ticks = TickMaps.of(maps, np.concatenate([self.words[symbol] for symbol in word]), ())
+        lifted = ticks.lifted()
+        if not self.follows[word[-1], word[0]] or (lifted.E.size and not is_stable(lifted.E)[0]):
+            return -np.inf, word, np.nan
+        peak = peak_of(ticks, lifted, np.array([self.period]), np.zeros(1))
+        value = float(peak.value[0]) if peak.certified[0] else -np.inf
+        return value, word, float(peak.theta[0] / (self.period * ticks.kind.size))
+
+    def _dissipates(self, norms: Norms, damping: float) -> bool:
+        """Whether F is positive definite on every edge, and each P as well: elimination meets positive pivots alone."""
+        with precision(BITS):
+            stored = [arb_mat(P.tolist()) for P in norms.P]
+            found = all(map(_definite, (P.tolist() for P in stored)))
+            for source, edge, target in zip(norms.graph.source, norms.graph.symbol, norms.graph.target, strict=True):
+                M, row = self.kinds[self.graph.symbol[edge]]
+                F = (M.transpose() * stored[target] * M * -1).tolist()
+                n = len(F) - 1
+                for i in range(n):
+                    F[i] = [F[i][j] + stored[source][i, j] for j in range(n)] + [F[i][n] + row[0, i] / 2]
+                    F[n][i] = F[i][n]
+                F[n][n] += row[0, n] + arb(damping)
+                found = found and _definite(F)
+            return found
+
+
+def _definite(rows) -> bool:
+    """Whether a symmetric matrix of balls is positive definite, as rows, which are eliminated."""
+    for i in range(len(rows)):
+        if not rows[i][i] > 0:
+            return False
+        for j in range(i + 1, len(rows)):
+            share = rows[j][i] / rows[i][i]
+            rows[j] = [a - share * b for a, b in zip(rows[j], rows[i], strict=True)]
+    return True
+
+
+def _doubles(matrix):
+    return np.array([[float(entry.mid()) for entry in row] for row in matrix.tolist()]).reshape(matrix.nrows(), matrix.ncols())
+
+
+def with_ruler(drawing: Drawing) -> Drawing:
+    """Return the loop whose device is a ruler: it moves by a constant displacement in each tick, and another block takes the
+    force that pushes it, without the hand's. Their states are the first three: X, PUSH, FORCE."""
+    device, zero = device_of(drawing), ("number", 0.0, 0)
+    pushes, takes = f"{device}!push", f"{device}!force"
+    explicit = (("method", "explicit"),)
+    ruler = [DrawnBlock(name, "integrator", explicit, ("number", 1.0, 0), zero) for name in (device, pushes)]
+    ruler.append(DrawnBlock(takes, "delay", (("steps", ("number", 1.0, 0)),), ("number", 1.0, 0), zero))
+    wires = []
+    for port, terms in drawing.wires:
+        kept = tuple(
+            (f"{device}.y" if each == f"{device}.x" else each, gain) for each, gain in terms if each != drawing.hand[0]
+        )
+        wires.append((f"{takes}.u" if port == f"{device}.f" else port, kept))
+    wires.append((f"{device}.u", ((f"{pushes}.y", drawing.tick_hz),)))
+    others = [block for block in drawing.blocks if block.name != device]
+    return replace(drawing, blocks=(*ruler, *others), wires=tuple(wires), hand=None, inputs=(), outputs=(), named=())
+
+
+def _ticks(plan: Plan):
+    """The index of each kind of tick at each period of the slow blocks, and its map of a loop with a ruler."""
+    index, maps = {}, {}
+    for step in plan.steps:
+        loop = Loop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
+        running = plan.schedule.running([block.name for block in loop.blocks])
+        loop.kinds = tuple(tuple(np.flatnonzero(each).tolist()) for each in running)
+        found = loop.tick_maps(arb(0))
+        for kind, places in zip(plan.schedule.kinds, loop.kinds, strict=True):
+            matrix = found[places][0]
+            known = tuple((entry.mid().man_exp(), entry.rad().man_exp()) for entry in matrix.entries())
+            index[kind, step] = maps.setdefault(known, (len(maps), matrix))[0]
+    return index, [matrix for _, matrix in maps.values()]
+
+
+def _timed(row, maps, joined):
+    """The kinds of a row of ticks, in which moments without time are joined with the tick behind them."""
+    word, before = [], ()
+    for kind in row:
+        before = (*before, kind)
+        if not maps[kind][X, PUSH].is_zero():
+            word.append(joined.setdefault(before, len(joined)))
+            before = ()
+    return tuple(word)
+
+
+def _after(first, second):
+    return second * first
+
+
+def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
+    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force, counted from their rest.
+
+    None if nothing rests alike in all of them, or if the stiffness k is negative.
+    """
+    there = np.array([[[not entry.is_zero() for entry in row] for row in tick.tolist()] for tick in ticks]).any(0)
+    rest = [i for i in np.flatnonzero(closure([there], there[FORCE])).tolist() if i > FORCE]
+
+    def part(tick, rows, columns):
+        return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
+
+    whole, one = reduce(_after, ticks), arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest])
+    try:
+        R = (one - part(whole, rest, rest)).solve(part(whole, rest, [X]))
+    except ZeroDivisionError:
+        return None
+    found, stiffness = [], None
+    for tick in ticks:
+        own, moves = part(tick, rest, rest), tick[X, PUSH]
+        left = part(tick, rest, [X]) + (own - one) * R
+        k = -(part(tick, [FORCE], [X]) + part(tick, [FORCE], rest) * R)[0, 0]
+        stiffness = k if stiffness is None else stiffness
+        if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness) and not k < 0):
+            return None
+        B, C = part(tick, rest, [PUSH]) * (1 / moves) - R, part(tick, [FORCE], rest)
+        found.append([[*a, *b] for a, b in zip(own.tolist(), B.tolist(), strict=True)])
+        found[-1].append([*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2])
+    there = np.array([[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in found]).any(0)
+    moved = closure([there[:, :-1].T], there[:, -1]) if rest else np.zeros(0, bool)
+    places = [*np.flatnonzero(moved).tolist(), len(rest)]
+    rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in found]
+    size = len(places) - 1, len(places)
+    return tuple((arb_mat(*size, [entry for row in each[:-1] for entry in row]), arb_mat(each[-1:])) for each in rows)

@@ -1,0 +1,284 @@
+"""Passivity of the wave channel and of the hand's port over a sweep, and of filters: `passivity`, `passivity-filters`."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from math import prod
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from wavesweep.core.analyses.assumptions import notices_of
+from wavesweep.core.columns import Columns, joined
+from wavesweep.core.errors import UsageError
+from wavesweep.core.tables.columns import at_port
+from wavesweep.core.tables.kind import Kind, Line, Numbers, Whole, count, from_spec
+from wavesweep.core.tables.table import Table, facts_of, spans_held
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+    from wavesweep.core.sweep.running import Options, Run
+
+TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
+PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
+METHODS = {
+    "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
+    "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
+}
+
+
+def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options]) -> Table:
+    """Channel norm and port margin for every combination of the axes of [sweep] that have values.
+
+    An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
+    margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
+    summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
+    of `run`.
+    """
+    from wavesweep.core.sweep.running import Work, run
+    from wavesweep.passive.job import certified_slices, jobs_of
+
+    _refuse_tolerance(tolerance)
+    axes = tuple(axis for axis in spec.sweep if axis.values)
+    found = run(jobs_of(spec, axes), Work.of(work))
+    grid = found.jobs["port"].grid
+    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(found)}
+    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
+    facts |= {"warnings": found.warnings, "tolerance": tolerance}
+    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
+
+
+def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[Options]) -> Table:
+    """The intervals of a number with a passive port, and with a passive wave channel if there is one, beside the stable ones.
+
+    along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
+    """
+    from wavesweep.core.tables.intervals import intervals
+    from wavesweep.passive.hands import hands_of
+    from wavesweep.passive.job import sends_waves
+
+    _refuse_tolerance(tolerance)
+    words = ["ports"] * bool(spec.drawing and spec.drawing.environment)
+    hands = hands_of(["port", *words, *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])])
+    table = intervals(spec, along=along, hands=hands, **work)
+    return replace(table, kind="passivity-along", facts={**table.facts, "along": along, "tolerance": tolerance})
+
+
+def over_frequency(spec: Spec) -> Table:
+    """Llewellyn's index and the damping that both ports could do without, over frequency, for every combination of the axes."""
+    from wavesweep.passive.job import curves
+
+    started, axes = time.perf_counter(), tuple(axis for axis in spec.sweep if axis.values)
+    columns = joined(curves(spec, axes))
+    methods = {"ports": "least eigenvalue of the Hermitian part with balanced weights, at each frequency"}
+    counts = {"computed": columns["llewellyn"].size, "skipped": 0, "certified": 0}
+    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started}, (), [axis.path for axis in axes])
+    return Table.of("passivity-ports", columns, facts)
+
+
+def in_memory(spec: Spec, axes) -> Columns:
+    """The table over `axes`, computed in this process."""
+    from wavesweep.core.sweep.running import Work, run
+    from wavesweep.passive.job import jobs_of
+
+    return joined(_blocks(run(jobs_of(spec, axes), Work(jobs=1))))
+
+
+def _blocks(found: Run) -> Iterator[Columns]:
+    """Yield the rows in blocks."""
+    from wavesweep.passive.job import blocks
+
+    for axes, columns in blocks(found):
+        known = {each.name: np.ascontiguousarray(columns[each.name]) for each in KINDS[0].fields if each.name in columns}
+        yield axes | known
+
+
+def _notices(grid) -> Iterator[str]:
+    """Yield notices about axes that are not swept, and about a missing channel."""
+    from wavesweep.passive.job import not_computed, sends_waves
+
+    yield from notices_of(grid)
+    yield from spans_held(grid.spec)
+    yield from not_computed(grid)
+    if not grid.spec.drawing and not sends_waves(grid.spec):
+        missing = "its norm is missing, and what is not there adds no energy (channel_passive 1)"
+        yield f"{grid.spec.kind} has no wave channel: {missing}"
+
+
+def _refuse_tolerance(tolerance):
+    if not (isinstance(tolerance, Real) and not isinstance(tolerance, bool) and 0 <= tolerance < np.inf):
+        raise UsageError(f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}")
+
+
+def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
+    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's slow rate.
+
+    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
+    that aliasing may add for an order to be enough.
+    """
+    from wavesweep.passive.channel import CUTOFFS_HZ, filter_table, sufficient_order
+
+    if spec.drawing or spec.uneven:
+        found = "a drawn loop" if spec.drawing else "rates that do not divide"
+        raise UsageError(f"filters: expected a [controller] whose rates divide, found {found}")
+    _refuse_tolerance(tolerance)
+    started = time.perf_counter()
+    fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
+    # Rounded, so that tables of rates such as 1000/30 Hz can be read.
+    cutoffs = [cutoff for each in CUTOFFS_HZ if (cutoff := float(f"{each * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
+    columns = filter_table(spec.values, cutoffs_hz=cutoffs)
+    enough = sufficient_order(columns, tolerance)
+    orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
+    columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
+    rows = columns["certified"].size
+    counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
+    methods = {
+        "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
+        "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
+    }
+    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
+    facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
+    return Table.of("passivity-filters", KINDS[1].completed(columns), facts)
+
+
+class PassivityTally:
+    """Counts the passive rows, and keeps the ranges of norm, margin and further damping; facts: those of the run."""
+
+    def __init__(self, facts: Mapping[str, Any]) -> None:
+        self._tolerance, self._slices = facts["tolerance"], facts["slices"]
+        self._damped = "damping_needed" not in facts["methods"]  # otherwise it is not known
+        self._counts: Counter[str] = Counter()
+        self._ranges: dict[str, list[float] | None] = dict.fromkeys(
+            ("channel_norm", "port_margin", "damping_needed", "ports_margin")
+        )
+
+    def add(self, columns: Columns) -> None:
+        needed, passive = columns["damping_needed"], columns["channel_passive"]
+        flags = {
+            "rows": np.ones(needed.size, bool),
+            "channel_passive_within_tolerance": (columns["channel_norm"] ** 2 - 1 <= self._tolerance) | passive,
+            "channel_passive": passive,
+            "port_passive": columns["port_passive"],
+            "no_damping_is_enough": np.isnan(needed) & self._damped,
+            "absolutely_stable": columns.get("absolutely_stable", np.zeros(0)),
+            "ports_proved": columns.get("ports_certified", np.zeros(0)),
+            "margin_unknown": np.isnan(columns["port_margin"]),
+            "unstable": ~columns["stable"],
+        }
+        self._counts.update({name: int(each.sum()) for name, each in flags.items()})
+        values = {name: columns.get(name, np.zeros(0)) for name in self._ranges} | {"damping_needed": needed[needed > 0]}
+        for name, column in values.items():
+            self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
+
+    def numbers(self, facts: Mapping[str, Any]) -> Numbers:
+        order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
+                 "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "absolutely_stable", "ports_proved",
+                 "ports_margin", "unstable", "slices")  # fmt: skip
+        found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
+        units = {"port_margin": at_port("m/N", facts), "damping_needed": at_port("N*s/m", facts)}
+        return {name: found[name] for name in order} | {"units": units}
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    rows = count(found["rows"], "row")
+    if found["channel_norm"]:
+        within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
+        norm = _span(found["channel_norm"])
+        yield f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}", False
+    reach = f"; margin {_span(found['port_margin'])} {found['units']['port_margin']}" if found["port_margin"] else ""
+    yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
+    if found["margin_unknown"]:
+        yield f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}", True
+    if found["damping_needed"]:
+        needed, unit = _span(found["damping_needed"], 3), found["units"]["damping_needed"]
+        yield f"further damping of the device that makes it passive: {needed} {unit}", False
+    if found["no_damping_is_enough"]:
+        yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
+    if found["ports_margin"]:
+        margin, unit = _span(found["ports_margin"], 6), found["units"]["damping_needed"]
+        yield f"both ports: absolutely stable in {found['absolutely_stable']} of {rows}; margin {margin} {unit}", False
+        if open_ := found["rows"] - found["ports_proved"] - found["unstable"]:
+            yield f"neither proved nor refuted at both ports: {count(open_, 'row')}", True
+    if found["unstable"]:
+        yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
+    slices = found["slices"]
+    if slices["certified"] < slices["computed"]:
+        yield f"{slices['computed'] - slices['certified']} of {slices['computed']} loops not certified", True
+
+
+def _index_numbers(columns: Columns, _: Mapping[str, Any]) -> Numbers:
+    worst = int(columns["llewellyn"].argmin())
+    return {"llewellyn": float(columns["llewellyn"][worst]), "frequency_hz": float(columns["frequency_hz"][worst])}
+
+
+def _index_lines(found: Numbers) -> Iterator[Line]:
+    yield f"Llewellyn's index: at least {found['llewellyn']:.6g} of those computed, at {found['frequency_hz']:.4g} Hz", False
+
+
+def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """The least sufficient order of LP1 at each cutoff, missing if none is."""
+    order = dict(zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True))
+    return {
+        "controller": facts["spec"]["controller"]["kind"],
+        "tolerance": facts["tolerance"],
+        "highest_order": int(columns["lp1_order"].max()),
+        "sufficient_orders": [
+            {"cutoff_hz": cutoff, "order": None if np.isnan(each) else int(each)} for cutoff, each in order.items()
+        ],
+    }
+
+
+def _filter_lines(found: Numbers) -> Iterator[Line]:
+    orders = found["sufficient_orders"]
+    known = [f"{each['order']} at {each['cutoff_hz']:g} Hz" for each in orders if each["order"] is not None]
+    least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
+    yield f"{least}: {', '.join(known) or 'none'}", False
+    beyond = [f"{each['cutoff_hz']:g} Hz" for each in orders if each["order"] is None]
+    if beyond and known:
+        yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
+    if found["controller"] == "pmw-lm":
+        yield "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough", False
+    elif found["controller"] != "pmw":
+        yield f"{found['controller']} sends no waves, and needs no LP1", False
+
+
+def _range(values: np.ndarray) -> list[float] | None:
+    """The least and the largest value; None if none is known."""
+    known = values[~np.isnan(values)]
+    return [float(known.min()), float(known.max())] if known.size else None
+
+
+def _span(ends: list[float], digits: int = 7) -> str:
+    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
+
+
+KINDS = (
+    Kind(
+        "passivity",
+        lambda table: PassivityTally(table.facts),
+        _lines,
+        figure="passive.figure.passivity",
+        again=from_spec(
+            partial(passivity, jobs=1), "tolerance", rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep)
+        ),
+    ),
+    Kind(
+        "passivity-filters",
+        lambda _: Whole(_filter_numbers),
+        _filter_lines,
+        figure="passive.figure.passivity_filters",
+        again=from_spec(filter_choices, "tolerance"),
+    ),
+    Kind(
+        "passivity-ports",
+        lambda _: Whole(_index_numbers),
+        _index_lines,
+        figure="passive.figure.passivity_ports",
+        again=from_spec(over_frequency),
+    ),
+)

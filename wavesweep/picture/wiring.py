@@ -1,0 +1,102 @@
+"""The wiring of a loop for a picture: its blocks and ports, and the gains of the wires between them, as texts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import lcm
+
+from wavesweep.core.drawing.drawing import Drawing, scalars
+from wavesweep.core.drawing.expressions import ONE, evaluate, text_of
+
+HELD = "held "  # begins the gain of a term that is held, though it reads a plant
+Terms = tuple[tuple[str, str], ...]
+"""Signals and their gains as texts; a gain of one is "1"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A block or a port of the loop.
+
+    kind: "block" or "port". type: of a block, in words. inputs: name of each port and its terms. outputs: name of each port
+    that something reads, and its signal. It runs at the ticks `phase`, `phase + every`, and so on, on average if it has several
+    phases; `every` is 0 for ports. plant: whether it is continuous.
+    """
+
+    name: str
+    kind: str
+    inputs: tuple[tuple[str, Terms], ...]
+    outputs: tuple[tuple[str, str], ...]
+    type: str = ""
+    every: float = 0
+    phase: int = 0
+    plant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """The parts of a loop, the period of its tick (s) and the ticks of its frame."""
+
+    parts: tuple[Part, ...]
+    tick_s: float
+    ticks: int
+
+
+def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
+    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers.
+
+    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant.
+    """
+    known, parts, ticks = scalars(values), [], []
+    plants = {block.name for block in drawing.blocks if block.plant}
+    members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
+    wires = {port: _texts(terms) for port, terms in drawing.wires}
+    for port in (port for port in wires if port.rpartition(".")[0] in members):
+        wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])
+    for port, terms in drawing.couplings:
+        wires[port] += _texts(terms)
+    for block in drawing.blocks:
+        every, phase = (int(evaluate(tree, known)) for tree in (block.every, block.phase))
+        inputs, outputs = block.ports
+        ticks.append(every)
+        parts.append(
+            Part(
+                block.name,
+                "block",
+                tuple((port, wires[f"{block.name}.{port}"]) for port in inputs),
+                tuple((port, f"{block.name}.{port}") for port in outputs),
+                block.type.replace("_", " "),
+                every / len(block.phases or (phase,)),
+                phase,
+                block.plant,
+            )
+        )
+    if drawing.hand:
+        force, *seen = drawing.hand
+        parts.insert(0, Part(force, "port", (), (("", force),)))
+        named = zip(("displacement", "reaction"), seen, strict=True)
+        parts += [Part(name, "port", (("", _texts(terms)),), ()) for name, terms in named if terms is not None]
+    force = (drawing.hand or ("",))[0]
+    parts[:0] = [Part(name, "port", (), (("", signal),)) for name, signal, _ in drawing.inputs if signal != force]
+    parts += [Part(name, "port", (("", _texts(terms)),), ()) for name, terms, _ in drawing.outputs]
+    return _read(parts, 1 / drawing.rate(values), lcm(*ticks))
+
+
+def _texts(terms) -> Terms:
+    return tuple((signal, text_of(_shown(gain))) for signal, gain in terms)
+
+
+def _shown(gain):
+    """A gain without the factor -1 that a sign before a parenthesis leaves, and with the last names of a spec's keys."""
+    if gain[0] == "name":
+        return (gain[0], gain[1].rpartition(".")[2], gain[2])
+    if gain[0] == "*" and any(factor[0] == "negative" and factor[1][:2] == ONE[:2] for factor in gain[1:3]):
+        other = gain[2] if gain[1][0] == "negative" else gain[1]
+        return ("negative", _shown(other), gain[-1])
+    return tuple(_shown(part) if isinstance(part, tuple) else part for part in gain)
+
+
+def _read(parts, tick_s, ticks):
+    """The wiring with the outputs alone that some part reads."""
+    parts = tuple(parts)
+    read = {signal for part in parts for _, terms in part.inputs for signal, _ in terms}
+    kept = tuple(replace(part, outputs=tuple(each for each in part.outputs if each[1] in read)) for part in parts)
+    return Wiring(kept, tick_s, ticks)

@@ -1,0 +1,109 @@
+"""Certified slices of a table proved again on demand, in ball arithmetic, whatever certified them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import isnan, nan
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.dead_time import in_whole_ticks
+from wavesweep.core.sweep.grid import Loops
+
+if TYPE_CHECKING:
+    from wavesweep.core.analyses.interval_search import Search
+
+OPERATIONS = 1e8  # of ball arithmetic for a slice, at most: up to some twenty seconds
+CLOSE = 1e-9  # relative difference that two proofs of an end may have
+LEAST = 1e-5  # share of the range: ends that are nearer to 0 are compared as if they were there
+NEAR = 1e-6  # of an end, the distance to both sides in which it is proved alone
+Claim = tuple[float, float, float, float]  # an interval: low, high, low_omega, high_omega
+Verdict = Literal["whole", "ends", "refuted", "unsettled"]
+
+
+@dataclass(frozen=True, slots=True)
+class ProvedAgain:
+    """What ball arithmetic says of a certified slice.
+
+    verdict: "whole" if it proves the same intervals on the whole range; "ends" if that takes too many operations, and it proves
+    each end and one value between two ends; "refuted" if it proves something else; otherwise "unsettled". why: in words, of the
+    last two.
+    """
+
+    verdict: Verdict
+    why: str = ""
+
+
+def prove_again(search: "Search", claims: Sequence[Claim], operations: float = OPERATIONS) -> ProvedAgain:
+    """Prove the intervals of a certified slice again in ball arithmetic, whatever certified them.
+
+    search: of this slice alone. claims: its intervals in order. operations: at most, for the whole range, and as many again for
+    its ends.
+    """
+    from wavesweep.prove.columns import prove_column
+
+    loop = search.groups[0][1].one(0)
+    drawing = in_whole_ticks(*loop, search.along)
+    if search.bound or drawing is None:
+        why = "[sweep] require asks for more than stability" if search.bound else "ball arithmetic has no such dead time"
+        return ProvedAgain("unsettled", why)
+    loop = Loops(drawing, loop.values)
+    span = search.span
+    if not all(span[0] <= low < high <= span[1] for low, high, *_ in claims):
+        return ProvedAgain("refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}")
+    least = LEAST * (span[1] - span[0])
+    try:
+        drift = drift_of(loop.changed({search.along: np.array(span)}))
+    except IllPosedLoopError:
+        return ProvedAgain("unsettled", "a loop of direct terms has no solution at an end of the range")
+
+    def difference(part, most):
+        proof = prove_column(*loop, search.along, part, len(drift.states) - len(drift.kept), operations=most)
+        return None if proof is None else _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
+
+    whole = difference(span, operations)
+    if whole is not None:
+        return ProvedAgain("refuted", whole) if whole else ProvedAgain("whole")
+    parts = _pieces(claims, span, least)
+    of_parts = [difference(part, operations / len(parts)) for part in parts]
+    if refuted := next(filter(None, of_parts), ""):
+        return ProvedAgain("refuted", refuted)
+    return ProvedAgain("unsettled", f"more than {operations:g} operations") if None in of_parts else ProvedAgain("ends")
+
+
+def _pieces(claims, span, least):
+    """Short parts of the range: about each end of an interval and of the range, and in the middle between two of them."""
+    ends = sorted({*span, *(end for claim in claims for end in claim[:2])})
+    middles = [(a + b) / 2 for a, b in pairwise(ends)]
+    places = sorted([*ends, *middles])
+    pieces = []
+    for place in places:
+        apart = min(abs(other - place) for other in places if other != place) / 2
+        radius = min(NEAR * max(abs(place), least), apart)
+        pieces.append((max(place - radius, span[0]), min(place + radius, span[1])))
+    return pieces
+
+
+def _clipped(claims, part) -> Iterator[Claim]:
+    """Yield the parts of the intervals within a part of the range; no mode oscillates where they are cut off."""
+    for low, high, low_omega, high_omega in claims:
+        if low < part[1] and high > part[0]:
+            omegas = low_omega if low >= part[0] else nan, high_omega if high <= part[1] else nan
+            yield max(low, part[0]), min(high, part[1]), *omegas
+
+
+def _first_difference(claims, proved, part, least):
+    """The first difference of intervals that a row claims from those that are proved, in words; empty if there is none."""
+    if len(claims) != len(proved):
+        return f"{len(proved)} stable intervals and not {len(claims)} from {part[0]!r} to {part[1]!r}"
+    for one, other in zip(claims, proved, strict=True):
+        for name, a, b in zip(("low", "high"), one, other, strict=False):
+            if abs(a - b) > CLOSE * max(abs(a), abs(b), least):
+                return f"{name} is {b!r} and not {a!r}"
+        for name, a, b in zip(("low_omega", "high_omega"), one[2:], other[2:], strict=True):
+            if (isnan(a), a > 0) != (isnan(b), b > 0):
+                return f"{name} is {b!r} and not {a!r}"
+    return ""

@@ -1,0 +1,51 @@
+"""Stretches of a number that doubles leave in doubt, proved in ball arithmetic."""
+
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.dead_time import in_whole_ticks
+from wavesweep.core.loops.from_drawing import rate_of
+from wavesweep.core.sweep.grid import Loops
+
+OPERATIONS = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
+MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its other side
+
+BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
+
+
+def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float) -> BallProver:
+    """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one of their numbers.
+
+    period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop.
+    """
+    budgets = {}
+
+    def prove(column, low, high):
+        from wavesweep.prove.columns import prove_column
+        from wavesweep.prove.polynomials import Budget
+
+        loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
+        drawing, budget = in_whole_ticks(*loop, along), budgets.setdefault(column, Budget(operations))
+        if drawing is None:
+            return None
+        loop = Loops(drawing, loop.values)
+        with suppress(IllPosedLoopError):
+            drift = drift_of(loop.changed({along: np.array(span)}))
+            proof = prove_column(*loop, along, span, len(drift.states) - len(drift.kept), operations=budget)
+            if proof:
+                known = dict(zip(span, (low, high), strict=True))
+                rows = [(known.get(row[0], row[0]), known.get(row[1], row[1]), *row[2:]) for row in proof.intervals]
+                return [(*row[:2], *(angle(column, loop, *end) for end in zip(row[2:], row[:2], strict=True))) for row in rows]
+        return None
+
+    def angle(column, loop, omega, value):
+        """The angle per frame of an oscillation at a value of the number, which the rate may follow from."""
+        slower = rate_of(*loop) / rate_of(*loop.changed({along: value})) if name_of(along) in loop.drawing.rating else 1.0
+        return omega * period[column] * slower
+
+    return prove

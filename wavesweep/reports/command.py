@@ -1,0 +1,83 @@
+"""`wavesweep report`."""
+
+import time
+from functools import partial
+from pathlib import Path, PurePath
+
+import click
+
+from wavesweep.core.cli.options import override, overwriting
+from wavesweep.core.cli.studies import for_hands as of_hands
+from wavesweep.core.cli.talk import talk
+from wavesweep.core.errors import UsageError
+
+FILE = "report.html"
+
+
+@click.command("report")
+@click.argument("spec")
+@click.option(
+    "-o", "--out", metavar="FILE", help="The file, FILE.html, or a folder for report.html [default: results/<spec's name>]."
+)
+@click.option(
+    "--cut",
+    metavar="SIGNAL",
+    default="",
+    help="The signal for the margins, BLOCK.PORT [default: the one that acts on the plant].",
+)
+@of_hands
+@overwriting("Replace a file that is no report of this spec.")
+@override
+def report(
+    spec: str, out: str | None, cut: str, for_hands: tuple[str, ...], overwrite: bool, overrides: tuple[str, ...]
+) -> None:
+    """Write a report of a spec for a design review: one HTML file.
+
+    SPEC is a TOML file. The report needs no other file, and prints on A4. It has the question of the spec, the proved ranges
+    and what the proof assumes, what makes the loop unstable beyond them, the verdict on the spec's own numbers, what sets the
+    limits, margins, step and frequency response, the spec itself, versions and hashes, and the commands that verify all of it.
+    What is not proved says so. What a spec does not allow, such as margins of an unstable loop, is listed with the reason. The
+    same spec gives the same bytes.
+
+    \b
+    Examples:
+      wavesweep report mine.toml
+      wavesweep report sweeps/recipes/current-loop.toml --out current-loop.html
+      wavesweep report mine.toml --for-hands passive --cut wall.y
+    """
+    from wavesweep.core.cli.files import own_folder, refuse_inputs, refuse_other_things, write_whole
+    from wavesweep.core.cli.messages import progress, say
+    from wavesweep.core.plots import refuse_settings
+    from wavesweep.core.results import refuse_unusable
+    from wavesweep.core.spec import load
+    from wavesweep.reports.content import Request, report
+
+    started, loaded = time.perf_counter(), load(spec, overrides)
+    target = _file(out) if out is not None else own_folder([loaded.name], overrides) / FILE
+    refuse_unusable(target.parent)
+    refuse_other_things(target)
+    refuse_inputs(loaded.files, target)
+    if target.exists() and not overwrite and not _is_report(target, loaded.name):
+        raise UsageError(f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite")
+    refuse_settings()
+    asked = Request(cut, for_hands, overrides, at_work=partial(progress, talk().quiet))
+    text = report(loaded, asked)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_whole((target, text))
+    if not talk().quiet:
+        say(f"Wrote {target} in {time.perf_counter() - started:.2f} s")
+
+
+def _file(out: str) -> Path:
+    """The file that --out names, or the one in the folder that it names."""
+    path, page = Path(out), PurePath(out).suffix.lower() in (".html", ".htm")
+    if not out.strip() or out == "-" or (path.suffix[1:].isalpha() and not page and not path.exists()):
+        raise click.UsageError(f"--out {out}: expected a file whose name ends in .html, or a folder")
+    return path if page and not path.is_dir() else path / FILE
+
+
+def _is_report(path: Path, name: str) -> bool:
+    """Whether a file is an earlier report of a spec of this name."""
+    from wavesweep.reports.page import head
+
+    return head(name) in path.read_text(encoding="utf-8", errors="replace")

@@ -1,0 +1,1 @@
+"""What [sweep] requires of every mode, in place of stability alone."""

@@ -1,0 +1,256 @@
+"""The derivatives of the ends of stable intervals, and of the stiffness felt there, by every number of the loop."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.core.analyses.interval_records import TINY
+from wavesweep.core.analyses.lines import lines_in_loops
+from wavesweep.core.analyses.loops import drift_of, feels, felt_of, frames
+from wavesweep.core.columns import Columns
+from wavesweep.core.drawing.drawing import decides, path_of
+from wavesweep.core.drawing.expressions import names_in
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.core.sweep.grid import Grid, Loops, drawn_groups, keys_of, own_loop
+from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
+
+BATCH = 2048  # frames at once
+MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
+STEPS = 96  # in which a mode is followed into the interval
+INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
+NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
+TEXTS = ("along", "side", "quantity", "unit", "states", "number", "number_unit", "doubt")
+
+
+@dataclass(frozen=True, slots=True)
+class _Ends:
+    """Ends of intervals that stability decides: row of the table of intervals, whether it is the upper end, value, rad/s."""
+
+    row: np.ndarray
+    upper: np.ndarray
+    value: np.ndarray
+    omega: np.ndarray
+
+    @classmethod
+    def of(cls, found, axis):
+        """Those of a table of intervals: with a frequency, or within the range, since knowledge may end there too."""
+        value, omega = (np.stack([found[f"{end}{part}"] for end in ("low", "high")], -1).ravel() for part in ("", "_omega"))
+        some = np.flatnonzero(~np.isnan(omega) | ((value > axis.start) & (value < axis.stop)))
+        return cls(some // 2, some % 2 == 1, value[some], omega[some])
+
+
+def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """How each end of intervals, and the stiffness felt there, moves with each number, for every combination of a grid.
+
+    found: the table of the intervals along `axis`. names: of the columns behind those of the axes, in order.
+    Errors: UsageError for a loop that varies smoothly with no other number, which has no such row.
+    """
+    if not set(_smooth(grid.spec)) - {axis.path}:
+        expected = f"expected a number besides {axis.name} that the loop varies with smoothly"
+        raise UsageError(f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]")
+    ends, parts = _Ends.of(found, axis), []
+    changes = {other.path: np.asarray(found[other.name])[ends.row] for other in grid.axes}
+    for members, several in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
+        loops = _Loops(grid.spec, axis, several.read)
+        most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
+        for start in range(0, members.size, most):
+            part = slice(start, start + most)
+            parts.append(_rows(replace(loops, loops=loops.loops.some(part)), found, ends, members[part]))
+    names = ("at", *names)
+    kinds = dict.fromkeys(TEXTS, object) | {"interval": int, "crossing": int, "corner": bool, "certified": bool, "at": int}
+    whole = {n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(part[n] for part in parts)]) for n in names}
+    order = np.argsort(whole.pop("at"), kind="stable")
+    rows = ends.row[np.concatenate([np.zeros(0, int), *(part["at"] for part in parts)])[order]]
+    axes = {other.name: np.asarray(found[other.name])[rows] for other in grid.axes}
+    return axes | {name: column[order].astype(kinds.get(name, float)) for name, column in whole.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Loops:
+    """Loops of one structure of a spec, and the axis of the intervals."""
+
+    spec: Spec
+    axis: Axis
+    loops: Loops
+
+    @property
+    def numbers(self) -> list[str]:
+        """Paths of the numbers that the loop reads and that it varies with smoothly, but for the axis."""
+        return [path for path in _smooth(self.spec) if path != self.axis.path]
+
+    @property
+    def moving(self) -> list[str]:
+        """Those that are not zero; a zero may take a branch out of the loop."""
+        return [path for path in self.numbers if np.any(self.loops.values[path])]
+
+    def with_end(self, p, each: int) -> Loops:
+        """`each` copies of every loop; p: values of the axis, `(loops * each,)`."""
+        varied = {path: np.repeat(value, each) for path, value in self.loops.values.items() if np.ndim(value)}
+        return self.loops.changed({**varied, self.axis.path: np.where(p == 0, TINY, p)})
+
+    def stepped(self, p, size) -> Loops:
+        """The loops with a complex step in the axis (of `size`) and in each moving number, `(loops * (1 + numbers),)`."""
+        moving = self.moving
+        each = 1 + len(moving)
+        step = STEP * 1j * np.tile(np.eye(each), (p.size, 1))
+        varied = self.with_end(np.repeat(p, each) + step[:, 0] * np.repeat(size, each), each)
+        steps = {path: varied.values[path] * (1 + step[:, number]) for number, path in enumerate(moving, 1)}
+        return varied.changed(steps)
+
+    def frames(self, varied, count) -> np.ndarray:
+        """Frames less identity `(count, n, n)`."""
+        E = frames(varied, self._drift())
+        return np.broadcast_to(E, (count, *E.shape[-2:]))
+
+    def _drift(self):
+        varied = {path: np.ravel(self.loops.values[path])[:, None] * [1, 2] for path in self.moving}
+        return drift_of(self.loops.changed({**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}))
+
+    def felt(self, varied, count):
+        """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
+        if not feels(self.loops.drawing):
+            return None
+        # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
+        found = []
+        for share in (0, 1, -1, 2, -2):
+            stepped = {path: value for path, value in varied.values.items() if np.iscomplexobj(value)}
+            moved = {path: np.real(value) + np.imag(value) * (share * MOVED / STEP) for path, value in stepped.items()}
+            found.append(felt_of(varied.changed(moved), count))
+        own, up, down, far_up, far_down = found
+        return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
+
+    def about(self, p) -> tuple[np.ndarray, list[str]]:
+        """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
+        drawn, drift = self.with_end(p, 1).drawn(), self._drift()
+        labels = drawn.labels()
+        return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
+
+
+def _smooth(spec) -> list[str]:
+    """Paths of the floats that the loop reads and that do not decide how it is built."""
+    drawing, values = own_loop(spec)
+    deciding = {"rates.ratio"}
+    deciding |= {path_of(name) for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+    return [path for path, value in values.items() if isinstance(value, float) and path not in deciding]
+
+
+def without_derivatives(spec) -> list[str]:
+    """Names of the numbers that the loop reads without being smooth in them."""
+    smooth, read = _smooth(spec), keys_of(spec)
+    paths = [path for path, value in spec.values.items() if path in read and not isinstance(value, str) and path not in smooth]
+    return [_name(spec, path) for path in paths]
+
+
+def _name(spec, path):
+    """The name that an axis of this key has: its symbol if there is one. A slow rate that does not divide has no ratio."""
+    path = "rates.slow_hz" if path == "rates.ratio" and spec.uneven else path
+    return next((symbol for symbol, each in spec.names.symbols.items() if each == path), path)
+
+
+def _rows(loops, found, ends, members) -> dict:
+    """The columns of some ends, and `at`: the end of each row."""
+    row, upper, p = ends.row[members], ends.upper[members], ends.value[members]
+    low, high = found["low"][row], found["high"][row]
+    size, each = np.where(p == 0, high - low, np.abs(p)), 1 + len(loops.moving)
+    varied, (period, labels) = loops.stepped(p, size), loops.about(p)
+    period = np.broadcast_to(period, p.shape)
+    E = loops.frames(varied, p.size * each)
+    E = E.reshape(p.size, each, *E.shape[-2:])
+    by_end, by_number = E.imag[:, 0] / STEP / size[:, None, None], E.imag[:, 1:] / STEP
+    crossings = crossings_of(E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper)
+    at, certified = crossings.end, found["certified"][row][crossings.end]
+    seen = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
+    states = [_states(share, labels) if ok else "" for share, ok in zip(crossings.share, seen, strict=True)]
+    omega = np.abs(np.angle(1 + crossings.delta)) / period[at]
+    known = {
+        "at": members[at],
+        "interval": found["interval"][row][at],
+        "side": np.where(upper[at], "high", "low").astype(object),
+        "crossing": crossings.number,
+        "corner": np.bincount(at, minlength=p.size)[at] > 1,
+        "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
+        "damping_ratio": np.where(seen, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan),
+        "states": np.array(states, object).reshape(at.size),
+    }
+    s = 1j * known["omega"] * period[at]
+    hz = lines_in_loops(loops.with_end(p, 1).some(at), s[:, None])
+    known |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
+    doubt = np.where(certified, np.where(crossings.defective, "defective", ""), found["doubt"][row][at].astype(str))
+    quantities = {"end": (p[at], crossings.slope, crossings.error / size[at][:, None])}
+    stiffness = loops.felt(varied, p.size * each)
+    if stiffness is not None:
+        felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
+        slope, error = _felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings)
+        if loops.axis.path not in loops.spec.wall:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
+            error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
+        else:  # nothing holds what feels no wall, and real steps lead there
+            error[p[at] == 0] = np.inf
+        quantities["felt"] = (felt_there, slope, error)
+    value = np.stack([np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1)
+    parts = [_quantity(loops, known, value, doubt, name, *quantity) for name, quantity in quantities.items()]
+    parts = [{name: column[~np.isnan(part["limit_value"])] for name, column in part.items()} for part in parts]
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order = np.lexsort((whole["crossing"], whole["at"]))
+    return {name: column[order] for name, column in whole.items()}
+
+
+def _felt(stepped, stiffness, size, crossings: Crossings):
+    """Total derivatives of the stiffness felt at the end of each crossing, and their relative errors.
+
+    stepped `(crossings, 1 + numbers)`: this stiffness with a complex step in the end (of `size`), and in each number.
+    """
+    by_end, direct = stepped.imag[:, :1] / STEP / size[:, None], stepped.imag[:, 1:] / STEP
+    with np.errstate(all="ignore"):
+        error = np.abs(by_end) * crossings.error / np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)[:, None]
+        error = np.where((by_end == 0) & np.isfinite(crossings.error), 0.0, np.abs(error))
+    return direct + by_end * crossings.slope, error
+
+
+def _inside(loops, span, p, upper, crossings: Crossings) -> np.ndarray:
+    """The eigenvalue less 1 of each crossing a tenth of the end inside the interval, or half-way into a narrow one."""
+    width = span[1] - span[0]
+    away = np.minimum(INSIDE * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(upper, -1, 1)
+    steps = (p[:, None] + away[:, None] * (np.arange(1, STEPS + 1) / STEPS)).ravel()
+    path, finite = eigenvalues(loops.frames(loops.with_end(steps, STEPS), steps.size))
+    path = np.where(finite[:, None], path, np.nan).reshape(p.size, STEPS, -1)
+    return tracked_eigenvalue(path[crossings.end], crossings.delta)
+
+
+def _states(share, labels) -> str:
+    """The states that take part most, in per cent."""
+    order = [i for i in np.argsort(-share, kind="stable")[:NAMED] if share[i] >= LEAST and i < len(labels)]
+    return ", ".join(f"{labels[i]} {100 * share[i]:.0f} %" for i in order)
+
+
+def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict:
+    """The rows of one quantity: one for each crossing and number.
+
+    value `(crossings, numbers)`: of each number. slope, error `(crossings, moving)`: change of the limit per relative change of
+    each moving number, and the relative error of that. A number that is zero has the elasticity 0 and no slope.
+    """
+    spec, numbers = loops.spec, loops.numbers
+    change, bound = np.zeros(value.shape), np.zeros(value.shape)
+    columns = [numbers.index(path) for path in loops.moving]
+    change[:, columns], bound[:, columns] = slope, error
+    with np.errstate(all="ignore"):
+        elasticity = np.where(value == 0, 0.0, np.where(limit[:, None] == 0, np.nan, change / limit[:, None]))
+        slope = np.where(value == 0, np.nan, change / value)
+    lost = ~(bound <= SLOPPY * np.fmax(1, np.abs(elasticity)))
+    word = np.where((doubt == "")[:, None] & lost, "rounding", doubt[:, None])
+    given = (word == "").ravel()
+    texts = {
+        "along": loops.axis.name,
+        "quantity": quantity,
+        "unit": spec.units_felt[0] if quantity == "felt" else spec.names.find(loops.axis.path).unit,
+    }
+    names = {"number": [_name(spec, path) for path in numbers], "number_unit": [spec.names.find(path).unit for path in numbers]}
+    return (
+        {name: np.repeat(column, len(numbers)) for name, column in (known | {"limit_value": limit}).items()}
+        | {name: np.full(value.size, text, object) for name, text in texts.items()}
+        | {name: np.tile(np.array(each, object), limit.size) for name, each in names.items()}
+        | {name: np.where(given, each.ravel(), np.nan) for name, each in (("elasticity", elasticity), ("slope", slope))}
+        | {"value": value.ravel(), "certified": given, "doubt": word.ravel().astype(object)}
+    )

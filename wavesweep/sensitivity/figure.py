@@ -1,0 +1,116 @@
+"""The figure of elasticities: for each limit, bars of how much each number of the loop moves it."""
+
+from collections.abc import Mapping
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns, axes_of
+from wavesweep.core.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
+from wavesweep.core.plots.words import assumption, printed, symbol
+from wavesweep.core.tables.kind import plain
+from wavesweep.sensitivity.table import ends_of, mode_words
+
+MOST = 12  # numbers of a panel that have bars
+PANELS = 8
+ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
+_BAR, _ROOM = 0.17, 0.95  # inches of the figure's height for a number, and for the title and the axis of a panel
+_LETTERS = 46  # of a line above a panel
+_QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
+_LOOKS = {  # of bars; the second is hatched, since its grey is much the same
+    "end": {"facecolor": distinct_colour(0), "edgecolor": "white", "linewidth": 0},
+    "felt": {"facecolor": distinct_colour(1), "edgecolor": "white", "linewidth": 0, "hatch": "////"},
+}
+
+
+def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
+    from matplotlib.patches import Patch
+
+    panels = [(rows, *_with_bars(rows)) for rows in ends_of(columns)]
+    drawn = [panel for panel in panels if panel[1]]
+    notes = [*dict.fromkeys(f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars)][:PANELS]
+    notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
+    if not panels:
+        doubts = ", ".join(facts.get("doubts") or ())
+        unknown = f"No end of an interval is known in the range searched ({doubts})."
+        notes += [unknown if doubts else "Stability sets no end of an interval in the range searched."]
+    shown = drawn[:PANELS]
+    across = min(1 if is_narrow() else 2, len(shown))
+    lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
+    heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
+    with figure(TWO_COLUMNS, 0.5 + sum(heights)) as canvas:
+        grid = canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights).ravel() if shown else ()
+        for axes, panel in zip(grid, shown, strict=False):
+            _draw(axes, *panel)
+        for axes in grid[len(shown) :]:
+            axes.set_visible(False)
+        present = {each for rows, *_ in shown for each in rows["quantity"].tolist()}
+        if len(present) > 1:
+            canvas.legend(
+                [Patch(**look) for look in _LOOKS.values()], _QUANTITIES.values(), loc="outside upper center", ncols=2
+            )
+        elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
+        note_below(canvas, *notes, assumption(facts), axis=elasticity)
+    return canvas
+
+
+def _with_bars(rows: Columns) -> tuple[list[str], str]:
+    """The numbers with bars, from the largest on, and a note on those that are left out."""
+    largest: dict[str, float] = {}
+    for number, elasticity in zip(rows["number"].tolist(), rows["elasticity"].tolist(), strict=True):
+        if not np.isnan(elasticity):
+            largest[number] = max(largest.get(number, 0.0), abs(elasticity))
+    order = sorted((number for number, size in largest.items() if size > ROUNDED), key=lambda number: -largest[number])
+    rest, missing = order[MOST:], len(set(rows["number"].tolist())) - len(largest)
+    notes = [f"{len(rest)} more, each at most {largest[rest[0]]:.2g}"] if rest else []
+    notes += [f"{still} without effect"] if (still := len(largest) - len(order)) else []
+    notes += [f"{missing} not given ({_why_missing(rows)})"] if missing else []
+    return order[:MOST], "; ".join(notes)
+
+
+def _why_none(rows: Columns) -> str:
+    """Why a panel has no bars."""
+    if (rows["limit_value"] == 0).all():
+        return "as a per cent of 0 is nothing"
+    missing = np.isnan(rows["elasticity"]).all()
+    return f"since they are not known ({_why_missing(rows)})" if missing else "since no number moves it"
+
+
+def _why_missing(rows: Columns) -> str:
+    return ", ".join(filter(None, dict.fromkeys(rows["doubt"].tolist()))) or "the limit is 0"
+
+
+def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
+    kinds = [quantity for quantity in _QUANTITIES if quantity in rows["quantity"].tolist()]
+    for index, quantity in enumerate(kinds):
+        shown = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
+        at = [numbers.index(number) + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][shown].tolist()]
+        axes.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_LOOKS[quantity])
+    axes.set_yticks(range(len(numbers)), [symbol(number) for number in numbers])
+    axes.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
+    axes.axvline(0, color="black", linewidth=0.6)
+    axes.margins(x=0.08)
+    axes.grid(**GRID, axis="x")
+    axes.set_axisbelow(True)
+    axes.set_title("\n".join(_title(rows)), fontsize=7, loc="left")
+    axes.set_xlabel("\n".join(wrap(note, _LETTERS)), fontsize=7, color="0.3")
+
+
+def _title(rows: Columns) -> list[str]:
+    """The limit, and the mode that sets it."""
+    first = {name: column[0] for name, column in rows.items()}
+    corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
+    mode, image = mode_words(*(plain(first[name]) for name in ("omega", "hz", "second_hz")))
+    if not np.isnan(first["damping_ratio"]):
+        mode += f", damping ratio {first['damping_ratio']:.2g} {'from frame to frame' if image else 'beside it'}"
+    swept = ", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes_of(rows))
+    states = wrap(first["states"].replace(" %", "\u00a0%"), _LETTERS)
+    return [*([swept] if swept else []), f"{_end(rows)}{corner}", *wrap(mode, _LETTERS), *states]
+
+
+def _end(rows: Columns) -> str:
+    of_end = int(np.argmax(rows["quantity"] == "end"))  # the other quantity is the stiffness felt there
+    limit, unit = rows["limit_value"][of_end], printed(rows["unit"][of_end : of_end + 1])
+    return f"{rows['side'][0]} end, {symbol(rows['along'][0])} = {limit:.5g} {unit}".rstrip()

@@ -1,0 +1,205 @@
+"""How the ends of stable intervals, and the stiffness felt there, move with every number of the loop: the table `why`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from math import isclose, pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns, axes_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import Axis, Spec, sweep_axes
+from wavesweep.core.spec.loading import naming
+from wavesweep.core.tables.kind import Again, Line, Numbers, counted_doubts, plain, whole_kind
+from wavesweep.core.tables.table import Table, facts_of, held
+
+if TYPE_CHECKING:
+    from wavesweep.core.sweep.grid import Grid
+
+METHOD = (
+    "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
+    "rates.fast_hz or rates.tick_hz all rates change"
+)
+
+
+def why(spec: Spec, along: str | None = None) -> Table:
+    """The elasticities of each limit of the spec's own design: per cent by which it moves for one per cent of each number.
+
+    along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
+    held at the spec's values. Errors: as for `intervals`.
+    """
+    from wavesweep.core.analyses.assumptions import over_preset
+    from wavesweep.core.analyses.intervals import job_over, method
+    from wavesweep.core.sweep.grid import make_grid
+    from wavesweep.core.sweep.running import in_memory
+    from wavesweep.for_all import rows as for_all
+    from wavesweep.sensitivity.elasticities import elasticities, without_derivatives
+
+    started = time.perf_counter()
+    spec = naming(spec, [along])
+    spec.refuse_require("why")
+    axis, others = sweep_axes(spec, along, swept=False)
+    job = job_over(make_grid(spec, (), axis.path), axis)
+    found = in_memory(job)
+    columns = KINDS[0].completed(elasticities(job.grid, axis, found, KINDS[0].names))
+    certified = int(found["certified"].all())
+    notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
+    if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in spec.wall[:1]:
+        listed = any(each.path == axis.path and each.start < each.stop for each in spec.sweep)
+        said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
+        notices.append(f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}")
+    if left_out := without_derivatives(spec):
+        notices.append(
+            f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
+        )
+    if spec.for_all:
+        notices.append(f"the spec's own design, {for_all.in_words(for_all.verdict(spec))}")
+    notices += over_preset(spec)
+    counts = {"computed": 1, "skipped": 0, "certified": certified}
+    timings = {"compute_s": time.perf_counter() - started}
+    facts = facts_of(spec, {"intervals": method(job.asked), "why": METHOD}, counts, timings, notices, [axis.path])
+    ends = zip(*(found[end][found["intervals"] > 0].tolist() for end in ("low", "high")), strict=True)
+    spans = [{"low": low, "high": high} for low, high in ends]
+    doubts = counted_doubts(found["doubt"])
+    searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
+    facts |= {"along": searched, "intervals": spans, "doubts": doubts}
+    return Table.of("why", columns, facts)
+
+
+def sensitivities(grid: Grid, axis: Axis) -> Columns:
+    """The same columns for every combination of a grid, in memory."""
+    from wavesweep.core.analyses.intervals import job_over
+    from wavesweep.core.sweep.running import in_memory
+    from wavesweep.sensitivity.elasticities import elasticities
+
+    taken = sorted({other.name for other in grid.axes} & set(KINDS[0].names))
+    if taken:
+        raise UsageError(
+            f"{', '.join(taken)}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}"
+        )
+    return elasticities(grid, axis, in_memory(job_over(grid, axis)), KINDS[0].names)
+
+
+FIRST = 3  # numbers that are named
+LEAST = 5e-4  # an elasticity below which a number does not matter
+
+
+_MODE = ("crossing", "omega", "damping_ratio", "states", "corner", "second_hz")
+_OF_END = {"interval": "interval", "end": "side", **{name: name for name in _MODE}, "line_hz": "hz"}  # and their columns
+
+
+def ends_of(columns: Columns) -> list[Columns]:
+    """The rows of each combination of axes, interval, end and crossing."""
+    names = [*axes_of(columns), "interval", "side", "crossing"]
+    ends: dict[tuple, list[int]] = {}
+    for row, key in enumerate(zip(*(columns[name].tolist() for name in names), strict=True)):
+        ends.setdefault(key, []).append(row)
+    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in ends.values()]
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """For each end and crossing its mode, the limit and the stiffness felt there, each with the numbers that matter most."""
+    ends = []
+    for rows in ends_of(columns):
+        own = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
+        limit, felt = (_limit({name: column[some] for name, column in rows.items()}) for some in own.values())
+        ends.append({name: plain(rows[column][0]) for name, column in _OF_END.items()} | {"limit": limit, "felt": felt})
+    return {
+        "along": dict(facts["along"]),
+        "stable_intervals": [list(each.values()) for each in facts["intervals"]],
+        "slices": dict(facts["slices"]),
+        "doubts": dict(facts["doubts"]),
+        "ends": ends,
+    }
+
+
+def _limit(rows: Columns) -> Numbers | None:
+    """Value, unit, doubt, and elasticities, the largest first; None if there is no such limit."""
+    if not len(rows["number"]):
+        return None
+    order = np.argsort(-np.abs(rows["elasticity"]), kind="stable")[: min(FIRST, int((~np.isnan(rows["elasticity"])).sum()))]
+    return {
+        "value": float(rows["limit_value"][0]),
+        "unit": str(rows["unit"][0]),
+        "doubts": counted_doubts(rows["doubt"]),
+        "elasticities": {str(rows["number"][row]): float(rows["elasticity"][row]) for row in order},
+    }
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    axis, spans = found["along"], found["stable_intervals"]
+    name, unit = axis["name"], _unit(axis["unit"])
+    searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
+    if spans:
+        yield f"{name}: stable from {' and '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)}{unit}", False
+    elif not found["doubts"]:
+        yield f"{name}: no stable interval in {searched}", True
+    if found["doubts"]:
+        none = "" if spans else f", and no stable interval is known in {searched}"
+        yield f"{name}: not certified ({', '.join(found['doubts'])}), so no derivatives are given{none}", True
+    if spans and not found["ends"]:
+        yield f"stability sets no end of it in the range searched, {searched}", False
+    for end in found["ends"]:
+        yield from _end_lines(name, end)
+
+
+def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
+    limit, felt = end["limit"], end["felt"]
+    corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
+    mode, image = mode_words(end["omega"], end["line_hz"], end["second_hz"])
+    beside = " from frame to frame" if image else " beside it"
+    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{beside}"
+    yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False
+    if end["states"]:
+        yield f"  states that take part: {end['states']}", False
+    yield _moves(limit)
+    if felt is not None:
+        line, warning = _moves(felt)
+        said = felt["value"] == limit["value"] == 0  # a per cent of 0 is 0
+        warning = warning and not said
+        yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
+
+
+def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -> tuple[str, bool]:
+    """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is an image of that per frame."""
+    if omega is None or hz is None:
+        return "a mode that is not known", False
+    image, beside = not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9), f" and {second_hz:.4g} Hz" if second_hz else ""
+    if image:
+        once = f"once a frame {omega / (2 * pi):.4g} Hz" if omega else "none from frame to frame"
+        return f"an oscillation of {hz:.4g} Hz{beside} within the frame ({once})", True
+    if not omega:
+        return f"a mode without oscillation from frame to frame{beside and f', with one of{beside[4:]} within it'}", False
+    return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{beside})", False
+
+
+def _moves(limit: Numbers) -> Line:
+    """The sentence about the numbers that matter most."""
+    moved = {number: value for number, value in limit["elasticities"].items() if abs(value) >= LEAST}
+    if moved:
+        parts = [f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()]
+        verbs = ["moves it ", *[""] * len(parts)]
+        sentences = [f"1 % more {number} {verb}{part}" for number, verb, part in zip(moved, verbs, parts, strict=False)]
+        return f"  {', '.join(sentences)}", False
+    if limit["doubts"]:
+        return f"  no elasticities ({', '.join(limit['doubts'])})", True
+    if limit["value"] == 0:
+        return "  a per cent of 0 is nothing; the column slope has the derivatives", False
+    return "  no number of the loop moves it", False
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+    from wavesweep.core.spec import load
+
+    spec = load(facts["spec"])
+    return Again(spec.sha256, why(spec, facts["along"]["name"]).blocks)
+
+
+KINDS = (whole_kind("why", _numbers, _lines, "sensitivity.figure.why", again=_again),)

@@ -1,0 +1,43 @@
+"""`wavesweep simulate`."""
+
+import click
+
+from wavesweep.core.cli.options import Options, run_options
+from wavesweep.core.cli.studies import one_spec
+from wavesweep.simulation.export.command import export
+
+__all__ = ["export", "simulate"]
+
+
+@click.command("simulate")
+@one_spec
+@run_options()
+def simulate(spec: str, options: Options) -> None:
+    """Simulate the loop tick by tick, optionally with contact, friction and hardware limits.
+
+    SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not have: a
+    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a
+    sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
+
+    Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
+    its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.
+
+    With [simulate] frames = [16, 16, 20, 33, 33] the slow environment's frames have these lengths in turn, for ever: so a
+    counterexample of [for_all] is seen to grow.
+
+    If the linear loop is unstable, the summary, the figure and the facts of the run say so, with its spectral radius, and the
+    response is compared with no linear one. The simulation stops before the hand is 1 km away or a force exceeds 1e6 N. The
+    exit code is 0 in both cases.
+
+    \b
+    Examples:
+      wavesweep simulate sweeps/examples/rig.toml
+      wavesweep simulate mine.toml --set simulate.input=step --set device.preset=omni
+      wavesweep simulate sweeps/templates/drive.toml --set simulate.from=load
+    """
+    from wavesweep.core.cli.output import produce
+    from wavesweep.core.spec import Spec
+    from wavesweep.simulation import table as simulation
+
+    kinds = ["simulate", "simulate-response"]
+    produce(kinds, [spec], options, lambda specs, **_: simulation.simulate(*specs), asked=Spec.as_simulated)

@@ -1,0 +1,94 @@
+"""The experiment of a spec's [simulate] table, and the response that it shows next to that of the linear loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite, isnan
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import loop_at_hand, port_at_hand, ports_of_batch, radii_of, refuse_singular
+from wavesweep.core.analyses.responses import doubt_of
+from wavesweep.core.columns import complex_columns
+from wavesweep.core.response.lifted import Lifted
+from wavesweep.core.response.steady import respond, transfer
+from wavesweep.core.spec import Spec
+from wavesweep.core.sweep.grid import own_loop
+from wavesweep.simulation.from_spec import simulated
+from wavesweep.simulation.inputs import Tone
+from wavesweep.simulation.record import Simulation, estimate
+
+
+def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
+    """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
+
+    Errors: SpecError for a drawn loop with a hand whose position no plant has.
+    """
+    refuse_what_makes_no_loop(spec)
+    return simulated(spec, force, **changes)
+
+
+def refuse_what_makes_no_loop(spec: Spec) -> None:
+    """Raise SpecError or UsageError for a drawn loop that has no solution, or a hand on no position of a plant."""
+    if spec.drawing:
+        refuse_singular(spec, spec.drawing)
+        if spec.drawing.hand:
+            port_at_hand(spec)
+
+
+def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
+    """Where the outputs of a drawn loop settle after a step of [simulate] in an input, of those for which it is known.
+
+    linear: see `linear_loop`; nothing settles of a loop that is not stable.
+    """
+    drawing, size = spec.drawing, spec.simulate["amplitude"]
+    if drawing is None or not linear["stable"]:
+        return {}
+    name = next((name for name, signal, _ in drawing.inputs if signal == spec.entry), None)
+    if name is None:
+        return {}
+    found = {}
+    for output, _, _ in drawing.outputs:
+        _, port = next(ports_of_batch(own_loop(spec), 1, (name, output)))
+        value = transfer(Lifted.of(port), 0.0)[0].item().real
+        if isfinite(value):
+            found[output] = size * value
+    return found
+
+
+def radius_of(spec: Spec) -> float:
+    """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
+    return float(radii_of(own_loop(spec))[0])
+
+
+def linear_loop(spec: Spec) -> dict[str, Any]:
+    """Whether the linear loop of the spec is stable, and its spectral radius per frame, None if it is not known."""
+    radius = radius_of(spec)
+    return {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
+
+
+def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
+    """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy.
+
+    If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
+    """
+    signals = {"f_device": simulation.signals["f_h"], **simulation.signals}  # without a reaction it is that of the whole port
+    seen = estimate(signals, tones, spec.tick_hz, simulation.frame)
+    # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
+    ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
+    seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * ratio / spec.tick_hz
+    radius = radius_of(spec)
+    stable = radius < 1
+    columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
+    columns |= seen
+    loop = loop_at_hand(spec)
+    linear = respond(loop, seen["frequency_hz"])
+    columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns("linear_impedance", linear.impedance)
+    errors = (linear.admittance_error, linear.impedance_error)
+    columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
+    if not stable:
+        columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
+    # What is beyond double precision is missing.
+    columns = {name: part if part.dtype == object else np.where(np.isinf(part), np.nan, part) for name, part in columns.items()}
+    return columns | {"doubt": doubt_of(errors, stable, loop.lost | isnan(radius), radius == 1)}

@@ -1,0 +1,99 @@
+"""`wavesweep export`."""
+
+import time
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+import click
+
+from wavesweep.core.cli.options import folder, override, overwriting
+from wavesweep.core.cli.talk import talk
+from wavesweep.core.errors import UsageError
+
+
+@click.command("export")
+@click.argument("spec")
+@click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
+@click.option(
+    "--gains",
+    is_flag=True,
+    help="Have gains as variables in s.gains: all numbers that enter only by arithmetic, as stiffnesses and wave impedances. "
+    "ws_tune computes the coefficients from them. Cutoffs, orders, rates and delays stay constants.",
+)
+@folder("Folder for the files [default: results/<spec's name>/c].")
+@overwriting("Replace existing files.")
+@override
+def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], gains: bool) -> None:
+    """Write the controller as C, with test vectors: what was analysed is what runs.
+
+    SPEC is a TOML file. controller.h and controller.c have the controller with its state in one struct, without allocation and
+    without a mathematical library; each operation is that of simulate, so all numbers are the same to the last bit. The device
+    is the host's: example.c shows a host. vectors.csv has the experiment of the spec's [simulate] table, and make check
+    compiles the controller, runs the vectors and compares every bit.
+
+    If one of the files exists, they are replaced only with --overwrite.
+
+    \b
+    Example:
+      wavesweep export sweeps/paper/fig4.toml --to c --out controller
+    """
+    from wavesweep.core import results
+    from wavesweep.core import spec as specs
+    from wavesweep.core.analyses.assumptions import assumes, over_preset
+    from wavesweep.core.cli.files import own_folder, refuse_inputs, refuse_other_things, write_whole
+    from wavesweep.core.cli.messages import say, show_json
+    from wavesweep.simulation.experiment import linear_loop
+    from wavesweep.simulation.export import exported, terms_of
+    from wavesweep.simulation.from_spec import hand_force
+    from wavesweep.simulation.table import unstable
+
+    started = time.perf_counter()
+    loaded = specs.load(spec, overrides)
+    folder = Path(out or own_folder([loaded.name], overrides) / to)
+    results.refuse_unusable(folder)
+    found = exported(loaded, gains=gains)
+    paths = [folder / name for name in found]
+    refuse_other_things(*paths)
+    refuse_inputs(loaded.files, *paths)
+    _refuse_existing(paths, overwrite)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(*zip(paths, found.values(), strict=True))
+    simulated = loaded.as_simulated()
+    linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
+    outputs = terms_of(loaded)
+    seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
+    if talk().as_json:
+        facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
+        facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
+        facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
+        files = [str(path) for path in paths]
+        facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
+        show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
+    elif not talk().quiet:
+        if not linear["stable"]:
+            say(unstable(linear), warning=True)
+        say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
+        if gains and "ws_tune" not in found["controller.h"]:
+            say("--gains: besides the wall's, no number enters this controller by arithmetic; all are constants")
+        for port, made in outputs.items():
+            say(f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}")
+        if ticks < wanted:
+            say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
+        for line in filter(None, [assumes(loaded)]):
+            say(f"assumes: {line}")
+        for line in over_preset(loaded):
+            say(line)
+        say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
+
+
+def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
+    existing = [path for path in paths if path.exists()]
+    if existing and not overwrite:
+        raise UsageError(f"{existing[0]}: the file exists; expected another --out DIR, or --overwrite to replace the files")
+
+
+def _coefficients(terms: list[dict[str, Any]]) -> str:
+    """The coefficients of an output's terms, if not all are in its sum as numbers."""
+    found = [f"{term['coefficient']:g}" for term in terms]
+    return f" (coefficients {', '.join(found)})" if found != [term["gain"] for term in terms] else ""

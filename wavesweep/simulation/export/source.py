@@ -1,0 +1,406 @@
+"""The controller of a loop as C: the programs of its ticks, line by line, without the device.
+
+The device consists of the blocks whose inputs are always held over a tick: masses and continuous models. It is the host's.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from textwrap import fill
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavesweep import __version__
+from wavesweep.core.drawing.drawing import scalars
+from wavesweep.core.drawing.drawn_block import PORT
+from wavesweep.core.drawing.expressions import sum_of, text_of, value_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.spec import Spec
+from wavesweep.simulation.experiment import refuse_what_makes_no_loop
+from wavesweep.simulation.export.gains import Gains, Table, gains_of, named
+from wavesweep.simulation.export.text import comment, constants, factor, filled, number, table_of
+from wavesweep.simulation.from_spec import effects_of, hand_force
+from wavesweep.simulation.march import March, Results, refuse, results_of
+from wavesweep.simulation.named import Named
+from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
+from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
+
+MOST_TERMS = 50_000  # in all programs together; each is a product in the source
+MOST_PROGRAMS = 255
+
+
+class Controller(NamedTuple):
+    """A controller without its device.
+
+    ticks: the lines and places of its programs. programs; table: the number of the program for each kind of tick, for each set
+    of slow results that are in time (bits), and for a wall that is free or touched. results: slow results that may be late, or
+    that show whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the
+    name in C of each place.
+    """
+
+    loop: Loop
+    ticks: Ticks
+    programs: list[Program]
+    table: list[int]
+    results: list[Results]
+    inputs: list[str]
+    outputs: list[str]
+    late: bool
+    places: dict[str, str]
+
+
+def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
+    """Return the files of the controller of a spec in C: name -> text.
+
+    gains: whether numbers that determine coefficients by arithmetic are variables in C, see `gains_of`.
+
+    The vectors are the experiment of the spec's [simulate] table: what the controller reads and gives in each tick, and the
+    ticks by which slow results are late.
+
+    Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, if it has no device, nothing but a device, or
+    one that responds within the tick, or too many terms; `IllPosedLoopError` if what goes round within a tick has no solution.
+    """
+    spec = spec.as_simulated()
+    refuse_what_makes_no_loop(spec)
+    if spec.simulate["frames"]:
+        raise UsageError(
+            "export: expected frames of one length (--set simulate.frames= leaves others out), found simulate.frames"
+        )
+    effects = effects_of(spec)
+    drawing = spec.drawing or loop_drawing(spec.values, ("controller.Kp",) * gains)
+
+    def loop_with(values: Mapping[str, Any]) -> Loop:
+        loop = loop_of(drawing, values)
+        refuse(loop, effects)
+        return loop if effects.wall is None else loop.behind(effects.wall)
+
+    def made(values: Mapping[str, Any]) -> Controller:
+        return controller_of(loop_with(values), bool(effects.late or effects.dropped))
+
+    loop, found = loop_with(spec.values), Gains((), ())
+    if gains:
+        found = gains_of(spec, made, () if loop.wall is None else spec.wall)
+    own = made(named(spec.values, found.paths))
+    march = March(loop, effects, (*own.inputs, *own.outputs), entry := spec.entry or loop.hand)
+    signals = march.under(hand_force(spec).force).signals
+    count = len(signals["time"])
+    if not count:
+        raise UsageError("export: expected an experiment with at least one tick for the vectors, found none")
+    members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
+    columns = {"tick": np.arange(count)}
+    for g, each in enumerate(march.results if own.late else ()):  # -1 if a result is lost, 0 if none is shown
+        late = [each.late[each.number(k)] if each.shown(k) and each.number(k) >= 0 else 0 for k in range(count)]
+        columns[f"late_{g}"] = np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)
+    table = Table(dict(zip(found.paths, _identifiers([path.rpartition(".")[2] for path in found.paths]), strict=True)))
+    own = own._replace(results=march.results if own.results else [], programs=[table.of(each) for each in own.programs])
+    flags, values = _values(spec, own, members, entry)
+    flags |= {"gains": bool(found.paths), "constants": bool(found.constants)}
+    flags["library"] = any("sqrt" in line for line in table.lines)
+    values["and_no_library"] = "" if flags["library"] else " and no mathematical library"
+    values |= _gains(spec, table, found.constants)
+    return {
+        "controller.h": filled("controller.h", flags, values),
+        "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
+        "check.c": filled("check.c", flags, values),
+        "example.c": filled("example.c", flags, values),
+        "vectors.csv": table_of(columns | {member: signals[name] for name, member in members.items()}),
+        "Makefile": filled("Makefile", flags, values),
+    }
+
+
+def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
+    """What enters each output of a spec's controller, by its port of a plant.
+
+    A port has its `sum` as a text, and `terms`: what each is `from`, its `gain` as a text, and the `coefficient` that it is.
+    """
+    drawing, numbers = spec.drawing or loop_drawing(spec.values), scalars(spec.values)
+    plants, hand = {block.name for block in drawing.blocks if block.plant}, (drawing.hand or ("",))[0]
+    own = {port: tuple(term for term in terms if term[0] != hand) for port, terms in drawing.wires}
+    return {
+        port: {
+            "sum": sum_of(terms),
+            "terms": [
+                {"from": name, "gain": text_of(gain), "coefficient": 0.0 + value_of(gain, numbers)} for name, gain in terms
+            ],
+        }
+        for port, terms in own.items()
+        if terms and port.rpartition(".")[0] in plants
+    }
+
+
+def controller_of(loop: Loop, late: bool) -> Controller:
+    """Return the controller of a loop, and what it reads of its device and puts there.
+
+    late: whether its slow results may be late. Errors: see `exported`.
+    """
+    plants = [part for part in loop.parts if part.plant]
+    _refuse(loop, plants)
+    one_sided = loop.wall is not None and loop.wall.position is not None
+    results = results_of(loop) if late or one_sided else []
+    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports}
+    cut = replace(loop, wires=ports)
+    if cut.wall_rhythm != loop.wall_rhythm:  # the force against the hand reads the wall's in every tick
+        cut = replace(loop, wires=ports | {REACTION: loop.wires[REACTION]})
+    delayed = [signal for each in results for signal in each.signals] if late else ()
+    ticks = Ticks(cut, [part.name for part in plants], delayed)
+    programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
+    names = list(ticks.places)
+    read = {names[source] for program in programs for _, terms in _lines(program) for _, source in terms}
+    inputs = [f"{part.name}.{port}" for part in plants for port in part.outputs]
+    inputs += [*loop.inputs, *(signal for _, signal in loop.entries)]
+    pushed = [f"{part.name}.{port}" for part in plants for port in part.inputs]
+    outputs = [besides(port) for port in pushed if any(gain and s not in loop.inputs for gain, s in loop.wires.get(port, ()))]
+    inputs = [name for name in inputs if name in read]
+    if not outputs or not inputs:
+        raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
+    for name in (DEPTH, SPEED, FORCE, *(each(s) for s in delayed for each in (str, arrived))):
+        ticks.at(name)  # even if nothing reads it
+    places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_"), strict=True))
+    return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places)
+
+
+def _refuse(loop: Loop, plants: Sequence[Part]) -> None:
+    """Raise UsageError if the loop is not a device, whose outputs are states, and a controller."""
+    if not plants or (len(plants) == len(loop.parts) and not loop.wall):
+        found = "nothing else" if plants else "none"
+        raise UsageError(f"export: expected a device (continuous blocks, as a mass) and further blocks, found {found}")
+    if waits := [f"block.{part.name}" for part in loop.parts if part.type == "dead time"]:
+        found = f"{waits[0]} with a dead time in seconds, which is between the ticks of a program"
+        raise UsageError(
+            f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {found}"
+        )
+    read = {name for terms in loop.wires.values() for _, name in terms}
+    for part in plants:
+        shown = [port for port in part.outputs if f"{part.name}.{port}" in read]
+        if any(factor and name in part.inputs for port in shown for factor, name in part.law.gives[port]):
+            found = f"block.{part.name} with direct terms"
+            raise UsageError(f"export: expected a device whose outputs follow its inputs a tick later, found {found}")
+
+
+def _programs(ticks: Ticks, results: Sequence[Results], gated: bool) -> tuple[list[Program], list[int]]:
+    """The programs, and which of them belongs to each kind of tick, results in time and contact."""
+    firsts = [ticks.kinds.index(kind) for kind in range(len(ticks.sets))]
+    number: dict[tuple, int] = {}
+    programs, table = [], []
+    for k, mask, touching in product(firsts, range(2 ** len(results)), (False, True)):
+        in_time = [each for g, each in enumerate(results) if mask >> g & 1 and each.shown(k)]
+        key = k, frozenset(signal for each in in_time for signal in each.signals), touching or not gated
+        if key not in number and len(number) < MOST_PROGRAMS:
+            programs.append(ticks.program(*key))
+        table.append(number.setdefault(key, len(number)))
+    terms = sum(len(line[1]) for program in programs for line in _lines(program))
+    if terms > MOST_TERMS or len(number) > MOST_PROGRAMS:
+        found = f"{terms} in {len(number)}"
+        raise UsageError(f"export: expected at most {MOST_TERMS} terms in {MOST_PROGRAMS} kinds of ticks, found {found}")
+    return programs, table
+
+
+def _lines(program: Program) -> list[Line]:
+    return [*program.first, *program.second, *program.keeps]
+
+
+def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
+    """A name in C for each signal, no two the same; start: of all of them, which no word or macro of C has, as EOF or unix."""
+    found: dict[str, None] = {}
+    for signal in map(_port, signals):
+        base = name = start + re.sub(r"\W", "_", signal, flags=re.ASCII)
+        count = 1
+        while name in found:
+            count += 1
+            name = f"{base}_{count}"
+        found[name] = None
+    return list(found)
+
+
+def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str) -> tuple[dict[str, bool], dict[str, Any]]:
+    """Flags and texts for the templates' names. entry: the signal from outside that the example gives."""
+    loop, wall = own.loop, own.loop.wall
+    programs = [_function(number, program, own) for number, program in enumerate(own.programs)]
+    cases = [
+        f"    {f'case {i}' if i else 'default'}:\n        tick_{i}(s);\n        break;" for i in range(len(programs))[::-1]
+    ]
+    texts = {
+        "entry": f"{entry} = 1 from rest" if spec.drawing else "pushed with 1 N from rest",
+        "title": "A controller that a spec draws" if spec.drawing else f"The controller {spec.kind}",
+        "version": __version__,
+        "name": comment(spec.name),
+        "digest": spec.sha256,
+        "tick_ms": f"{1e3 * loop.tick:g}",
+        "plants": ", ".join(part.name for part in loop.parts if part.plant),
+        "frame": loop.frame,
+        "count": len(own.outputs),
+        "programs": "\n".join(programs),
+        "kinds": _listed(own.ticks.kinds),
+        "table": _listed(own.table),
+        "sets": len(own.table) // len(own.ticks.sets),
+        "place": " + 2 * in_time" * own.late + " + (unsigned int)s->touching" * (wall is not None),
+        "cases": "\n".join(cases),
+        "touching": int(loop.walled and not (wall and wall.position is not None and wall.position >= 0.0)),
+        "one_sided": int(wall is not None and wall.position is not None),
+        "wall_depth": own.places[DEPTH],
+        "wall_speed": own.places[SPEED],
+        "wall_force": own.places[FORCE],
+    }
+    numbers = {"fast_hz": loop.rate, "T": loop.tick, "K": wall.K if wall else 0.0, "B": wall.B if wall else 0.0}
+    numbers["position"] = (wall and wall.position) or 0.0
+    flags = {
+        "wall": wall is not None,
+        "late": own.late,
+        "results": bool(own.results),
+        "tells": any(each.touches for each in own.results),
+        "several": len(programs) > 1,
+    }
+    texts |= _signals(own, members) | _results(own) | _host(own, members, entry)
+    sums = []  # what enters each output, a line for each term
+    for port, made in terms_of(spec).items():
+        sums.append(f" *   {port} = {made['sum']}")
+        sums += [f" *     {each['coefficient']:g} times {each['from']}" for each in made["terms"]]
+    texts["sums"] = "\n".join(sums)
+    texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
+    return flags, constants(numbers) | texts
+
+
+def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]:
+    """The texts about gains, and about numbers that are constants."""
+    keys = spec.names.keys
+    units = {path: f" {comment(keys[path].unit)}" if path in keys and keys[path].unit != "1" else "" for path in table.members}
+    return {
+        "gains": "\n".join(
+            f"    double {name}; /* {path}: {spec.values[path]:g}{units[path]} */" for path, name in table.members.items()
+        ),
+        "set": "\n".join(f"    s->gains.{name} = {number(spec.values[path])};" for path, name in table.members.items()),
+        "coefficients": table.count,
+        "computed_from_gains": "\n".join(table.lines),
+        "constants": fill(", ".join(constants), 110, initial_indent=" *   ", subsequent_indent=" *   "),
+    }
+
+
+def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
+    """The texts with a line for each input, or for each output."""
+    lines = {
+        "inputs": [f"    double {members[name]}; /* {name} */" for name in own.inputs],
+        "outputs": [f"    double {members[name]}; /* {_port(name)} */" for name in own.outputs],
+        "given": [f"    z[{own.places[name]}] = in.{members[name]};" for name in own.inputs],
+        "taken": [f"    out.{members[name]} = z[{own.places[name]}];" for name in own.outputs],
+        "read": [f"        in.{members[name]} = strtod(at + 1, &at);" for name in own.inputs],
+        "compared": [
+            f'        compare(out.{members[name]}, strtod(at + 1, &at), "{_port(name)}", ticks);' for name in own.outputs
+        ],
+    }
+    return {name: "\n".join(each) for name, each in lines.items()}
+
+
+def _results(own: Controller) -> dict[str, Any]:
+    """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
+    frame, results, behind = own.loop.frame, own.results, []
+    for each in results:
+        later = [each.origin.count(k + frame) - each.origin.runs(k) - 1 - each.number(k + frame) for k in range(frame)]
+        behind.append([number if each.shown(k) else -2 for k, number in enumerate(later)])
+    most = max((len(each.signals) for each in results), default=1)
+    rows = {"computed": str, "arrived": arrived} if own.late else {}
+    runs = [(max((ticks or 0 for ticks in each.late), default=0), each.chain[0][0]) for each in results]
+    texts = {name: [[own.places[of(signal)] for signal in each.signals] for each in results] for name, of in rows.items()}
+    return {
+        "groups": len(results),
+        "most": most,
+        "ring": max((number for row in behind for number in row), default=0) + 2,
+        "behind": ",\n    ".join(f"{{{_listed(row)}}}" for row in behind),
+        "told": ", ".join(str(int(each.touches)) for each in results),
+        "sizes": ", ".join(str(len(each.signals)) for each in results),
+        "computed": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("computed", ())),
+        "arrived": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("arrived", ())),
+        "pending": sum((latest // rhythm.every + 2) * len(rhythm.phases) for latest, rhythm in runs),
+    }
+
+
+def _function(number: int, program: Program, own: Controller) -> str:
+    """A program as a function: a sum for each line, which begins with 0 and adds product after product, within limits."""
+    names = [own.places[name] for name in own.ticks.places]
+
+    def summed(lines: Iterable[Line]) -> Iterator[str]:
+        for target, terms in lines:
+            place = f"z[{names[target]}]"
+            yield f"    {place} = {_sum(terms, names)};"
+            if target in program.limits:
+                low, high = map(factor, program.limits[target])
+                yield f"    {place} = {place} < {low} ? {low} : {place} > {high} ? {high} : {place};"
+
+    lines = [*summed(program.first)]
+    if program.wall:
+        lines.append(f"    meet(s, {factor(program.wall.yields)}, {factor(program.wall.slows)});")
+        lines += summed(program.second)
+    stops = {line: [f"z[{names[place]}]" for place in (*some, program.keeps[line][0])] for line, *some in program.stops}
+    kept = []
+    for i, (_, terms) in enumerate(program.keeps):
+        total = _sum(terms, names)
+        if i in stops:
+            free, limited, driven, still = stops[i]
+            up, down = f"({free} > {limited} && {driven} > 0.0)", f"({free} < {limited} && {driven} < 0.0)"
+            total = f"{up} || {down} ? {still} : {total}"
+        kept.append(f"    const double kept_{i} = {total};")
+    kept += [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
+    for source, first, last in program.moves:
+        kept += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []
+        kept.append(f"    z[{first}] = z[{names[source]}];")
+    head = ["    double *const z = s->z;", *(["    int i;"] * any(last - first > 1 for _, first, last in program.moves))]
+    inner = [f"    {line}" for line in kept]
+    body = [*head, *lines, *(["    { /* what is kept */", *inner, "    }"] if kept else [])]
+    return f"static void tick_{number}(ws_state *s)\n{{\n" + "\n".join(body) + "\n}\n"
+
+
+def _sum(terms: Iterable[tuple[float, int]], names: Sequence[str]) -> str:
+    return "0.0" + "".join(_term(each, f"z[{names[source]}]") for each, source in terms)
+
+
+def _term(value: float, name: str) -> str:
+    """A product to add; 1 and -1 change no bit of the number."""
+    sign = {1.0: "+", -1.0: "-"}.get(value) if not isinstance(value, Named) else None
+    return f" {sign} {name}" if sign else f" + {factor(value)} * {name}"
+
+
+def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, str]:
+    """The texts of the device in the example: what is sensed, what pushes it, and how it moves; entry: see `_values`."""
+    plants, sensed, pushed, moved, after = [part for part in own.loop.parts if part.plant], [], [], [], []
+    names = [f"{part.name}.{name}" for part in plants for name in (*part.law.keeps, *part.inputs)]
+    own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
+
+    def sum_of(part: Part, terms: Iterable[tuple[float, str]]) -> str:
+        return "0.0" + "".join(_term(float(each), own_names[f"{part.name}.{s}"]) for each, s in terms if each)
+
+    for part in plants:
+        ports = [(f"{part.name}.{port}", part.law.gives[port]) for port in part.outputs]
+        sensed += [f"        in.{members[name]} = {sum_of(part, terms)};" for name, terms in ports if name in members]
+        for port in (f"{part.name}.{port}" for port in part.inputs):
+            share = sum(float(gain) for gain, name in own.loop.wires.get(port, ()) if name in own.loop.inputs)
+            force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"
+            given = _term(share, "given") if entry in own.loop.inputs else ""
+            pushed.append(f"        {own_names[port]} = {force}{given};")
+        for i, (name, terms) in enumerate(part.law.keeps.items(), len(moved)):
+            moved.append(f"        next[{i}] = {sum_of(part, terms)};")
+            after.append(f"        {own_names[f'{part.name}.{name}']} = next[{i}];")
+    outside = (*own.loop.inputs, *(signal for _, signal in own.loop.entries))
+    sensed += [f"        in.{members[s]} = {'given' if s == entry else '0.0'};" for s in own.inputs if s in outside]
+    shown = [*(f"in.{members[name]}" for name in own.inputs), *(f"out.{members[name]}" for name in own.outputs)]
+    return {
+        "host": "\n".join(f"    double {name} = 0.0;" for name in own_names.values()),
+        "size": len(moved),
+        "header": ",".join(members.values()),
+        "formats": ",%.17g" * len(shown),
+        "printed": ", ".join(shown),
+        "sensed": "\n".join(sensed),
+        "pushed": "\n".join(pushed),
+        "moved": "\n".join([*moved, *after]),
+    }
+
+
+def _port(name: str) -> str:
+    """The name of a port as it is drawn."""
+    return (name.rpartition(".")[2].replace(PORT, ".") if PORT in name else name).removesuffix(" besides")
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Numbers with commas, 40 in a line."""
+    return ",\n    ".join(", ".join(map(str, numbers[i : i + 40])) for i in range(0, len(numbers), 40))

@@ -1,0 +1,206 @@
+"""The figures of a simulation: forces, positions and energies over time, and the response next to that of the linear loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns, complex_columns
+from wavesweep.core.plots.style import (
+    GRID,
+    IDEAL,
+    LINES,
+    TWO_COLUMNS,
+    distinct_colour,
+    figure,
+    is_narrow,
+    note_below,
+    paler,
+    warn_above,
+)
+from wavesweep.core.plots.words import assumption, at_hand, printed, with_unit
+from wavesweep.core.tables.columns import signals_of
+from wavesweep.core.tables.regions import spec_of
+
+_MOST_POINTS = 1600  # of a line: more than it has pixels along
+_DETAIL_FRAMES = 40
+_LINEAR_POINTS = 800  # of the linear loop next to a simulation
+_DETAIL_TICKS = 800  # at least, of a drawn loop
+Panel = tuple[str, Sequence[tuple[str, str, str, bool]]]
+"""The name of an axis, and column, label and colour of its signals, and whether they are held over a tick."""
+_AT_THE_HAND = (  # panel and its unit; column, label and number of the colour of each signal, and whether it is held
+    ("hand force", "N", "f_h", "hand", 2, True),
+    ("position", "mm", "x_s", "avatar", 1, True),
+    ("position", "mm", "x", "device", 0, False),
+    ("control force", "N", "f_m", "asked for", 4, True),
+    ("control force", "N", "f_device", "exerted", 0, True),
+    ("control force", "N", "F_s", "slow wall", 1, True),
+    ("energy", "J", "energy_channel", "kept by channel", 3, False),
+    ("energy", "J", "energy_device", "taken by motors", 0, False),
+    ("energy", "J", "energy_hand", "given by hand", 2, False),
+)
+_DRAWN = {"device": "hand", "asked for": "against the hand", "taken by motors": "taken by this force"}  # in a drawn loop
+
+
+def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `simulate` table: hand force, positions and wall, control force, energies, one below the other.
+
+    Of a drawn loop first its inputs, outputs and named signals, so that after a step this is the figure of step responses.
+
+    At the left is the whole run; if it is long, as the band between the extremes. At the right are some frames in detail:
+    around a change of contact, if possible after the run has settled; without contact around the start of a step or a
+    pulse, or at the end.
+    """
+    spans = _spans(columns, facts)
+    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts)]
+    with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
+        grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
+        for row, (title, signals) in zip(grid, rows, strict=True):
+            for axes, span in zip(row, spans, strict=True):
+                for signal in signals:
+                    _draw_signal(axes, {name: column[span] for name, column in columns.items()}, *signal)
+                if title.startswith("position") and "wall" in facts["spec"]["simulate"]:
+                    wall = 1e3 * facts["spec"]["simulate"]["wall"]
+                    axes.axhline(wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
+                axes.grid(**GRID)
+                axes.margins(x=0)
+            row[0].set_ylabel(title)
+        for axes in grid[-1]:
+            axes.set_xlabel("time (s)")
+        if len(spans) > 1:
+            grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color=paler("0.75", 0.6), linewidth=0)
+            grid[0, 1].set_title("shaded: in detail" if is_narrow() else "the shaded stretch in detail")
+        for row in grid:  # legends are outside of the panels: a signal that fills its panel leaves no corner free
+            entries = row[-1].get_legend_handles_labels()
+            place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2, "borderpad": 0.2}
+            if is_narrow():
+                row[0].set_title(" ")  # room for the legend, which is wider than its panel
+                place |= {"loc": "lower left", "bbox_to_anchor": (-0.4, 0.98), "ncols": 4, "columnspacing": 0.8}
+            if entries[0]:
+                row[0 if is_narrow() else -1].legend(*entries, fontsize=7, **place).set_in_layout(not is_narrow())
+        warn_above(canvas, _unstable(facts))
+        note_below(canvas, assumption(facts))
+        canvas.align_ylabels()
+    return canvas
+
+
+def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
+    """Yield the panels of what a simulation with a hand has."""
+    left_out = () if "max_force" in facts["spec"]["simulate"] else ("f_device",)
+    words = _DRAWN if "block" in facts["spec"] else {}
+    present = (signal for signal in _AT_THE_HAND if signal[2] in columns and signal[2] not in left_out)
+    for (title, unit), signals in groupby(present, key=lambda signal: signal[:2]):
+        named = [(name, words.get(said, said), distinct_colour(n), held) for *_, name, said, n, held in signals]
+        yield at_hand(title, "", unit, facts), named
+
+
+def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
+    """Panels of inputs that are not at rest, of each output, with inputs of its unit, and of all other signals."""
+    units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
+    ports = facts["spec"].get("ports", {})
+    inputs = [name for name in ports.get("inputs", {}) if name in units and columns[name].any()]
+    outputs = [name for name in ports.get("outputs", {}) if name in units]
+    others = [name for name in units if name not in (*ports.get("inputs", {}), *outputs)]
+    panels = {name: [name, *(each for each in inputs if units[each] == units[name])] for name in outputs}
+    shown = {each for names in panels.values() for each in names}
+    panels = {name: [name] for name in inputs if name not in shown} | panels | ({"signals": others} if others else {})
+    return [
+        (
+            with_unit(title, printed([units.get(title) or "1"])),
+            [(name, name, IDEAL if name in inputs else distinct_colour(n), True) for n, name in enumerate(names)],
+        )
+        for title, names in panels.items()
+    ]
+
+
+def _unstable(facts: Mapping[str, Any]) -> str:
+    """The title of a run of an unstable loop, or of one that stopped early; otherwise empty."""
+    linear, stopped = facts.get("linear_loop", {"stable": True}), facts.get("ticks", {}).get("stopped")
+    radius = linear.get("spectral_radius")
+    said = ["unstable" + (f": spectral radius {radius:.6g} per frame" if radius is not None else "")] * (not linear["stable"])
+    return "; ".join([*said, *([f"stopped, {stopped}"] if stopped else [])])
+
+
+def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
+    """Return the whole span, and that of the detail if it is shorter."""
+    rows = len(columns["tick"])
+    if "block" in facts["spec"]:  # of a drawn loop a frame may be a tick
+        length = max(_DETAIL_FRAMES * (1 + int(columns["phase"].max(initial=0))), _DETAIL_TICKS)
+    else:
+        rates = facts["spec"]["rates"]
+        length = _DETAIL_FRAMES * int(rates.get("ratio") or rates["fast_hz"] / rates["slow_hz"])
+    if rows <= 2 * length:
+        return [slice(None)]
+    start = min(max(_event(columns, facts) - length // 4, 0), rows - length)
+    return [slice(None), slice(start, start + length)]
+
+
+def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
+    """Return the tick at the centre of the detail."""
+    rows = len(columns["tick"])
+    changes = np.flatnonzero(np.diff(columns.get("touching", np.zeros(rows)))) + 1
+    if len(changes):
+        later = changes[changes >= rows // 2]
+        return int(later[0] if len(later) else changes[-1])
+    options = facts["spec"]["simulate"]
+    return int(np.searchsorted(columns["time_s"], options["at_s"])) if options["input"] in ("step", "pulse") else rows
+
+
+def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool) -> None:
+    """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps."""
+    times, values, style = columns["time_s"], columns[name] * (1e3 if name in ("x", "x_s") else 1), {}
+    if np.isnan(values).all():
+        return
+    if held and 1 < len(values) <= _MOST_POINTS:  # the last value is held for a tick as well
+        times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
+        style = {"drawstyle": "steps-post"}
+    dashes = LINES[len(axes.get_lines()) % len(LINES)]
+    axes.plot(*extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
+
+
+def extremes(times: np.ndarray, values: np.ndarray, most: int = _MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
+    size = -(-len(values) // (most // 2))
+    if size <= 2:
+        return times, values
+    whole = len(values) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    ends = np.sort(np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1), axis=1)
+    kept = (ends + size * np.arange(len(blocks))[:, None]).ravel()
+    kept = np.append(kept, np.arange(whole, len(values)))
+    return times[kept], values[kept]
+
+
+def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop.
+
+    The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
+    loop, there are marks at these frequencies alone.
+    """
+    from wavesweep.core.analyses.loops import loop_at_hand
+    from wavesweep.core.plots.responses import Curve, at_both_ports, draw_curves
+    from wavesweep.core.response.steady import respond
+
+    spec, seen = spec_of(facts), columns["frequency_hz"]
+    linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}
+    linear, look = linear | {"frequency_hz": seen}, {"marker": "_", "markersize": 14, "linestyle": "none"}
+    if spec is not None and not np.isnan(linear["admittance_abs"]).all():
+        band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)
+        frequency, look = np.unique(np.concatenate([band, seen])), {}
+        found = respond(loop_at_hand(spec), frequency)
+        linear = {"frequency_hz": frequency, **complex_columns("admittance", found.admittance.ravel())}
+        linear |= complex_columns("impedance", found.impedance.ravel())
+    slow, curves = float(np.median(columns["omega_Ts"] / seen)), []
+    for each, name, style in (
+        (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **look}),
+        (columns, "simulated", {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}),
+    ):
+        count = len(each["frequency_hz"])
+        own = {"omega_Ts": slow * each["frequency_hz"], "admittance_abs": 1e3 * each["admittance_abs"]}
+        own |= dict.fromkeys(("spec", "doubt"), np.full(count, "", object))
+        own |= dict.fromkeys(("admittance_error", "impedance_error"), np.zeros(count))
+        curves.append(Curve({**each, **own}, name, style))
+    return draw_curves(curves, at_both_ports(facts), "frequency_hz", facts)

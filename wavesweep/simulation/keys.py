@@ -1,0 +1,244 @@
+"""The table [simulate]: what goes into the loop, how long, and how the rig differs from the ideal one.
+
+Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost; its `messages` are a
+table of lists, one for each channel of the loop.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+
+from wavesweep.core.drawing.block_types import MOST_LATE
+from wavesweep.core.reading.axes import Axis, axis_place, build_axis, linear
+from wavesweep.core.reading.checking import Mistakes, show
+from wavesweep.core.reading.devices import HapticDevice
+from wavesweep.core.reading.keys import HIGHEST_RATIO, INPUTS, LONGEST_FRAME, MESSAGES, SIMULATE_KEYS, Key, whole
+from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.sorting import FREQUENCIES, Sorted, names_in_list
+
+MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
+SECONDS = 10.0  # of an input that has no length of its own
+
+
+FRAMES, SHOW = "simulate.frames", "simulate.show"
+IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
+FRAME_KEYS = {
+    "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
+    "delay": whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
+    "lost": Key("lost", "boolean", False, "", "whether its slow result never comes; the last one is held"),
+}
+
+
+def _default(values: tuple[float, ...], scale: str | None = None) -> Axis:
+    return Axis("frequency_hz", FREQUENCIES, values, values[0], values[-1], False, scale)
+
+
+# The steps avoid 25 and 50 Hz: at the default rates, a sine there coincides with its own image.
+INPUT_FREQUENCIES = {
+    "sine": _default((5.0,)),
+    "stepped-sine": _default(linear(0.5, 49.5, 50), "linear"),
+    "chirp": _default((0.1, 50.0)),
+}
+
+FORCES = tuple(name for name in INPUTS if name != "record")
+# Keys that only some inputs read.
+READ_BY = {
+    "amplitude": FORCES,
+    "frequency_hz": tuple(INPUT_FREQUENCIES),
+    "settle_s": ("sine", "stepped-sine"),
+    "periods": ("stepped-sine",),
+    "at_s": ("step", "pulse"),
+    "width_s": ("pulse",),
+    "record": ("record",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame: its ticks, the delay of its slow result (None: that of the loop), and whether this never comes."""
+
+    ticks: int
+    delay: int | None = None
+    lost: bool = False
+
+    def written(self) -> int | dict[str, int | bool]:
+        """Return the frame as a spec could give it."""
+        more = {
+            name: value
+            for name, value in (("delay", self.delay), ("lost", self.lost))
+            if value is not None and value is not False
+        }
+        return {"ticks": self.ticks, **more} if more else self.ticks
+
+
+def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
+    """Return the frames of a list, or None and add its mistakes."""
+    if not isinstance(leaf.value, list) or not leaf.value:
+        expected = "a list of frames, each a whole number of ticks"
+        return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
+    frames, before = [], len(mistakes)
+    for index, item in enumerate(leaf.value):
+        path = f"{FRAMES}[{index}]"
+        if isinstance(item, dict):
+            parts = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path)
+            if "ticks" not in item:
+                mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
+        else:
+            parts = {"ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)}
+        if parts.get("ticks"):
+            frames.append(Frame(**parts))
+            if parts.get("delay", 0) > parts["ticks"]:
+                expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
+                mistakes.refuse(leaf, f"{path}.delay", expected, show(parts["delay"]), of_key=False)
+    ticks = sum(frame.ticks for frame in frames)
+    if ticks > LONGEST_FRAME:
+        mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
+    return tuple(frames) if len(mistakes) == before else None
+
+
+def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, tuple[int | None, ...]]:
+    """Return the ticks by which each message of a channel is late, None if it is lost, by channel, and add mistakes.
+
+    given: the lists by path.
+    """
+    expected = 'a list of ticks by which messages are late in turn, or "lost", or "3 lost" for so many in a row'
+    messages: dict[str, tuple[int | None, ...]] = {}
+    for path, leaf in given.items():
+        late: list[int | None] = []
+        for item in leaf.value if isinstance(leaf.value, list) and leaf.value else [leaf.value]:
+            lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
+            ticks = leaf.value != item and isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
+            late += [None] * int(lost[1] or 1) if lost else [item] * ticks
+            if not (lost or ticks):
+                mistakes.refuse(leaf, path, expected, show(item), of_key=False)
+        messages[path.removeprefix(f"{MESSAGES}.")] = tuple(late)
+    return messages
+
+
+def _written_messages(late: tuple[int | None, ...]) -> list[int | str]:
+    runs = [(each, len(list(run))) for each, run in groupby(late)]
+    return [item for each, count in runs for item in ([f"{count} lost"] if each is None else [each] * count)]
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
+
+    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, `show`
+    are names, `messages` those of `build_messages`.
+    """
+
+    values: dict[str, float | int | str | tuple | None]
+    frequencies: Axis | None
+    given: Mapping[str, Leaf] = field(repr=False)
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        present = {name: value for name, value in self.values.items() if value is not None}
+        frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
+        frames = {"frames": [each.written() for each in present["frames"]]} if "frames" in present else {}
+        shown = {"show": list(present["show"])} if "show" in present else {}
+        messages = {name: _written_messages(late) for name, late in present.get("messages", {}).items()}
+        return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
+
+    def on(self, device: HapticDevice) -> Experiment:
+        """Return the experiment with the limits of a device, except for keys that are given themselves."""
+        known = {name: value for name, value in device.simulation().items() if f"simulate.{name}" not in self.given}
+        return replace(self, values=self.values | known)
+
+    def unread(self) -> list[str]:
+        """Return the keys that are given, and not as their defaults, and that the input does not read."""
+        given = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
+        paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
+        return [name for name, path in paths.items() if path in given and given[path] != SIMULATE_KEYS[path].default]
+
+    def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
+        """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
+        half, most, tick = fast_hz / 2, MOST_TICKS / fast_hz, f"at least a tick ({1 / fast_hz:g} s)"
+        kind, sets_in, width, lasts = (self.values[name] for name in ("input", "at_s", "width_s", "duration_s"))
+        seconds, stop = self._seconds(), self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0
+        late = kind in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
+        long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
+        table = next((leaf.place.parent() for leaf in self.given.values()), Place())
+        for name, wrong, expected, found in (
+            ("frequency_hz", stop >= half, f"numbers < {half!r} (half of {rate})", show(stop)),
+            ("frequency_hz" if lasts is None else "duration_s", seconds > most, long, f"{seconds:g} s"),
+            ("duration_s", lasts is not None and 0 < seconds * fast_hz <= 0.5, tick, show(seconds)),
+            ("at_s", late, f"a number < {seconds!r} (simulate.duration_s)", show(sets_in)),
+            ("width_s", kind == "pulse" and width * fast_hz <= 0.5, tick, show(width)),
+        ):
+            if wrong:
+                leaf = self.given.get(f"simulate.{name}", table)
+                mistakes.refuse(leaf, f"simulate.{name}", expected, found, of_key=False)
+
+    def _seconds(self) -> float:
+        values, frequencies = self.values, self.values["frequency_hz"] or ()
+        if values["duration_s"] is not None or values["input"] != "stepped-sine":
+            return values["duration_s"] or 0.0
+        return sum(step_seconds(each, values["settle_s"], values["periods"]) for each in frequencies)
+
+
+def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
+    """Return the duration (s) of a step of the stepped sine: settling, then whole periods and at least a second."""
+    return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
+
+
+def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
+    """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `refuse_beyond_limits`.
+
+    usual: the input that is taken by default.
+    """
+    given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
+    of_messages = {path: given.pop(path) for path in list(given) if path.startswith(MESSAGES)}
+    checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path not in (FRAMES, SHOW)})
+    checked[MESSAGES] = build_messages(of_messages, mistakes) or None
+    if FRAMES in given:
+        checked[FRAMES] = build_frames(given[FRAMES], mistakes)
+    if SHOW in given:
+        checked[SHOW] = names_in_list(given[SHOW]) or None
+        if not checked[SHOW]:
+            mistakes.refuse(given[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(given[SHOW].value), of_key=False)
+    defaults = {path: key.default for path, key in SIMULATE_KEYS.items()} | {"simulate.input": usual}
+    values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
+    kind, axis = values["input"], None
+    parts, before = dict(belongs.axes["simulate"].get("frequency_hz", {})), len(mistakes)
+    if "" in parts and isinstance(parts[""].value, (int, float)):
+        parts[""] = replace(parts[""], value=[parts[""].value])
+    nothing = "" in parts and parts[""].value == [] and kind not in INPUT_FREQUENCIES  # as `Experiment.written` has it
+    if parts and not nothing:
+        axis = build_axis("simulate", "frequency_hz", parts, mistakes)
+    if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in given):
+        axis = axis or INPUT_FREQUENCIES.get(kind)
+        values["frequency_hz"] = _frequencies(kind, axis, parts, mistakes)
+    if values["duration_s"] is None and kind not in ("stepped-sine", "record"):
+        values["duration_s"] = SECONDS
+    if kind == "record" and values["record"] is None:
+        expected = "the name of a CSV file for this input"
+        mistakes.refuse(given["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
+    if parts:
+        given[FREQUENCIES] = Leaf(None, axis_place(parts))
+    return Experiment(values, axis, given)
+
+
+def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...]:
+    """Return the frequencies of this input; too many of them, or only a span, are a mistake."""
+    if kind not in INPUT_FREQUENCIES:
+        return ()
+    ends = axis.values or (axis.start, axis.stop)
+    found = f"{len(ends)} frequencies" if axis.values else "only a span"
+    if kind == "chirp":
+        if len(ends) <= 2 and ends[0] <= ends[-1]:
+            return ends[0], ends[-1]
+        expected = "one or two frequencies for a chirp, the lower one first"
+        found = found if len(ends) > 2 else " and ".join(map(repr, ends))
+    elif axis.values and (kind != "sine" or len(ends) == 1):
+        return axis.values
+    else:
+        one = 'one frequency for a sine (several are for input = "stepped-sine")'
+        expected = one if kind == "sine" else "num with start and stop, or a list"
+    mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
+    return ()

@@ -1,0 +1,306 @@
+"""A simulation: every tick, and the response that it shows beside that of the linear loop; `simulate`, `simulate-response`."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from math import log
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.reading.devices import DEVICES
+from wavesweep.core.tables.fields import TICKS
+from wavesweep.core.tables.kind import Again, Line, Numbers, plain, whole_kind
+from wavesweep.core.tables.table import Table, facts_of
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+
+SHOWN = 5  # frequencies that a notice names
+WITHIN = 0.02  # share of its final value within which an output counts as settled
+SETTLED = 0.01  # share of the slowest mode that may be left where a sine is measured
+METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
+RESPONSE_METHODS = {
+    "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
+    "linear_admittance": "resolvent of the frame, component at the force's own frequency",
+}
+
+
+def simulate(spec: Spec) -> list[Table]:
+    """The time series of the simulated spec and, for settled sines, the response estimated from it."""
+    from wavesweep.simulation.experiment import linear_loop, seen_response, settled_values, simulation_of
+    from wavesweep.simulation.from_spec import hand_force
+    from wavesweep.simulation.march import FARTHEST, STRONGEST
+    from wavesweep.simulation.record import recorded
+
+    started = time.perf_counter()
+    hand = hand_force(spec)
+    simulation = simulation_of(spec, hand.force)
+    columns = recorded(simulation)
+    simulated_at, linear = time.perf_counter(), linear_loop(spec)
+    seconds = {"march_s": simulated_at - started}
+    facts = _facts(spec, METHODS, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
+    rows = len(columns["tick"])
+    stopped = simulation.stopped or ("numbers overflow" if rows < len(hand.force) else "")
+    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": stopped}
+    if spec.drawing:  # whose rate may be an expression
+        facts["tick_s"] = 1 / spec.tick_hz
+    late = simulation.late
+    facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
+    facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
+    at_random = spec.drawing is not None and spec.drawing.at_random
+    alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
+    facts["settles_at"] = settled_values(spec, linear) if alike and spec.simulate["input"] == "step" else {}
+    tables = [Table.of("simulate", columns, facts)]
+    of_hand = spec.drawing is None or spec.entry == (spec.drawing.hand or ("",))[0]
+    tones = [tone for tone in hand.tones if tone.last <= rows and of_hand and alike]
+    if tones:
+        response = seen_response(spec, simulation, tones)
+        timings = {"estimate_s": time.perf_counter() - simulated_at}
+        notices = [*_unlike_the_linear(spec, linear, tones, simulation.frame)]
+        facts = _facts(spec, RESPONSE_METHODS, timings, notices) | {"linear_loop": linear}
+        tables.append(Table.of("simulate-response", response, facts))
+    return tables
+
+
+def _unmeasured(spec, tones):
+    """Yield a notice about the sines without a settled section in the record."""
+    if spec.simulate["input"] in ("sine", "stepped-sine"):
+        left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
+        if left:
+            named = ", ".join(left if len(left) <= SHOWN else [left[0], "...", left[-1]])
+            longer = "a longer simulate.duration_s measures them"
+            yield f"not measured at {named} Hz: the input ends before they have settled; {longer}"
+
+
+def _unlike_the_linear(spec, linear, tones, frame):
+    """Yield notices about tones that are their own image, and of a slow mode that is there when they are measured.
+
+    frame: its ticks.
+    """
+    from wavesweep.simulation.record import own_image
+
+    tick = 1 / spec.tick_hz
+    own = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
+    if own and frame > 1:
+        image = "a sine is its own image: the response seen depends on its phase"
+        yield f"at {', '.join(own)} Hz, a multiple of half the frame's rate, {image}"
+    radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
+    left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
+    if left > SETTLED:
+        constant = -frame / spec.tick_hz / log(radius)
+        enough = log(SETTLED / 10) / log(radius) * frame / spec.tick_hz
+        yield (
+            f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {100 * left:.2g} % of its beginning after "
+            f"simulate.settle_s = {settle:g} s, and is part of the response seen; {enough:.3g} s leave {10 * SETTLED:g} % of it"
+        )
+
+
+def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
+    facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
+    if spec.simulate["input"] == "record":
+        from wavesweep.simulation.from_spec import record_path
+
+        # The digest of the spec covers only the name of the record.
+        facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
+    return facts
+
+
+def _notices(spec: Spec) -> Iterator[str]:
+    """Yield notices about values that a user may not expect."""
+    from wavesweep.core.analyses.assumptions import over_preset
+
+    options = spec.simulate
+    if unread := spec.unread:
+        keys = ", ".join(f"simulate.{name}" for name in unread)
+        yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
+    if options["frames"]:
+        yield "simulate.frames: what is said of the linear loop is about frames of one length; no response is compared with it"
+    limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
+    if spec.preset:
+        beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
+        if beyond:
+            yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
+        yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.items()})
+    if options["resolution"] and spec.values.get("device.velocity") == "exact":
+        yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
+
+
+def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """The run, the linear loop behind it, contact, saturation, timing and energies; None if something does not apply."""
+    spec, options = facts["spec"], facts["spec"]["simulate"]
+    tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
+    rows = len(columns["tick"])
+    motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
+    ports, touching = spec.get("ports", {}), columns.get("touching", np.zeros(1, bool))
+    entry = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
+    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
+    return {
+        "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
+        "input": options["input"],
+        "from": options.get("from") or entry,
+        "ticks": rows,
+        "wanted_ticks": facts["ticks"]["wanted"],
+        "seconds": rows * tick,
+        "stopped": facts["ticks"]["stopped"],
+        "linear_loop": dict(facts["linear_loop"]),
+        "contact": {"times": made, "share": float(touching.mean())} if "wall" in options and rows else None,
+        "rest_s": _rest(columns) if options.get("friction") and rows else None,
+        "max_force": options.get("max_force"),
+        "share_at_max_force": None if motors is None else float(motors),
+        "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped")) and rows else None,
+        "energy": _energy(columns) if rows and "energy_hand" in columns else None,
+        "outputs": {
+            name: _stepped(columns, name, final, options["at_s"]) for name, final in facts.get("settles_at", {}).items() if rows
+        },
+    }
+
+
+def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
+    """What an output does after a step at `start` (s): where it settles, its peak, and when it has settled, after the step."""
+    values, after = columns[name], np.round(columns["time_s"] - start, 12)
+    peak = int(np.argmax(np.abs(values)))
+    outside = np.flatnonzero(np.abs(values - final) > WITHIN * abs(final))
+    settled = int(outside[-1]) + 1 if outside.size else 0
+    return {
+        "settles_at": final,
+        "peak": float(values[peak]),
+        "peak_s": float(after[peak]),
+        "settled_s": float(after[settled]) if final and settled < len(after) else None,
+    }
+
+
+def _rest(columns: Columns) -> float | None:
+    """The time (s) from which on friction holds the device to the end, for more than a frame; None if it does not."""
+    moved = np.flatnonzero(np.diff(columns["x"]))
+    first = int(moved[-1]) + 1 if moved.size else 0
+    return float(columns["time_s"][first]) if columns["frame"][-1] - columns["frame"][first] > 1 else None
+
+
+def _energy(columns: Columns) -> Numbers:
+    last = {name: columns.get(f"energy_{name}", np.full(1, np.nan))[-1] for name in ("hand", "device", "channel")}
+    least = {"channel_least": np.min(columns.get("energy_channel", np.nan))}
+    return {name: plain(value) for name, value in (last | least).items()}
+
+
+def _run_lines(found: Numbers) -> Iterator[Line]:
+    ticks, wanted = found["ticks"], found["wanted_ticks"]
+    much = f"{ticks}" if ticks == wanted else f"{ticks} of {wanted}"
+    if not found["linear_loop"]["stable"]:
+        yield unstable(found["linear_loop"]), True
+    entry = f"{found['from']}:" if found["from"] else "force of the hand"
+    yield f"{found['controller']}, {entry} {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s", False
+    if found["stopped"]:
+        yield f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it", True
+    if ticks == 0:
+        return
+    if found["contact"]:
+        made, share = found["contact"]["times"], 100 * found["contact"]["share"]
+        yield f"contact made {'once' if made == 1 else f'{made} times'}, felt for {share:.3g} % of the time", False
+    if found["rest_s"] is not None and not found["stopped"]:
+        yield f"came to rest at {found['rest_s']:.4g} s, and friction holds it to the end", False
+    if found["share_at_max_force"] is not None:
+        share = 100 * found["share_at_max_force"]
+        yield f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time", False
+    if timing := found["slow_results"]:
+        yield f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost", False
+    for name, output in found["outputs"].items() if not found["stopped"] else ():
+        yield _output_line(name, output), False
+    if found["energy"] and not found["stopped"]:  # the energies of a run that explodes mean nothing
+        yield _energy_line(found["energy"], "force against it" if found["controller"] == "drawn" else "motors"), False
+
+
+def _output_line(name: str, output: Numbers) -> str:
+    """How an output answers a step."""
+    line, final = f"{name} settles at {output['settles_at']:.6g}", output["settles_at"]
+    if abs(output["peak"]) > (1 + WITHIN / 10) * abs(final):
+        line += f", peak {output['peak']:.6g} {output['peak_s']:.4g} s after the step"
+    if output["settled_s"] is not None:
+        return f"{line}, within {100 * WITHIN:g} % from {output['settled_s']:.4g} s after it on"
+    return f"{line}, but is not within {100 * WITHIN:g} % of it at the end" if final else line
+
+
+def unstable(linear: Numbers) -> str:
+    """The sentence about a linear loop that is not stable."""
+    radius = linear["spectral_radius"]
+    if radius is None:
+        return "the linear loop is not known to be stable (numbers overflow, or rounding hides them)"
+    if radius == 1:
+        return "the linear loop is not known to be stable (spectral radius 1 per frame, but for rounding)"
+    return f"UNSTABLE: the linear loop diverges (spectral radius {radius:.6g} per frame)"
+
+
+def _energy_line(energy: Numbers, taker: str) -> str:
+    line = f"energy: the hand gave {energy['hand']:.4g} J"
+    if energy["device"] is None:
+        return line
+    line += f", the {taker} took {energy['device']:.4g} J"
+    if energy["channel"] is None:
+        return line
+    return f"{line}, the wave channel kept {energy['channel']:.4g} J (at least {energy['channel_least']:.4g} J at any time)"
+
+
+def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """Largest relative difference between the simulated response and that of the linear loop, None without one."""
+    stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
+    off = {f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")}
+    known = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
+    return {"frequencies": len(columns["frequency_hz"]), **known, **(off if stable else dict.fromkeys(off))}
+
+
+def _response_lines(found: Numbers) -> Iterator[Line]:
+    where = f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+    if found["undecided"]:
+        yield f"{where}: the loop is not known to be stable, and may have no steady response to compare it with", True
+        return
+    if not found["stable"]:
+        yield f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)", True
+        return
+    off = [found[f"largest_difference_{name}"] for name in ("admittance", "impedance")]
+    if None in off:
+        yield f"{where}: not known, so there is nothing to compare with the linear loop; is the force zero?", True
+        return
+    yield (
+        f"{where}: differs from the linear loop by at most {off[0]:.2g} (admittance) and {off[1]:.2g} (impedance), relative",
+        False,
+    )
+
+
+def _off(columns: Columns, name: str) -> float | None:
+    """Largest relative difference over the frequencies at which both are known; None without such a frequency."""
+    seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
+    off = np.abs(seen - linear) / np.abs(linear)
+    return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
+
+
+def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
+    from wavesweep.core.spec import load
+
+    if facts["spec"]["simulate"]["input"] == "record":
+        return None  # the package does not have the path of the recorded force
+    spec = replace(load(facts["spec"]).as_simulated(), name=name())
+    return Again(spec.sha256, simulate(spec)[number].blocks)
+
+
+KINDS = (
+    whole_kind(
+        "simulate",
+        _run_numbers,
+        _run_lines,
+        "simulation.figure.simulate",
+        again=partial(_again, 0),
+        before=len(TICKS),
+    ),
+    whole_kind(
+        "simulate-response",
+        _response_numbers,
+        _response_lines,
+        "simulation.figure.simulate_response",
+        again=partial(_again, 1),
+    ),
+)
