@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pandas
+import pyarrow.parquet
 import pytest
 
 from wavesweep.core.results import publish
@@ -56,3 +57,66 @@ def test_a_folder_without_results_is_refused(tmp_path, wavesweep):
 def test_pandas_has_the_units_of_a_parquet_file(folder):
     units = pandas.read_parquet(folder / "zwidth.parquet").attrs["units"]
     assert (units["B_VE"], units["high"], units["along"]) == ("N*s/m", "N/m", "")
+
+
+def changed(folder, change):
+    """The Parquet table with a change of its rows, or of the text of its facts."""
+    place = folder / "zwidth.parquet"
+    table = pyarrow.parquet.read_table(place)
+    facts = table.schema.metadata[b"wavesweep"].decode()
+    made = change(table, facts)
+    made = table.replace_schema_metadata({"wavesweep": made}) if isinstance(made, str) else made
+    pyarrow.parquet.write_table(made, place)
+    return str(place)
+
+
+def without(facts, name, value):
+    return json.dumps(json.loads(facts) | {name: value})
+
+
+CHANGES = {
+    "a column dropped": lambda table, _: table.drop_columns(["interval"]),
+    "many dropped": lambda table, _: table.select(["B_VE", "low", "high"]),
+    "an unknown column": lambda table, _: table.append_column("strange", table.column("low")),
+    "deep facts": lambda _, facts: facts[:-1] + ', "deep": ' + "[" * 100_000 + "]" * 100_000 + "}",
+    "no table for facts": lambda *_: "[1, 2]",
+    "a list for the spec": lambda _, facts: without(facts, "spec", [1]),
+    "a number for its blocks": lambda _, facts: without(facts, "spec", {"block": 3}),
+    "a block without a type": lambda _, facts: without(facts, "spec", {"block": {"a": {}}}),
+    "a text for its ports": lambda _, facts: without(facts, "spec", {"ports": "x"}),
+    "a text for units": lambda _, facts: without(facts, "unlike_units", "x"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("command", ["inspect", "plot"])
+def test_a_table_that_is_not_whole_is_refused_in_a_line(change, command, folder, wavesweep):
+    code, out, err = wavesweep(command, changed(folder, CHANGES[change]))
+    if change == "an unknown column":  # of another program, which is left out
+        assert code == 0
+    else:
+        assert (code, out, err.count("\n")) == (2, "", 1), err
+        assert "zwidth.parquet: expected" in err
+
+
+def test_a_foreign_table_of_many_rows_is_refused_before_they_are_read(folder, wavesweep, monkeypatch):
+    monkeypatch.setattr("wavesweep.core.results.files._read_parquet", lambda _: pytest.fail("the rows were read"))
+    code, _, err = wavesweep("inspect", changed(folder, lambda table, _: table.select(["low"])))
+    assert (code, "expected a whole table zwidth, found none with " in err) == (2, True)
+
+
+def test_a_package_that_lists_its_files_again_and_again_is_answered_by_a_screen(folder, wavesweep, monkeypatch):
+    from wavesweep.core.results import verification
+
+    package, hashed = folder / "zwidth.datapackage.json", []
+    content = json.loads(package.read_text())
+    again = [entry | {"path": f"{start}{entry['path']}"} for entry in content["resources"] for start in ("", "./", "x/../")]
+    package.write_text(
+        json.dumps(content | {"resources": again + [each | {"path": f"./{n}"} for n in range(500) for each in again]})
+    )
+    taken = verification.file_facts
+    monkeypatch.setattr(verification, "file_facts", lambda path: hashed.append(path) or taken(path))
+    code, _, err = wavesweep("verify", str(folder))
+    assert (code, len(hashed)) == (1, 2)
+    assert "of its files are listed again" in err
+    assert err.count("\n") < 60

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 LONGEST_WORD, LONGEST_LINE = 400, 2000  # letters of a message, which repeats what was given; a screen has 2000
 
-MOST_LINES = 50  # of the mistakes of a spec
+MOST_LINES = 50  # of the mistakes of a spec, or the differences of results
 
 
 def shortened(text: str) -> str:

@@ -59,7 +59,7 @@ def _facts_of(path: Path) -> Mapping[str, Any]:
         "kind": kind,
         "rows": len(next(iter(columns.values()))),
         **doubts,
-        "facts": {name: facts[name] for name in FACTS if name in facts},
+        "facts": {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)},
         "columns": [
             {name: getattr(each, name) for name in ("name", "unit", "kind", "description")} | _extent(columns[each.name])
             for each in fields

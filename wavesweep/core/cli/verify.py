@@ -3,6 +3,7 @@
 import click
 
 from wavesweep.core.cli.talk import talk
+from wavesweep.core.errors import MOST_LINES
 
 
 def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
@@ -44,6 +45,8 @@ def command(directory: str, prove: int) -> int:
     else:
         if found.checked and not talk().quiet:
             click.echo(printable("\n".join(found.checked)))
-        for difference in found.differences:
+        for difference in found.differences[:MOST_LINES]:
             say(f"differs: {difference}", warning=True)
+        if (more := len(found.differences) - MOST_LINES) > 0:
+            say(f"and {more} more differences", warning=True)
     return 1 if found.differences else 0

@@ -14,7 +14,8 @@ from wavesweep.core.atomic_files import open_file
 from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.platform_compat import memory
 from wavesweep.core.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
-from wavesweep.core.tables.columns import in_order, kind_of, kinds_by_name
+from wavesweep.core.tables import kind_named, kinds
+from wavesweep.core.tables.columns import fields_of, in_order, kind_of, kinds_by_name
 from wavesweep.core.tables.fields import Field
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
@@ -189,14 +190,18 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     if not isinstance(path, (str, os.PathLike)):
         raise UsageError(f"expected the path of a CSV or Parquet file, found {path!r:.60}")
     path = Path(path)
-    if path.suffix not in (".csv", ".parquet"):
-        raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
+    _refuse_other_suffix(path)
     if path.suffix == ".parquet":
         return _read_parquet(path)
     import pyarrow.csv
 
     with _as_table(path), _opened(path, "rb") as file:
         return _columns(pyarrow.csv.read_csv(file, **_csv_options(path)))
+
+
+def _refuse_other_suffix(path: Path) -> None:
+    if path.suffix not in (".csv", ".parquet"):
+        raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
 
 
 @contextmanager
@@ -218,7 +223,8 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
 
     The facts of a CSV are in the data package beside it, those of a Parquet file in its schema. Other programs may have added
     columns to a Parquet file, which are left out, or changed their order, which is that of the program again.
-    Raises UsageError for a file that is torn or changed, or no table of this program; OSError if it cannot be read.
+    Raises UsageError for a file that is torn or changed, or no table of this program, before its rows are read if its columns
+    show it; OSError if it cannot be read.
     """
     path = Path(path)
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
@@ -229,24 +235,36 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
         if fault:
             raise UsageError(f"{path}: {fault}")
-        columns = read(path)
-        facts = packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
-    except (AttributeError, KeyError, IndexError, TypeError) as error:
-        raise UsageError(
-            f"{package}: expected the data package of {path.name}, found one of another form ({type(error).__name__}: {error})"
-        ) from error
-    known = [facts.get(name, {}) for name in ("spec", "linear_loop", "ticks", "unlike_units")] if facts else []
-    if not all(isinstance(each, Mapping) for each in known):
-        raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
-    if not facts:
-        raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
-    try:
-        kind = kind_of(columns, path.stem)
-    except WavesweepError as error:
-        raise UsageError(f"{path}: {error}") from None
+        names, facts = _names_in(path), packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
+        if not facts:
+            raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
+        if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
+            raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
+        kind = kind_of(names, path.stem)
+        if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
+            raise UsageError(f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}")
+        columns = in_order(kind, read(path), facts)
+        fields_of(kind, columns, facts)
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
+        if isinstance(error, UsageError):
+            raise
+        said = str(error) if isinstance(error, WavesweepError) else f"{type(error).__name__}: {error}"
+        raise UsageError(f"{path}: expected a whole table, found columns or facts of another form ({said})") from error
     if not len(next(iter(columns.values()), ())):
         raise UsageError(f"{path}: expected the rows of a table, found none")
-    return kind, in_order(kind, columns, facts), facts
+    return kind, columns, facts
+
+
+def _names_in(path: Path) -> list[str]:
+    """The names of the columns of a table, of which no row is read."""
+    import pyarrow.parquet
+
+    _refuse_other_suffix(path)
+    if path.suffix == ".csv":
+        with open_file(path) as file:
+            return file.readline(CSV_BLOCK).decode().strip().split(",")
+    with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
+        return pyarrow.parquet.read_schema(file).names
 
 
 def schema_facts(path: Path) -> dict[str, Any]:
@@ -257,7 +275,7 @@ def schema_facts(path: Path) -> dict[str, Any]:
         with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
             text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
             return dict(json.loads(text))
-    except (TypeError, OSError, WavesweepError):
+    except (TypeError, ValueError, RecursionError, OSError, WavesweepError):
         return {}
 
 

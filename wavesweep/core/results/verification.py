@@ -95,6 +95,8 @@ def _files(package: Path) -> Iterator[str]:
     except (ValueError, KeyError, TypeError):
         yield f"{package}: its list of files cannot be read"
         return
+    if len(known) < len(entries):
+        yield f"{package}: {len(entries) - len(known)} of its files are listed again"
     stem = package.name.removesuffix(PACKAGE)
     parts, here = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
     if parts.is_dir():
@@ -102,7 +104,11 @@ def _files(package: Path) -> Iterator[str]:
     for name in sorted(here - set(known)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in known.items():
-        path = parts / Path(name).name if name.startswith(f"{parts.name}/") else package.parent / Path(name).name
+        own = name.removeprefix(f"{parts.name}/")
+        if own != Path(own).name:
+            yield f"{package}: {name} in its list of files is in another folder"
+            continue
+        path = package.parent / name
         try:
             found = file_facts(path)
         except OSError as error:

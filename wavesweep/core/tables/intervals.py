@@ -49,7 +49,7 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
     def blocks() -> Iterator[Columns]:
         for stage in stages:
             yield from (
-                _finished(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all)) for block in found.blocks(stage.hand)
+                _completed(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all)) for block in found.blocks(stage.hand)
             )
 
     return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
@@ -103,7 +103,8 @@ def _for_all(spec: Spec, own: Job) -> Stage:
 
 
 def of_calls(own: Job) -> Columns:
-    """The rows of a job of the library, computed in this process: those of a command, for all of [for_all] too if there is one.
+    """The rows of a job of the library, computed in this process, without derived columns; for all of [for_all] too if there is
+    one.
 
     Errors: UsageError for numbers, or a requirement, that [for_all] cannot be held for beside.
     """
@@ -141,7 +142,7 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield _finished(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all))
+        yield _completed(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all))
 
 
 def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
@@ -157,10 +158,14 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
         yield prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
 
 
+def _completed(block, word, hands, several, for_all) -> Columns:
+    return KINDS[2 if hands else 0].completed(_finished(block, word, hands, several, for_all))
+
+
 def _finished(block, word, hands, several, for_all) -> Columns:
-    """The block in order, with a column that says whose its rows are if there are several kinds of rows, or hands."""
+    """The block, with a column that says whose its rows are if there are several kinds of rows, or hands."""
     if hands is None and not several:
-        return KINDS[0].completed(block)
+        return block
     rows, whose, about = len(block["along"]), "hand", [each.name for each in ABOUT_ENDS] if hands and hands.box else []
     if hands is None or for_all:
         whose, about = "hand" if hands else "guarantee", [each.name for each in (*FOR_ALL[1:], *LEFT_OPEN)]
@@ -169,7 +174,7 @@ def _finished(block, word, hands, several, for_all) -> Columns:
     found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
     found = missing | found | {whose: np.full(rows, word or "spec", dtype=object)}
     left_out = {each.name for each in (*ABOUT_ENDS, *LEFT_OPEN)} - {*about}
-    return KINDS[2 if hands else 0].completed({name: column for name, column in found.items() if name not in left_out})
+    return {name: column for name, column in found.items() if name not in left_out}
 
 
 def _notices(spec, own, hands) -> Iterator[str]:
