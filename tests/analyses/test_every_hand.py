@@ -95,6 +95,63 @@ def test_the_verdict_has_the_damping_that_is_needed():
     assert damping(load(felt)) is None
 
 
+def test_a_delay_in_ticks_is_not_that_of_a_frame_though_it_is_as_long_as_the_spec_s_own():
+    """Frames of 4 and 5 with a result that is 4 ticks late need what frames of 5 alone do, and with a frame's delay others."""
+    constant = {"device.velocity": "difference", "environment.integration": "explicit", "rates.ratio": 5}
+    local = {"local_model.K_LM": 615.9, "local_model.B_LM": 0.0}
+    for delay, ticks, needs in ((4, 4, 2.2547), ("frame", 5, 1.6437)):
+        wall = {"integration": "explicit", "delay": delay, "K_VE": 48.94, "B_VE": 1.0}
+        tables = {
+            "controller": {"kind": "dc-lm"},
+            "environment": wall,
+            "device": {"velocity": "difference"},
+            "rates": {"ratio": 4},
+        }
+        varying = {"for_all": {"rates.ratio": {"values": [4, 5], "varying": True}}}
+        found = damping(load(tables | varying | {"local_model": {"K_LM": 615.9, "B_LM": 0.0}}))
+        values = values_of("dc-lm", K_VE=48.94, B_VE=1.0, **constant | local | {"environment.delay": ticks})
+        alone = float(damping_needed(values).damping)
+        assert (found["needed"], alone) == (pytest.approx(alone, rel=1e-6), pytest.approx(needs, rel=1e-4))
+
+
+LOG = {"type": "ss", "discrete": True, "A": [["a"]], "B": [[1]], "C": [[1]], "inputs": ["u"], "outputs": ["y"]}
+
+
+@pytest.mark.parametrize("every", [4, "n"])
+@pytest.mark.parametrize(
+    ("force", "log", "a", "spring", "proved"),
+    [
+        ("push - k*h.y", "m.x", 0.5, 0, (0, 400)),
+        ("push - k*h.y", "m.x", 1.1, 0, None),
+        ("push - k*h.y", "0", -1.1, 0, None),
+        ("push - k*h.y - 0.001*log.y", "0", 1.1, 0, None),
+        ("push + k*h.y", "m.x", 0.5, 0, (-100, 0)),
+        ("push - k*h.y", "m.x", 0.5, -20, (20, 400)),
+        ("push - k*h.y", "m.x", 0.5, 20, (-20, 400)),
+    ],
+)
+def test_a_device_without_a_hand_has_one_that_is_passive(every, force, log, a, spring, proved):
+    """What is unstable by itself is so with some passive hand: blocks that the hand does not meet, springs that push away."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 50.0, "a": a, "s": spring} | ({"n": 4} if every == "n" else {}),
+        "block": {
+            "m": {"type": "mass", "mass": 0.1, "damping": 5.0, "stiffness": "s"},
+            "h": {"type": "hold", "every": every},
+            "log": LOG,
+        },
+        "wire": {"h.u": "m.x", "m.f": force, "log.u": log},
+        "ports": {"hand": {"force": "push", "displacement": "m.x"}},
+        "sweep": {"along": "k", "k": {"start": -100, "stop": 400}},
+    }
+    spec = load(tables | ({"for_all": {"n": {"values": [2, 4], "varying": True}}} if every == "n" else {}))
+    rows = passive(spec)
+    assert rows["intervals"] == [bool(proved)]
+    if proved:
+        assert (rows["low"][0], rows["high"][0]) == pytest.approx(proved, abs=1e-3)
+        assert rows["certified"] == [True]
+
+
 @pytest.mark.parametrize(
     ("spec", "words", "said"),
     [

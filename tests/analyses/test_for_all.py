@@ -173,8 +173,67 @@ def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
 
 
 @pytest.mark.parametrize(
+    ("every", "more", "longest"),
+    [("2*n", {}, 6), ("n + 1", {}, 4), ("k", {"k": "2*n"}, 6), ("n*one", {"one": 1}, 3), ("4 - n", {}, 3), ("n**2", {}, 9)],
+)
+def test_every_may_be_any_expression_of_the_number_that_varies(every, more, longest):
+    """An integrator `x + T u` with `u = -K x` held over M ticks is stable up to `2/(M T)`, for the longest frame."""
+    numbers = {"K": 45.0, "n": 1, **more}
+    integrator = {"type": "integrator", "method": "explicit"}
+    blocks = {"p": integrator, "h": {"type": "hold", "every": every}, "fast": {"type": "hold", "every": numbers.get("one", 1)}}
+    wires = {"h.u": "p.y", "p.u": "-10*K*h.y", "fast.u": "p.y"}
+    loop = {"rates": {"tick_hz": 1000}, "numbers": numbers, "block": blocks, "wire": wires}
+    loop["sweep"] = {"along": "K", "K": {"start": 0, "stop": 300}}
+    _, (row,) = for_all(loop, n={"values": [1, 2, 3], "varying": True})
+    assert row["high"] < 200 / longest < row["fails_from"] < 200 / longest * 1.01
+    assert row["high"] > 200 / longest * 0.99
+    assert row["counterexample"] == f"frames {longest}"
+
+
+def test_what_cannot_be_planned_is_said_with_its_line(tmp_path):
+    text = """
+[rates]
+tick_hz = 1000
+[numbers]
+n = 2
+m = 2
+[block.p]
+type = "mass"
+mass = "m"
+[block.h]
+type = "hold"
+every = "{}"
+[block.g]
+type = "hold"
+every = "{}"
+[wire]
+"h.u" = "p.x"
+"g.u" = "h.y"
+"p.f" = "-g.y"
+[for_all]
+n = {{ values = [2, 3], varying = true }}
+"""
+    path = tmp_path / "drawn.toml"
+    for every, other, said in (
+        ("2*n", "3*n", r"toml:15:9: block.g.every: expected one `every` of all .*, found 2\*n of h, 3\*n of g"),
+        ("2*n", "4", r"toml:15:9: block.g.every: expected one `every` .*, found 2\*n of h, 4 of g"),
+        ("n/2", "n/2", r"toml:12:9: block.h.every: expected a whole number of ticks, 1 or more, found 1.5 with n = 3"),
+        ("6/(3 - n)", "6", r"toml:12:9: block.h.every: expected a whole .*, found none with n = 3"),
+        ("m", "m + 0*n", r"toml:22:16: for_all.m: expected one number that varies, .* of blocks reads, found n, m"),
+    ):
+        path.write_text(text.format(every, other) + "m = { values = [2, 4], varying = true }\n" * (every == "m"))
+        with pytest.raises(SpecError, match=said):
+            wavesweep.verdict(path)
+
+
+@pytest.mark.parametrize(
     ("spec", "ranges", "expected"),
     [
+        (
+            FIG4 | {"controller": {"kind": "dc"}},
+            {"rates.ratio": {"values": [4, 5], "varying": True}},
+            "controller.kind: expected a controller with a slow environment, whose frames may vary, found dc",
+        ),
         (FIG4, {"device.mass": {"values": [0.1, 0.2], "varying": True}}, "expected rates.ratio or environment.delay"),
         (
             FIG4,
@@ -186,11 +245,15 @@ def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
             {"n": {"values": [2, 5], "varying": True}},
             r"have a rule for steps that vary .*, found pd \(notch\)",
         ),
-        (PD, {"kd": {"values": [3, 4], "varying": True}}, "expected one number, which `every` of blocks reads"),
+        (
+            PD,
+            {"kd": {"values": [3, 4], "varying": True}},
+            "for_all.kd: expected one number that varies, .*, found kd",
+        ),
         (
             PD | {"block": PD["block"] | {"pd": {"type": "hold", "every": "n", "phase": 3}}},
             {"n": {"values": [2, 5], "varying": True}},
-            "phases below the shortest frame, 2, found 3 of pd",
+            "block.pd.phase: expected phases below the shortest frame, 2, found 3 of pd",
         ),
         (
             PD | {"block": PD["block"] | {"more": {"type": "hold", "every": 7}}, "wire": PD["wire"] | {"more.u": "0"}},

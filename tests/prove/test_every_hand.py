@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from support.frames import plan_of_controller
 from support.held import damping_needed
 from support.marched_hands import growth, random_hand
 from support.specs import values_of
 
 from wavesweep.core.errors import UsageError
-from wavesweep.for_all.frames import FRAME, Frames, plan_of_controller
+from wavesweep.for_all.frames import FRAME, Frames
 from wavesweep.passive import proof as every_hand
 from wavesweep.passive.proof import EveryHand
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
+from support.frames import plan_of_controller
 from support.specs import values_of
 
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import loop_numbers
 from wavesweep.for_all.checking import shrink_over
-from wavesweep.for_all.frames import Frames, plan_of_controller
+from wavesweep.for_all.frames import Frames
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_numbers import TickSeries
 from wavesweep.for_all.polynomials import Polynomials, monomials

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
+from support.frames import frames_of_controller, frames_of_drawing
 
 import wavesweep
 from wavesweep.core.controllers import CONTROLLERS
@@ -21,7 +22,7 @@ from wavesweep.core.loops import blocks
 from wavesweep.core.loops.direct import dc_slow
 from wavesweep.core.loops.page import Page
 from wavesweep.core.spec import load
-from wavesweep.for_all.frames import Frames, frames_of_controller, frames_of_drawing
+from wavesweep.for_all.frames import Frames
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
 from wavesweep.for_all.words import growth
 from wavesweep.simulation.from_spec import simulated

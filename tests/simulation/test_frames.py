@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
+from support.frames import frames_of_controller
 from support.specs import INTEGRATIONS
 
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.for_all.frames import LOST, Frames, frames_of_controller
+from wavesweep.for_all.frames import LOST, Frames
 from wavesweep.for_all.words import growth as growth_of
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.record import recorded

@@ -10,20 +10,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wavesweep.core.drawing.block_types import without_rule
-from wavesweep.core.drawing.drawing import Drawing, name_of
+from wavesweep.core.drawing.conditions import finite_value
+from wavesweep.core.drawing.drawing import Drawing, name_of, scalars
 from wavesweep.core.drawing.drawn_block import DrawnBlock
-from wavesweep.core.drawing.expressions import evaluate, names_in, text_of
-from wavesweep.core.errors import UsageError
+from wavesweep.core.drawing.expressions import names_in, text_of
+from wavesweep.core.errors import Mistake, SpecError
 from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.for_all.loop_frames import LoopFrames, Symbol
+from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.plan import Plan, Schedule
 
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
-RATIO = "rates.ratio"
-# Kinds of ticks: the sample; one whose result is in place at once; one in which a result comes into place; an ordinary one; and
-# the moment before the next sample in which a result comes into place.
-SAMPLE, THROUGH, SHOW, TICK, LATE = "sample", "through", "show", "tick", "late"
+IN_PHASE = (None,)  # as delays: results are in place when the blocks that show them run, by their phases
+RULED = "whose types have a rule for steps that vary (`wavesweep keys block`)"
+RATIO, DELAY = "rates.ratio", "environment.delay"
+# Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place at once; one in which a
+# result comes into place; an ordinary one; and the moment before the next sample in which a result comes into place.
+THROUGH, SHOW, TICK, LATE = "through", "show", "tick", "late"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,121 +34,128 @@ class Frames:
     """What may happen in a frame.
 
     lengths: in fast ticks. delays: of the result, in ticks after its sample, up to the frame's length, or FRAME; each may occur
-    in any frame. lost: how many results in a row may be lost. elapsed: whether the slow environment's step is the time since
-    its last sample; otherwise it is the nominal one.
+    in any frame; IN_PHASE of a drawn loop. lost: how many results in a row may be lost. elapsed: whether the step of slow
+    blocks is the time since they last ran; otherwise it is the nominal one.
     """
 
     lengths: tuple[int, ...]
-    delays: tuple[int | str, ...] = (1,)
+    delays: tuple[int | str | None, ...] = (1,)
     lost: int = 0
     elapsed: bool = True
 
     def __post_init__(self):
-        """Check lengths and delays. Errors: UsageError."""
+        """Check lengths and delays. Errors: SpecError."""
         if not self.lengths or min(self.lengths) < 1:
-            raise UsageError(f"frames: expected lengths of 1 tick or more, found {self.lengths}")
-        longest = max((delay for delay in self.delays if delay != FRAME), default=0)
+            refuse(RATIO, "frames of 1 tick or more", f"{self.lengths}")
+        longest = max((delay for delay in self.delays if delay not in (FRAME, None)), default=0)
         if not self.delays or longest > min(self.lengths):
-            raise UsageError(f"frames: expected delays up to the shortest frame, {min(self.lengths)} ticks, found {longest}")
+            expected = f'delays up to the shortest frame, {min(self.lengths)} ticks, or "frame", with the next one'
+            refuse(DELAY, expected, f"{longest}" if self.delays else "none")
 
 
-def frames_of_controller(values: Mapping[str, object], frames: Frames, number: str = "environment.K_VE") -> LoopFrames:
-    """Return the frames of a built-in controller as a family along one of its keys.
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """The blocks that run once in a frame, the lengths of frames and the nominal one (ticks), and the number behind them."""
 
-    values: numbers by their keys; `frames.delays` replaces `environment.delay`, and `rates.ratio` is the nominal length of a
-    frame. number: a key that one wire or gain reads, such as a wall's; empty for the loop at these values alone.
-    Errors: UsageError for a controller without a slow environment, or a number that the loop reads in several places.
+    names: tuple[str, ...]
+    lengths: tuple[int, ...]
+    nominal: int
+    number: str = ""
+
+    @staticmethod
+    def of(drawing: Drawing, values: Mapping[str, object], number: str = "", numbers: Sequence[int] = ()) -> "Slow":
+        """Return those of a loop in which a number has some values in turn, and `every` of blocks depends on it in any way.
+
+        number: its path; its value among `values` gives the nominal length, which is the only one without a number.
+        Errors: SpecError for lengths that are not whole, and for blocks of different lengths.
+        """
+        name, known, found = name_of(number), scalars(values), {}
+        tried = [*numbers, known.get(name, 0)]
+        for block in drawing.blocks:
+            ticks = [finite_value(block.every, known | {name: each}) for each in tried]
+            for each, value in zip(tried, ticks, strict=True):
+                if value is None or value < 1 or value % 1:
+                    at = f" with {name} = {each}" if number else ""
+                    refuse(
+                        _every(block), "a whole number of ticks, 1 or more", f"{'none' if value is None else f'{value:g}'}{at}"
+                    )
+            if {*ticks} != {1} or any(each == name for each, _ in names_in(block.every)):
+                found[block.name] = block, tuple(map(int, ticks))
+        if len({ticks for _, ticks in found.values()}) > 1:
+            runs = ", ".join(f"{text_of(block.every)} of {block.name}" for block, _ in found.values())
+            last, _ = [*found.values()][-1]
+            refuse(_every(last), "one `every` of all blocks that do not run in every tick, whatever varies", runs)
+        ticks = next((ticks for _, ticks in found.values()), (1,))
+        return Slow(tuple(found), tuple(dict.fromkeys(ticks[:-1] or ticks)), ticks[-1], name)
+
+
+def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:
+    """Return the loop of a built-in controller, in which results have a separate hold whatever its ratio and its delay are.
+
+    gains: numbers that count as other than 0.
     """
-    return plan_of_controller(values, frames, (number,)).along(number)
+    return loop_drawing({**values, RATIO: 20, DELAY: 1}, gains)
 
 
-def plan_of_controller(values: Mapping[str, object], frames: Frames, gains: Sequence[str] = ()) -> Plan:
-    """Return what the frames of a built-in controller consist of; gains: numbers that count as other than 0.
+def plan_of(drawing: Drawing, values: Mapping[str, object], frames: Frames, slow: Slow) -> Plan:
+    """Return what the frames of a loop consist of: the one way from any loop to its frames.
 
-    values, frames, errors: as for `frames_of_controller`.
+    values: numbers by their keys, of which those that the drawing reads count. frames: with delays of results, these are
+    what the blocks of the page of a controller show that have names with `_shown`. slow: has the nominal length.
+    Errors: SpecError for blocks that cannot have such frames.
     """
-    ratio = values[RATIO]
-    if int(ratio) != ratio:
-        raise UsageError(f"{RATIO}: expected a whole number of ticks in a frame, found {ratio}")
-    # With a delay of 1 results have a separate hold.
-    drawing = loop_drawing({**values, RATIO: 20, "environment.delay": 1}, gains)
-    slow = [block.name for block in drawing.blocks if evaluate(block.every, {RATIO: 20}) != 1]
-    if not slow:
-        raise UsageError(f"controller.kind: expected a slow environment, found {values['controller.kind']}, which has none")
-    _refuse_unlike(drawing, [block for block in drawing.blocks if block.name in slow], frames.elapsed)
-    shown = frozenset(name for name in slow if name.endswith("_shown"))
-    kinds = {SAMPLE: frozenset(slow) - shown, SHOW: shown, TICK: frozenset(), LATE: None}
-    if 0 in frames.delays:
-        kinds[THROUGH] = frozenset(slow)
+    blocks, known = [block for block in drawing.blocks if block.name in slow.names], scalars(values)
+    shown = frozenset(name for name in slow.names if frames.delays != IN_PHASE and name.endswith("_shown"))
+    phases = {block.name: int(finite_value(block.phase, known)) for block in blocks if block.name not in shown}
+    for name, phase in phases.items():
+        if phase >= min(frames.lengths):
+            refuse(f"block.{name}.phase", f"phases below the shortest frame, {min(frames.lengths)}", f"{phase} of {name}")
+    if len({*frames.lengths, slow.nominal}) > 1:
+        _refuse_unsteady(drawing, blocks, slow.number, frames.elapsed)
+    kinds = {phase: frozenset(name for name in phases if phases[name] == phase) for phase in sorted({0, *phases.values()})}
+    steps = frames.lengths if frames.elapsed and len(kinds) > 1 else (None,)
     results = [(delay, 0) for delay in frames.delays] + [(LOST, i + 1) for i in range(frames.lost)]
     through = sorted({delay == 0 for delay in frames.delays})
-    symbols = [Symbol(ticks, *result, through=each) for ticks in frames.lengths for result in results for each in through]
+    symbols = [
+        Symbol(ticks, *result, step, each)
+        for ticks in frames.lengths
+        for result in results
+        for step in steps
+        for each in through
+    ]
 
     def rest(symbol):
-        row = [TICK] * (symbol.ticks - 1)
+        row = [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]
         if symbol.delay in (symbol.ticks, FRAME):
             return [*row, LATE]
-        if symbol.delay not in (0, LOST):
+        if symbol.delay not in (None, 0, LOST):
             row[symbol.delay - 1] = SHOW
         return row
 
-    held = {path: values[path] for path in values.keys() & drawing.reads} | {RATIO: int(ratio)}
-    schedule = Schedule(kinds, int(ratio), frames.elapsed, shown)
-    return Plan(drawing, held, schedule, symbols, rest, THROUGH)
+    kinds_of_ticks = {**kinds, TICK: frozenset()}
+    if frames.delays != IN_PHASE:
+        kinds_of_ticks |= {SHOW: shown, LATE: None} | ({THROUGH: frozenset(slow.names)} if 0 in frames.delays else {})
+    held = {path: value for path, value in values.items() if path in drawing.reads or path in drawing.building}
+    return Plan(drawing, held, Schedule(kinds_of_ticks, slow.nominal, frames.elapsed, shown), symbols, rest, THROUGH)
 
 
-def frames_of_drawing(
-    drawing: Drawing, values: Mapping[str, object], lengths: tuple[int, ...], number: str, *, elapsed: bool = True
-) -> LoopFrames:
-    """Return the frames of a drawn loop in which all blocks that do not run in every tick run once per frame.
-
-    These blocks have the same `every`, the nominal length, and each has a phase, below the shortest frame. elapsed: whether
-    their periods are the times since their last runs; otherwise they are the nominal ones. number: a key that one wire or gain
-    reads; empty for the loop at these values alone. Errors: UsageError.
-    """
-    return plan_of_drawing(drawing, values, lengths, elapsed).along(number)
-
-
-def plan_of_drawing(drawing: Drawing, values: Mapping[str, object], lengths: tuple[int, ...], elapsed: bool) -> Plan:
-    """Return what the frames of a drawn loop consist of; see `frames_of_drawing`."""
-    known = {name_of(path): value for path, value in values.items()}
-    runs = {block.name: [int(evaluate(tree, known)) for tree in (block.every, block.phase)] for block in drawing.blocks}
-    slow = {name: phase for name, (every, phase) in runs.items() if every != 1}
-    late = [f"{phase} of {name}" for name, phase in slow.items() if phase >= min(lengths)]
-    if late:
-        raise UsageError(
-            f"[for_all] varying: expected phases below the shortest frame, {min(lengths)}, found {', '.join(late)}"
-        )
-    _refuse_unlike(drawing, [block for block in drawing.blocks if block.name in slow], elapsed)
-    kinds = {phase: frozenset(name for name in slow if slow[name] == phase) for phase in sorted({*slow.values(), 0})}
-    later = len(kinds) > 1
-    steps = lengths if elapsed and later else (None,)
-    symbols = [Symbol(ticks, None, step=step) for ticks in lengths for step in steps]
-
-    def rest(symbol):
-        return [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]
-
-    schedule = Schedule(kinds | {TICK: frozenset()}, max(runs[name][0] for name in slow), elapsed)
-    return Plan(drawing, values, schedule, symbols, rest)
-
-
-def _refuse_unlike(drawing: Drawing, slow: list[DrawnBlock], elapsed: bool) -> None:
-    """Raise UsageError if slow blocks do not follow one number, or have a type without a rule for steps that vary.
+def _refuse_unsteady(drawing: Drawing, slow: Sequence[DrawnBlock], number: str, elapsed: bool) -> None:
+    """Raise SpecError if slow blocks have a type without a rule for steps that vary, or a key or wire reads what varies.
 
     Keys and wires that read the period (`dt`) would keep the nominal one.
     """
-    names = {name for block in slow for name, _ in names_in(block.every)}
-    readers = sorted(
-        {path for path, tree in drawing.trees() if not path.endswith(".every") and names & {name for name, _ in names_in(tree)}}
-    )
-    for wrong, expected in (
-        (not slow and ["none"], "blocks whose `every` is the number that varies"),
-        (
-            len({block.every[:2] for block in slow}) > 1 and [f"{text_of(block.every)} of {block.name}" for block in slow],
-            "the number that varies as `every` of all blocks that do not run in every tick",
-        ),
-        (elapsed and without_rule(slow), "slow blocks whose types have a rule for steps that vary (`wavesweep keys block`)"),
-        (readers, "keys and wires that do not read the frame's length"),
-    ):
-        if wrong:
-            raise UsageError(f"[for_all] varying: expected {expected}, found {', '.join(wrong)}")
+    if elapsed and (wrong := without_rule(slow)):
+        refuse(f"block.{wrong[0].partition(' ')[0]}.type", f"slow blocks {RULED}", ", ".join(wrong))
+    for path, tree in drawing.trees():
+        if not path.endswith(".every") and any(name == number for name, _ in names_in(tree)):
+            refuse(path, f"keys and wires that do not read the frame's length, {number}", text_of(tree))
+
+
+def _every(block: DrawnBlock) -> str:
+    """The path of the key that says how often a block runs."""
+    return RATIO if text_of(block.every) == RATIO else f"block.{block.name}.every"
+
+
+def refuse(path: str, expected: str, found: str) -> None:
+    """Raise SpecError about a key whose place is not known here."""
+    raise SpecError([Mistake("", path, expected, found)])

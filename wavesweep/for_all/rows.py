@@ -20,7 +20,16 @@ from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
-from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, text_of
+from wavesweep.for_all.varying import (
+    Rules,
+    bracketed,
+    bracketed_over,
+    decided,
+    decided_along,
+    decided_over,
+    placed,
+    text_of,
+)
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
@@ -115,7 +124,8 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
     if rules.vary and cut:
-        rules.family(Loops(drawing, dict(spec.values)), along)
+        with placed(spec):
+            rules.family(spec.values, along)
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
@@ -151,8 +161,7 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     for each in product(*map(values_of_range, listed)):
         fixed = dict(zip((axis.path for axis in listed), each, strict=True))
         own = values | fixed
-        drawn = loop_drawing(own, (along, *gains)) if "controller.kind" in own else drawing
-        cases.append(Case(Loops(drawn, own), along, span, ranges, fixed))
+        cases.append(Case(Loops(rules.drawing or loop_drawing(own, (along, *gains)), own), along, span, ranges, fixed))
     return cases
 
 
@@ -160,7 +169,7 @@ class _Loop:
     """One loop of a sweep with all numbers of [for_all]."""
 
     def __init__(self, rules: Rules, along: str, span: tuple[float, float], loop: Loops):
-        self.rules, self.along, self.span, self.values = rules, along, span, loop.values
+        self.rules, self.along, self.span = rules, along, span
         self.cases = cases_of(rules, along, span, loop)
 
     @property
@@ -185,10 +194,9 @@ class _Loop:
         return [row for row in rows if row.low < row.high]
 
     def _bracketed(self, case, about) -> Row | None:
-        loop = Loops(case.loop.drawing, self.values | case.fixed)
-        family = None if case.ranges else self.rules.family(loop, self.along)
+        family = None if case.ranges else self.rules.family(case.values, self.along)
         if family is None or family.drift is not None:
-            return self._over_ranges(case, loop, about)
+            return self._over_ranges(case, about)
         found = bracketed(family, self.span, about)
         return found and self._row(case, family, found)
 
@@ -196,7 +204,7 @@ class _Loop:
         """The rows of loops that lose messages at random: what the intervals of all cases have in common."""
         rows = [Row(*self.span, Part(*self.span), settled=True, text="")]
         for case in self.cases:
-            family = self.rules.family(Loops(case.loop.drawing, self.values | case.fixed), self.along)
+            family = self.rules.family(case.values, self.along)
             own = [self._row(case, family, found) for found in brackets_on_average(family, self.span)]
             both = [all_of(pair) for pair in product(rows, own)]
             rows = [row for row in both if row.low < row.high]
@@ -211,9 +219,9 @@ class _Loop:
         )
         return Row(found.low, found.high, part, found.settled, text_of_part(part))
 
-    def _over_ranges(self, case, loop, about) -> Row | None:
+    def _over_ranges(self, case, about) -> Row | None:
         """The row of a case whose numbers have ranges, or whose drift depends on the number along which it lies."""
-        found = bracketed_over(self.rules, loop, self.along, case.ranges, self.span, about)
+        found = bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
         if found is None:
             return None
         ends = [found.below, found.above]
@@ -300,7 +308,7 @@ def _verdict(spec, rules):
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
         if rules.vary and case.ranges:
-            said, by = decided_over(rules, Loops(case.loop.drawing, dict(spec.values) | case.fixed), case.ranges)
+            said, by = decided_over(rules, case.values, case.ranges)
             if said == "refuted":
                 return {"verdict": said, "counterexample": numbers_in_words(case.fixed | by)}
             known &= said == "proved"
@@ -328,7 +336,7 @@ def _decided(spec, rules, number, case):
     patterns that set their ends are found nearer to them.
     """
     values = dict(spec.values)
-    family = rules.family(Loops(case.loop.drawing, values | case.fixed), "")
+    family = rules.family(case.values, "")
     said, pattern = decided(family, SOON)
     path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
     if said != UNKNOWN or not path or rules.at_random:
@@ -338,7 +346,7 @@ def _decided(spec, rules, number, case):
     span = min(value, low), max(value, high)
     along = _Loop(rules, path, span, loops_of(spec, values, path)).cases[number]
     try:
-        family_along = rules.family(Loops(along.loop.drawing, values | along.fixed), path)
+        family_along = rules.family(along.values, path)
     except UsageError:  # its frames cannot be cut there
         return decided(family)
     if family_along.drift is not None:  # nothing is proved along such a number without ranges

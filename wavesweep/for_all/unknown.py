@@ -112,9 +112,9 @@ def largest_free(low, high, spans):
 class Case:
     """Loops whose numbers have ranges, along another number.
 
-    loop: with the others' values. along: empty for none. fixed: those among the values that are named with the numbers of an
-    end. certified: whether all intervals that were looked at are. vouched: whether some are; then a proof has a loop that is
-    stable to begin with. left: frames that proofs may take.
+    loop: with the others' values; values: all of them, read or not. along: empty for none. fixed: those among the values that
+    are named with the numbers of an end. certified: whether all intervals that were looked at are. vouched: whether some are;
+    then a proof has a loop that is stable to begin with. left: frames that proofs may take.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Case:
         fixed: Mapping[str, object] = MappingProxyType({}),
     ):
         self.along, self.span, self.fixed = along, span, dict(fixed)
-        self.loop = loop.read
+        self.loop, self.values = loop.read, dict(loop.values)
         self.ranges = [axis for axis in ranges if axis.path in loop.drawing.reads]
         self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
         self.certified, self.vouched, self.left = True, False, FRAMES

@@ -1,21 +1,33 @@
 """Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results, or whose
 messages may be late or lost, by what their channels say."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import groupby
 
 import numpy as np
 
 from wavesweep.core.drawing.block_types import without_rule
-from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.drawing.drawing import Drawing, name_of
 from wavesweep.core.drawing.expressions import names_in
-from wavesweep.core.errors import UsageError
+from wavesweep.core.errors import SpecError
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.sweep.grid import Loops
-from wavesweep.for_all.frames import FRAME, LOST, RATIO, Frames, plan_of_controller, plan_of_drawing
+from wavesweep.for_all.frames import (
+    DELAY,
+    FRAME,
+    IN_PHASE,
+    LOST,
+    RATIO,
+    RULED,
+    Frames,
+    Slow,
+    drawing_of_controller,
+    plan_of,
+    refuse,
+)
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
@@ -28,7 +40,6 @@ from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import Loops as LoopsOver
 from wavesweep.for_all.worst import as_numbers, bracket_over, decide_over
 
-DELAY = "environment.delay"
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
@@ -40,12 +51,14 @@ GROW = "second moments that grow"  # with messages lost at random, in place of a
 class Rules:
     """How a spec says that its frames vary.
 
-    with_frame: whether results are in place with the next frame. elapsed: whether the slow environment integrates over the
-    time since its last frame. messages: whether the loop has channels; at_random: whether these lose messages at random.
-    work: operations of a proof over ranges beside what varies.
+    drawing: that of a spec that draws its loop, None for a built-in controller. with_frame: whether results are in place with
+    the next frame. elapsed: whether the slow environment integrates over the time since its last frame. messages: whether the
+    loop has channels; at_random: whether these lose messages at random. work: operations of a proof over ranges beside what
+    varies.
     """
 
     for_all: ForAll
+    drawing: Drawing | None = field(default=None, repr=False)
     with_frame: bool = False
     elapsed: bool = True
     messages: bool = False
@@ -57,7 +70,7 @@ class Rules:
         """The rules of a spec with [for_all]."""
         drawing = spec.drawing
         messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
-        return Rules(spec.for_all, spec.delay_of_frame, spec.step == "elapsed", *messages)
+        return Rules(spec.for_all, drawing, spec.delay_of_frame, spec.step == "elapsed", *messages)
 
     @property
     def ranges(self) -> bool:
@@ -69,45 +82,62 @@ class Rules:
         """Whether anything varies."""
         return bool(self.for_all.changing or self.for_all.lost or self.messages)
 
-    def family(self, loop: Loops, along: str) -> LoopFrames | Chances:
+    def family(self, values: Mapping[str, object], along: str) -> LoopFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
 
-        Errors: UsageError for numbers that cannot vary, or another one along.
+        values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or another one along.
         """
         if not self.messages:
-            return self.plan(loop, (along,)).along(along)
+            return self.plan(values, (along,)).along(along)
         if self.for_all.changing:
-            found = ", ".join(without_rule(loop.drawing.channels))
-            expected = "blocks whose types have a rule for steps that vary (`wavesweep keys block`)"
-            raise UsageError(f"[for_all] varying: expected {expected}, found {found}")
-        return (chances if self.at_random else frames_with_messages)(*loop, along)
+            found = ", ".join(without_rule(self.drawing.channels))
+            refuse(self._key(self.for_all.changing[0]), f"blocks {RULED} beside channels", found)
+        return (chances if self.at_random else frames_with_messages)(self.drawing, values, along)
 
-    def plan(self, loop: Loops, gains: Sequence[str]) -> Plan:
+    def plan(self, values: Mapping[str, object], gains: Sequence[str] = ()) -> Plan:
         """What the frames of a loop without channels consist of; gains: numbers that count as other than 0.
 
-        Errors: UsageError.
+        values: all of a spec, by their paths. Errors: SpecError, whose mistakes have no places; see `placed`.
         """
-        (drawing, values), axes = loop, {axis.path: axis for axis in self.for_all.changing}
-        if KIND in values:
-            if wrong := axes.keys() - {RATIO, DELAY}:
-                raise UsageError(
-                    f"[for_all] varying: expected rates.ratio or environment.delay, found {', '.join(sorted(wrong))}"
-                )
-            lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
-            delays = values_of_range(axes[DELAY]) if DELAY in axes else (FRAME if self.with_frame else values[DELAY],)
-            frames = Frames(tuple(map(int, lengths)), tuple(delays), self.for_all.lost, self.elapsed)
-            return plan_of_controller(values, frames, gains)
+        axes = {axis.path: axis for axis in self.for_all.changing}
+        if self.drawing:
+            return self._plan_of_drawing(values, axes)
+        drawing, delays = drawing_of_controller(values, gains), (FRAME if self.with_frame else values[DELAY],)
+        if wrong := [axis for path, axis in axes.items() if path not in (RATIO, DELAY)]:
+            refuse(self._key(wrong[0]), "rates.ratio or environment.delay as numbers that vary", wrong[0].name)
+        lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
+        slow = Slow.of(drawing, values, RATIO, lengths)
+        if self.vary and not slow.names:
+            refuse(KIND, "a controller with a slow environment, whose frames may vary", values[KIND])
+        delays = values_of_range(axes[DELAY]) if DELAY in axes else delays
+        return plan_of(drawing, values, Frames(slow.lengths, tuple(delays), self.for_all.lost, self.elapsed), slow)
+
+    def _plan_of_drawing(self, values, axes):
         if self.for_all.lost:
-            raise UsageError("[for_all] lost: expected a built-in controller, whose results may be lost, found a drawn loop")
-        running = {name for block in drawing.blocks for name, _ in names_in(block.every)}
-        wrong = [axis.name for path, axis in axes.items() if name_of(path) not in running]
-        if wrong or len(axes) != 1:
+            refuse("for_all.lost", "a built-in controller, whose results may be lost", "a drawn loop")
+        running = {name for block in self.drawing.blocks for name, _ in names_in(block.every)}
+        wrong = [axis for path, axis in axes.items() if name_of(path) not in running] or [*axes.values()][1:]
+        if wrong:
             found = ", ".join(axis.name for axis in axes.values())
-            raise UsageError(f"[for_all] varying: expected one number, which `every` of blocks reads, found {found}")
-        ((path, axis),) = axes.items()
-        lengths = tuple(map(int, values_of_range(axis)))
-        # At the longest, blocks that follow it differ from those of every tick, which they may not at the spec's own.
-        return plan_of_drawing(drawing, {**values, path: max(lengths)}, lengths, self.elapsed)
+            refuse(self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found)
+        slow = Slow.of(self.drawing, values, *(of for path, axis in axes.items() for of in (path, values_of_range(axis))))
+        return plan_of(self.drawing, values, Frames(slow.lengths, IN_PHASE, 0, self.elapsed), slow)
+
+    @staticmethod
+    def _key(axis: Axis) -> str:
+        """The key of a number of [for_all]."""
+        return f"for_all.{axis.name}"
+
+
+@contextmanager
+def placed(spec: Spec) -> Iterator[None]:
+    """Let mistakes of a plan have their places in the spec that they are of."""
+    places = {f"for_all.{axis.name}": axis.place for axis in spec.for_all.axes}
+    try:
+        yield
+    except SpecError as error:
+        facts = [(each.key, each.expected, each.found) for each in error.mistakes]
+        raise SpecError(places.get(at[0], spec).mistake(*at) for at in facts) from None
 
 
 def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
@@ -143,10 +173,15 @@ class Over:
 
 
 def bracketed_over(
-    rules: Rules, loop: Loops, along: str, ranges: Sequence[Axis], span: tuple[float, float], about: tuple[float, float]
+    rules: Rules,
+    values: Mapping[str, object],
+    along: str,
+    ranges: Sequence[Axis],
+    span: tuple[float, float],
+    about: tuple[float, float],
 ) -> Over | None:
     """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
-    loops = _over(rules, loop, along, ranges, span)
+    loops = _over(rules, values, along, ranges, span)
     least = loops.zeros[0] + FROM_ZERO * (about[1] - loops.zeros[0])
     for share in STARTS:
         found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work)
@@ -160,19 +195,19 @@ def _text_at(loops, refuted):
     return text_of(loops.family(refuted.point), refuted.word) if refuted.word else ""
 
 
-def _over(rules, loop, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
+def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-    plan, zeros = rules.plan(loop, (along, *paths)), [min(0.0, span[0])] if along else []
+    plan, zeros = rules.plan(values, (along, *paths)), [min(0.0, span[0])] if along else []
     for path, (low, high) in zip(paths, box.T, strict=True):
-        least = domain(*loop, path, (low, high))[0]
+        least = domain(plan.drawing, plan.values, path, (low, high))[0]
         zeros.append(least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan)
     zeros = np.array(zeros)
 
     @cache
     def family(point):
-        return rules.family(loop.changed(dict(zip(paths, point, strict=True))), along)
+        return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
 
     def frames_at(part, units=None):
         return plan.over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
@@ -180,9 +215,9 @@ def _over(rules, loop, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     return LoopsOver(family, frames_at, box, zeros)
 
 
-def decided_over(rules: Rules, loop: Loops, ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:
+def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:
     """Whether a loop is stable for all numbers of some ranges and every order of frames, and what it is not stable with."""
-    loops = _over(rules, loop, "", ranges)
+    loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops)
     by = dict(zip((axis.path for axis in ranges), point, strict=False))
     return (REFUTED, by | {text_of(loops.family(point), word): None}) if word else (PROVED if proved else UNKNOWN, {})

@@ -19,9 +19,18 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.from_drawing import scalar_place
 from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import Loops, own_loop
-from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
+from wavesweep.for_all.joint import PROVED, decide
+from wavesweep.for_all.rows import (
+    FOR_ALL_RECORD,
+    Row,
+    all_of,
+    cases_of,
+    is_near,
+    recorded,
+    text_of_part,
+)
 from wavesweep.for_all.unknown import Case, Part
-from wavesweep.for_all.varying import Rules, text_of
+from wavesweep.for_all.varying import Rules, placed, text_of
 from wavesweep.passive.any_hand import reads_velocity
 from wavesweep.passive.channel import has_waves
 
@@ -53,20 +62,25 @@ class EveryHandGuarantee:
 
 def refuse(spec: Spec, rules: Rules, along: str) -> None:
     """Raise UsageError for a loop, ranges, or a number along which nothing can be said of every passive hand."""
-    drawing, values = own_loop(spec, along)
+    drawing = own_loop(spec, along).drawing
     if rules.messages:
         raise UsageError("for hands: expected a spec without channels, found some")
     if has_waves(drawing):
         raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
     if drawing.dead_times:
         raise UsageError(REFUSED.format("delays in ticks", f"seconds of {', '.join(drawing.dead_times)}"))
-    margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, values))[0], along)
-    ruled, device = margin.ruled, margin.device_damping
+    with placed(spec):
+        margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along)
+    ruled = margin.ruled
+
+    def curved(path):
+        return any(degree(tree, name_of(path)) > 1 for tree in margin.device)
+
     for axis in margin.case.ranges:
-        if axis.path not in HAND and (axis.path in ruled.reads or degree(device, name_of(axis.path)) > 1):
+        if axis.path not in HAND and (axis.path in ruled.reads or curved(axis.path)):
             raise UsageError(REFUSED.format("ranges of the device's mass and damping alone, and values of others", axis.name))
     name = name_of(along)
-    if along and (degree(device, name) > 1 or (along in ruled.reads and not _acts_once(ruled, name))):
+    if along and (curved(along) or (along in ruled.reads and not _acts_once(ruled, name))):
         raise UsageError(
             REFUSED.format("intervals along a number that multiplies what it does not act on itself, such as K_VE", name)
         )
@@ -110,13 +124,12 @@ class _Margin:
     def __init__(self, rules: Rules, case: Case, along: str):
         from wavesweep.passive.proof import with_ruler
 
-        self.case, self.along, self.known = case, along, {}
-        values = {**case.loop.values, **case.fixed, **dict.fromkeys(HAND, 0.0)}
-        self.plan = rules.plan(Loops(case.loop.drawing, values), (along,) if along else ())
-        self.loop = HeldLoop(self.plan.drawing, {**values, **self.plan.values})
+        self.case, self.along, self.known, self.unmet = case, along, {}, None
+        self.plan = rules.plan({**case.values, **dict.fromkeys(HAND, 0.0)}, (along,) if along else ())
+        self.loop = HeldLoop(self.plan.drawing, self.plan.values)
         self.ruled = with_ruler(self.plan.drawing)
         block = next(block for block in self.plan.drawing.blocks if block.name == device_of(self.plan.drawing))
-        self.device_damping = dict(block.keys)["damping"]
+        self.device = [dict(block.keys)[name] for name in ("damping", "stiffness")]
 
     def at(self, p: float):
         """What is needed at a value, and the least damping of the device there."""
@@ -126,11 +139,22 @@ class _Margin:
         key = p if self.along in self.ruled.reads else None
         if key not in self.known:
             loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **own}))
-            self.known[key] = loop, loop.needed() if loop else Needed(np.inf)
+            self.known[key] = loop, loop.needed() if loop and self._decays(loop, p) else Needed(np.inf)
         ends = product(*((axis.start, axis.stop) for axis in self.case.ranges))
         paths = [axis.path for axis in self.case.ranges]
-        has = min(device_keys(self.loop.changed({**dict(zip(paths, each, strict=True)), **own}))[1] for each in ends)
-        return self.known[key][1], float(has)
+        ends = [device_keys(self.loop.changed({**dict(zip(paths, each, strict=True)), **own})) for each in ends]
+        has, stiffness = (float(min(each[part] for each in ends)) for part in (1, 2))
+        loop, needed = self.known[key]
+        return Needed(np.inf) if loop and loop.pulls(stiffness) else needed, has
+
+    def _decays(self, loop, p) -> bool:
+        """Whether the states that the hand does not meet decay, which has to be so between two values as well: they may not
+        depend on the number, but at 0, which takes a branch out of the loop."""
+        if loop.unmet is None:
+            return True
+        self.unmet = self.unmet or loop.unmet if p else self.unmet
+        alike = not p or np.array_equal(self.unmet.E, loop.unmet.E)
+        return alike and decide(loop.unmet).verdict == PROVED
 
     def text(self, needed) -> str:
         """What refutes."""

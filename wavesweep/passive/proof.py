@@ -28,7 +28,7 @@ from wavesweep.core.loops.from_drawing import rate_of
 from wavesweep.core.stability.spectrum import is_stable
 from wavesweep.for_all.checking import Norms
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_frames import Symbol
+from wavesweep.for_all.loop_frames import Symbol, alive
 from wavesweep.for_all.plan import Plan
 from wavesweep.passive.any_hand import peak_of
 from wavesweep.passive.dissipation import automaton, least_damping
@@ -58,14 +58,51 @@ class Needed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Unmet:
+    """The frames of states that the hand does not meet, less identity, as a `Family` of no number; dE: bounds on the errors."""
+
+    E: np.ndarray
+    dE: np.ndarray
+    follows: np.ndarray
+
+    @staticmethod
+    def of(frames: list[arb_mat], states: np.ndarray, follows: np.ndarray) -> "Unmet | None":
+        """Return those of the states that are not over after some frames; None without any."""
+        left = alive(np.logical_or.reduce([_pattern(each) for each in frames]), states).tolist()
+        if not left:
+            return None
+        parts = [[each[i, j] - int(i == j) for i in left for j in left] for each in frames]
+        E = np.array([[float(entry.mid()) for entry in part] for part in parts])
+        dE = np.array([[float((entry - arb(float(entry.mid()))).abs_upper()) for entry in part] for part in parts])
+        shape = len(frames), len(left), len(left)
+        return Unmet(E.reshape(shape), np.nextafter(dE, np.inf).reshape(shape), follows)
+
+    def at(self, x: float) -> np.ndarray:  # noqa: ARG002
+        """See `Family`."""
+        return np.eye(self.E.shape[-1]) + self.E
+
+    def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002
+        """See `Family`."""
+        return self.E, self.dE
+
+    def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002
+        """See `Family`."""
+        return self.E[None], self.dE[None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class EveryHand:
     """A loop whose frames vary, as the hand sees it.
 
-    kinds: of each kind of tick `[A B]` and `[C D - k/2]` as matrices of balls. graph: the automaton, whose symbols are kinds.
-    period: of a tick, s. words: the kinds of ticks of each symbol; symbols, follows: see `LoopFrames`.
+    kinds: of each kind of tick `[A B]` and `[C D - k/2]` as matrices of balls. stiffness: k, N/m; with the device's own it
+    has to be 0 or more. unmet: the states that the hand does not meet and that last from frame to frame, which have to decay
+    as well; None without. graph: the automaton, whose symbols are kinds. period: of a tick, s. words: the kinds of ticks of
+    each symbol; symbols, follows: see `LoopFrames`.
     """
 
     kinds: tuple[tuple[arb_mat, arb_mat], ...]
+    stiffness: arb
+    unmet: "Unmet | None"
     graph: Graph
     period: float
     words: tuple[tuple[int, ...], ...]
@@ -74,7 +111,7 @@ class EveryHand:
 
     @staticmethod
     def of(plan: Plan) -> "EveryHand | None":
-        """Return the loop of a plan; None if it does not settle to a force with a stiffness of 0 or more.
+        """Return the loop of a plan; None if it does not settle to a force with a stiffness.
 
         Nothing may read the velocity of the mass that the hand holds. Errors: UsageError if it is too large.
         """
@@ -83,16 +120,25 @@ class EveryHand:
             rows, samples, symbols, follows = plan.written(index)
             joined: dict[tuple[int, ...], int] = {}
             words = tuple(_timed([*row, sample], maps, joined) for row, sample in zip(rows, samples, strict=True))
-            kinds = _from_rest([reduce(_after, (maps[each] for each in some)) for some in joined])
-        if kinds is None:
-            return None
-        graph, n = automaton(words, follows), kinds[0][0].nrows()
+            ticks = [reduce(_after, (maps[each] for each in some)) for some in joined]
+            found = _from_rest(ticks)
+            if found is None:
+                return None
+            (kinds, stiffness, rest), graph = found, automaton(words, follows)
+            unmet = Unmet.of([reduce(_after, (ticks[each] for each in word)) for word in words], rest, follows)
+        n = kinds[0][0].nrows()
         if (most := graph.nodes * n * (n + 1) // 2) > MOST:
             raise UsageError(
                 f"hand passive while frames vary: expected at most {MOST} unknown numbers of stored energies, found {most}; "
                 "choose shorter frames, or fewer delays of results"
             )
-        return EveryHand(kinds, graph, 1 / float(rate_of(plan.drawing, plan.values)), words, symbols, follows)
+        period = 1 / float(rate_of(plan.drawing, plan.values))
+        return EveryHand(kinds, stiffness, unmet, graph, period, words, symbols, follows)
+
+    def pulls(self, stiffness: float) -> bool:
+        """Whether the loop and a spring of the device (N/m) push it away from where it is, all in all."""
+        with precision(BITS):
+            return bool(self.stiffness + arb(stiffness - ROOM * abs(stiffness)) < 0)
 
     def needed(self) -> Needed:
         """Return the damping that is needed. Accuracy: 1e-7, unless rounding ends the search for energies earlier."""
@@ -217,12 +263,17 @@ def _after(first, second):
     return second * first
 
 
-def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
-    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force, counted from their rest.
+def _pattern(matrix):
+    return np.array([[not entry.is_zero() for entry in row] for row in matrix.tolist()])
 
-    None if nothing rests alike in all of them, or if the stiffness k is negative.
+
+def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndarray] | None:
+    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force, counted from their rest; the
+    stiffness k; and which of the states are none of these.
+
+    None if nothing rests alike in all of them.
     """
-    there = np.array([[[not entry.is_zero() for entry in row] for row in tick.tolist()] for tick in ticks]).any(0)
+    there = np.array([_pattern(tick) for tick in ticks]).any(0)
     rest = [i for i in np.flatnonzero(closure([there], there[FORCE])).tolist() if i > FORCE]
 
     def part(tick, rows, columns):
@@ -239,7 +290,7 @@ def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
         left = part(tick, rest, [X]) + (own - one) * R
         k = -(part(tick, [FORCE], [X]) + part(tick, [FORCE], rest) * R)[0, 0]
         stiffness = k if stiffness is None else stiffness
-        if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness) and not k < 0):
+        if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness)):
             return None
         B, C = part(tick, rest, [PUSH]) * (1 / moves) - R, part(tick, [FORCE], rest)
         found.append([[*a, *b] for a, b in zip(own.tolist(), B.tolist(), strict=True)])
@@ -248,5 +299,6 @@ def _from_rest(ticks) -> tuple[tuple[arb_mat, arb_mat], ...] | None:
     moved = closure([there[:, :-1].T], there[:, -1]) if rest else np.zeros(0, bool)
     places = [*np.flatnonzero(moved).tolist(), len(rest)]
     rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in found]
-    size = len(places) - 1, len(places)
-    return tuple((arb_mat(*size, [entry for row in each[:-1] for entry in row]), arb_mat(each[-1:])) for each in rows)
+    size, met = (len(places) - 1, len(places)), {X, PUSH, FORCE, *(rest[place] for place in places[:-1])}
+    kinds = tuple((arb_mat(*size, [entry for row in each[:-1] for entry in row]), arb_mat(each[-1:])) for each in rows)
+    return kinds, stiffness, np.array([state for state in range(ticks[0].nrows()) if state not in met], int)

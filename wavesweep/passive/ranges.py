@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.core.analyses.interval_search import Search
-from wavesweep.core.energy.held_loop import HeldLoop
+from wavesweep.core.energy.held_loop import HAND, HeldLoop
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.stability.spectrum import is_stable
@@ -68,21 +68,21 @@ def pair_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
 
 
 def _where_stable(loop, path, span, way):
-    """The intervals in which a way is passive, within those of stability."""
+    """The intervals in which a way is passive, within those of stability by itself, of states that no port sees too."""
     groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
     records = Search(path, span, groups, felt=False, checked=True).records()
-    known = bool(records["certified"].all())
     stable = [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]
-    return _Ranges(loop, path, span, (way,), stable if known else []).answered(known)
+    return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
 
 
 def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float = 0.0) -> PassiveRanges:
     """Where the loop is stable with every passive hand of at least `hand_damping` (N*s/m); see `damping_needed`.
 
     loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
-    any mass and stiffness, including nonlinear and time-varying ones.
+    any mass and stiffness, including nonlinear and time-varying ones, and for none: the device by itself is stable.
     """
-    return _Ranges(loop, path, span, (_OneMap(reaction_maps(loop, path, span, hand_damping)),), [span]).answered(known=True)
+    free = loop.changed(dict.fromkeys(HAND, 0.0))
+    return _where_stable(free, path, span, _OneMap(reaction_maps(free, path, span, hand_damping)))
 
 
 def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
@@ -166,7 +166,8 @@ class _Ranges:
         return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
 
     def _passive(self, p):
-        found = np.ones(p.shape, bool)
+        low, high = np.array(self.stable).reshape(-1, 2, 1).swapaxes(0, 1)
+        found = ((low <= p) & (p <= high)).any(0)
         for way in self.ways:
             found[found] = way.passive(p[found])
         return found

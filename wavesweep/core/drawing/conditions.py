@@ -93,7 +93,7 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
         path, expected = condition.path, condition.expected
         if not condition.names <= numbers.keys() or wrong & {each for each, _ in condition.reads}:
             continue  # a number that has a mistake itself
-        known = [_value(tree, numbers) for _, tree in condition.reads]
+        known = [finite_value(tree, numbers) for _, tree in condition.reads]
         if known[0] is None:
             wrong.add(path)
             yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
@@ -118,7 +118,7 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
 def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     """The states of a block as far as its keys say how many there are: coefficients, rows, steps, ticks."""
     keys = dict(block.keys)
-    counts = (_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0 for name in ("steps", "late", "order"))
+    counts = (finite_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0 for name in ("steps", "late", "order"))
     return len(keys.get("den", keys.get("A", ()))) + sum(counts)
 
 
@@ -131,14 +131,15 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
         name = signal.rpartition(".")[0] or signal
         if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
             continue  # a number that has a mistake itself
-        runs = _value(every.get(name, ONE), numbers) or 1
+        runs = finite_value(every.get(name, ONE), numbers) or 1
         slow = f"{signal} changes every {runs:g} ticks only" if runs > 1 else ""
         found = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
-        if found and _value(gain, numbers):
+        if found and finite_value(gain, numbers):
             yield f"ports.{where}.displacement", OF_PLANT, found
 
 
-def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
+def finite_value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
+    """Return the value of a tree, None if there is no finite one."""
     try:
         value = value_of(tree, numbers)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
