@@ -8,6 +8,7 @@ from support.specs import values_of
 
 import wavesweep
 from wavesweep.core.errors import SpecError
+from wavesweep.core.loops.blocks import held
 from wavesweep.core.loops.blocks import mass as mass_block
 from wavesweep.core.reading.keys import LARGEST, SMALLEST
 
@@ -77,3 +78,12 @@ def test_a_mass_whose_motion_would_leave_doubles_is_refused(mass):
     ):
         with pytest.raises(SpecError, match="a number from 1e-60 to 1e\\+60 in size, or 0"):
             ask()
+
+
+def test_a_spring_that_turns_more_often_in_a_tick_than_doubles_can_count_is_not_known():
+    """After 1e26 turns the phase is lost; rounding alone would bring the mass to rest, which it never comes to."""
+    assert np.isnan(block_of(1e-38, 0.0, 22.5, 7e6).E).all()
+    turning = np.array([[[0.0, -1e10], [1e10, 0.0]], [[0.0, -0.01], [0.01, 0.0]]])
+    (lost, kept), *_ = held(turning, np.eye(2), np.full(2, 1e7))
+    assert np.isnan(lost).all()
+    np.testing.assert_allclose(kept + np.eye(2), [[np.cos(1e5), -np.sin(1e5)], [np.sin(1e5), np.cos(1e5)]], rtol=1e-6)

@@ -40,9 +40,9 @@ def judge(question, witness=None) -> list[Verdict]:
         warnings.simplefilter("error")
         try:
             cut = cut_of(question.values)
+            found = _intervals(question)
         except IllPosedLoopError:
             return [Verdict("refused", False) for _ in question.fixed]
-        found = _intervals(question)
     _must_be_numbers(found)
     witness = witness or certified.Witness(question.values)
     return [_column(question, cut, found, witness, index) for index in range(len(question.fixed))]
@@ -70,7 +70,7 @@ def _column(question, cut, found, witness, index):
         (float(a), float(b), float(s), float(t))
         for a, b, s, t in zip(found.low[mine], found.high[mine], found.low_omega[mine], found.high_omega[mine], strict=True)
     ]
-    rows = [row for row in rows if row[0] == row[0]]
+    rows = [row for row, number in zip(rows, found.index[mine], strict=True) if number >= 0]
     sure = bool(found.certified[mine].all())
     verdict = Verdict("undecided", sure, max(len(rows), 1), "" if sure else reason(cut, question), answered=rows)
     try:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from support.specs import INTEGRATIONS, random_values
 
+from wavesweep.core.reading.keys import LARGEST, SMALLEST
+
 
 @dataclass(frozen=True)
 class Question:
@@ -111,7 +113,35 @@ def slow(r):
     }  # fmt: skip
 
 
-FAMILIES = {make.__name__: make for make in (wild, usual, long_filters, unstable_inside, nearly_ill_posed, feeble, slow)}
+ANY = (
+    "device.mass", "device.damping", "operator.mass", "operator.damping", "operator.stiffness", "environment.K_VE",
+    "environment.B_VE", "controller.b", "controller.Kp", "local_model.K_LM", "local_model.B_LM", "rates.fast_hz",
+)  # fmt: skip
+POSITIVE = ("device.mass", "controller.b", "rates.fast_hz")
+
+
+def any_size(r):
+    """A number that a key accepts, from the whole range or from within a million of 1."""
+    return spread(r, SMALLEST, LARGEST) if r.random() < 0.5 else spread(r, 1e-6, 1e6)
+
+
+def any_number(r):
+    """Numbers of every size that a key accepts, cutoffs next to 0 and to half the rate, few ticks in a frame."""
+    values, ratio = wild(r), int(r.choice([1, 2, 3, 5, 20]))
+    values |= {key: maybe(r, any_size(r), 0.0 if key in POSITIVE else 0.3) for key in ANY if r.random() < 0.6}
+    half = values["rates.fast_hz"] / 2
+    for name in ("lp1", "hp", "lp2"):
+        values[f"filters.{name}.order"] = int(r.choice([0, 1, 1, 2, 2, 3, 12]))
+        share = r.choice([spread(r, SMALLEST, 1), 1 - spread(r, 1e-16, 1), spread(r, 1e-3, 1)])
+        values[f"filters.{name}.cutoff_hz"] = float(np.clip(share * half, SMALLEST, np.nextafter(half, 0)))
+    kind = str(r.choice(["dc", "dc", "dc-slow", "dc-slow", "dc-lm", "dc-lm", "pmw", "pmw-lm"]))
+    delay = int(r.integers(0, ratio + 1))
+    return values | {"controller.kind": kind, "rates.ratio": ratio, "environment.delay": delay}
+
+
+FAMILIES = {
+    make.__name__: make for make in (wild, usual, long_filters, unstable_inside, nearly_ill_posed, feeble, slow, any_number)
+}
 
 
 def question(seed, family) -> Question:
@@ -119,6 +149,8 @@ def question(seed, family) -> Question:
     r = np.random.default_rng(seed)
     values = FAMILIES[family](r)
     along = str(r.choice(["K_VE", "K_VE", "B_VE"]))
+    if family == "any_number":
+        return Question(values, along, (0.0, any_size(r)), (maybe(r, any_size(r), 0.4),))
     high = float(r.choice([2e3, 2e4, 1e9] if along == "K_VE" else [15.0, 300.0, 1e4]))
     other = (0.0, 15.0, 1e4) if along == "K_VE" else (0.0, 2e4, 1e9)
     first = other[0] if r.random() < 0.3 else spread(r, 1e-3, other[1])

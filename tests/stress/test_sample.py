@@ -9,7 +9,7 @@ from stress.command import NAMES, verdicts
 pytestmark = pytest.mark.slow
 
 MANY = {  # of the slow ones; else 20
-    "responses": 8, "numbers": 3, "constructed": 3, "long_filters": 4, "windows": 3, "wild": 6,
+    "responses": 8, "numbers": 3, "constructed": 3, "long_filters": 4, "windows": 3, "wild": 6, "any_number": 40,
 }  # fmt: skip
 
 
@@ -21,6 +21,11 @@ def test_certified_rows_are_right(family):
     found = [(seed, v) for seed in range(MANY.get(family, 20)) for v in verdicts(family, seed)]
     assert [(seed, v) for seed, v in found if v.certified and v.kind != "right"] == []
     assert sum(v.certified for _, v in found) > 0.4 * len(found)
+
+
+def test_a_spring_whose_phase_is_lost_in_a_tick_is_in_doubt():
+    """It turns 1e26 times in a tick; that it comes to rest, as rounding says, was certified."""
+    assert [v.certified for v in verdicts("any_number", 30)] == [False]
 
 
 def test_entries_whose_products_overflow_are_no_fault():

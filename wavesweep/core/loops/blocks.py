@@ -13,7 +13,7 @@ from wavesweep.core.drawing.drawn_block import DELTA
 from wavesweep.core.loops import definitions
 from wavesweep.core.loops.block import Block, matrix, numbers
 from wavesweep.core.loops.definitions import Equations, controllable, tf_at_rest, with_delays
-from wavesweep.core.loops.device import impulse_and_step, motion
+from wavesweep.core.loops.device import LOST, impulse_and_step, motion
 from wavesweep.core.loops.filters import butterworth as sections
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
@@ -165,7 +165,7 @@ def held(A, B, period, sizes=None):
     A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B are. If they are given, or if
     there is something to double, two more arrays are the changes of the results by a rounding of each term of all sums, in
     roundings; otherwise they are known to a few roundings of themselves. Accuracy: some roundings of
-    each entry for matrices that are not far from normal, unless they turn by much in a period.
+    each entry for matrices that are not far from normal, unless they turn by much in a period; NaN if they are LOST.
     """
     T = numbers(period)[..., None, None]
     A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
@@ -177,7 +177,7 @@ def held(A, B, period, sizes=None):
     if sizes is None and not halvings.any():
         return E, G
     of_E, of_G = (np.abs(E), np.abs(G)) if sizes is None else _series(*(size * np.abs(T) * step for size in sizes))
-    eye = np.eye(E.shape[-1])
+    eye, known = np.eye(E.shape[-1]), np.ones(halvings.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):
         for turn in range(int(halvings.max())):
             more, size, one = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
@@ -185,6 +185,9 @@ def held(A, B, period, sizes=None):
             of_G = np.where(more, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
             of_E = np.where(more, of_E @ one + one @ of_E + 2 * size + size @ size, of_E)
             E, G = np.where(more, 2 * E + E @ E, E), np.where(more, 2 * G + E @ G, G)
+            lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
+            known &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
+    E, G = (np.where(known[..., None, None], part, np.nan) for part in (E, G))
     return E, G, of_E, of_G
 
 

@@ -15,7 +15,8 @@ def impulse_and_step(damping, stiffness, period):
 
     damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2, and their changes by a
     rounding of each term of all sums, in roundings; these are missing (None) if there is nothing to double, and then both are
-    known to a few roundings of themselves. After many turns of an oscillation s and g are much smaller than that.
+    known to a few roundings of themselves. After many turns of an oscillation s and g are much smaller than that,
+    and NaN if they are LOST.
     Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings
     `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms if the
     device is overdamped.
@@ -30,7 +31,7 @@ def impulse_and_step(damping, stiffness, period):
     s, g = s * tau, g * tau * tau
     if not doublings.any():
         return s, g, None, None
-    of_s, of_g = np.abs(s), np.abs(g)
+    of_s, of_g, known = np.abs(s), np.abs(g), np.ones(s.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
         for step in range(int(doublings.max(initial=0))):
             more = step < doublings
@@ -45,9 +46,11 @@ def impulse_and_step(damping, stiffness, period):
                 np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
                 np.where(more, g * (2 - stiffness * g) + s * s, g),
             )
-    return s, g, of_s, of_g
+            known &= np.abs(stiffness) * of_g * np.finfo(float).eps <= LOST * np.maximum(1, np.abs(stiffness * g))
+    return np.where(known, s, np.nan), np.where(known, g, np.nan), of_s, of_g
 
 
+LOST = 1e-6  # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest by rounding
 TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
 
 
