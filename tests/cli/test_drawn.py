@@ -182,11 +182,13 @@ def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, s
 
 
 def test_the_figure_of_ends_that_are_not_known_says_so(run, tmp_path):
-    text = '[rates]\ntick_hz = 1000\n[numbers]\nk = 0.5\n[block.a]\ntype = "gain"\n[wire]\n"a.u" = "k*a.y"\n'
-    text += '[sweep]\nalong = "k"\nk = { start = -3, stop = 3 }\n'  # without a solution at k = 1
+    text = '[rates]\ntick_hz = 1000\n[numbers]\nk = 0.5\n[block.a]\ntype = "gain"\n[block.d]\ntype = "delay"\nsteps = 1\n'
+    text += '[wire]\n"a.u" = "k*a.y"\n"d.u" = "-0.5*k*d.y"\n'  # stable where |k| < 2, without a solution at k = 1
+    text += '[sweep]\nalong = "k"\nk = { start = -3, stop = 3 }\n'
     (tmp_path / "m.toml").write_text(text, encoding="utf-8")
     code, text, results = run("why", "m.toml")
     assert (code, "not certified (search)" in text) == (0, True)
+    assert "k: stable from -2 to 2, not known at 1" in text
     _, facts = described(results / "m" / "why.datapackage.json")
     said = figure_of("why")(read(results / "m" / "why.csv"), facts).get_supxlabel()
-    assert "high end, k = 1: no bars, since they are not known (search)." in said
+    assert "high end, k = 2: no bars, since they are not known (search)." in said

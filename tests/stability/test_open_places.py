@@ -170,11 +170,13 @@ def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
     assert "k = 3: stable from 0.3 (where the search starts)" in said
 
 
-def test_a_figure_hatches_an_open_place_and_has_a_word_for_it(blind, tmp_path):
-    assert blind(2.0, 2.5, "stability-region", "--out", str(tmp_path / "out"), "--no-plot") == 0
+@pytest.mark.parametrize(("low", "high", "ended"), [(2.0, 2.5, True), (3.0, 4.0, False)])
+def test_a_figure_hatches_an_open_place_and_has_a_word_for_it(low, high, ended, blind, tmp_path):
+    assert blind(low, high, "stability-region", "--out", str(tmp_path / "out"), "--no-plot") == 0
     _, columns, facts = results.read_table(tmp_path / "out" / "stability-region.csv")
     canvas = plots.zwidth(columns, facts)
     (axes,) = canvas.axes
     hatched = [patch.get_bbox() for patch in axes.patches if patch.get_hatch() == "/////"]
-    assert [(box.x0, box.x1) for box in hatched] == [(2.0, 2.5)]
-    assert "not known" in [text.get_text() for legend in canvas.legends for text in legend.get_texts()]
+    assert [(box.x0, box.x1) for box in hatched] == [(low, high)]
+    said = [text.get_text() for legend in canvas.legends for text in legend.get_texts()]
+    assert ("not known" in said, "beyond the swept range" in said) == (True, ended)

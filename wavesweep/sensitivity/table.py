@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import Axis, Spec, sweep_axes
 from wavesweep.core.spec.loading import naming
+from wavesweep.core.tables.interval_tally import open_in_words
 from wavesweep.core.tables.kind import Again, Line, Numbers, counted_doubts, plain, whole_kind
 from wavesweep.core.tables.table import Table, facts_of, held
 
@@ -65,7 +67,8 @@ def why(spec: Spec, along: str | None = None) -> Table:
     spans = [{"low": low, "high": high} for low, high in ends]
     doubts = counted_doubts(found["doubt"])
     searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
-    facts |= {"along": searched, "intervals": spans, "doubts": doubts}
+    open_ = [*filter(None, (open_places(found, row) for row in range(len(found["intervals"]))))]
+    facts |= {"along": searched, "intervals": spans, "open": open_, "doubts": doubts}
     return Table.of("why", columns, facts)
 
 
@@ -111,6 +114,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "along": dict(facts["along"]),
         "stable_intervals": [list(each.values()) for each in facts["intervals"]],
         "slices": dict(facts["slices"]),
+        "open": list(facts["open"]),
         "doubts": dict(facts["doubts"]),
         "ends": ends,
     }
@@ -133,12 +137,13 @@ def _lines(found: Numbers) -> Iterator[Line]:
     axis, spans = found["along"], found["stable_intervals"]
     name, unit = axis["name"], _unit(axis["unit"])
     searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
+    places = "".join(f", {open_in_words(each, unit)}" for each in found["open"])
     if spans:
-        yield f"{name}: stable from {' and '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)}{unit}", False
+        yield f"{name}: stable from {' and '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)}{unit}{places}", False
     elif not found["doubts"]:
         yield f"{name}: no stable interval in {searched}", True
     if found["doubts"]:
-        none = "" if spans else f", and no stable interval is known in {searched}"
+        none = "" if spans else f", and no stable interval is known in {searched}{places}"
         yield f"{name}: not certified ({', '.join(found['doubts'])}), so no derivatives are given{none}", True
     if spans and not found["ends"]:
         yield f"stability sets no end of it in the range searched, {searched}", False

@@ -75,7 +75,10 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
     if shown.own_places(panels):
         handles.append(Line2D([], [], **OWN, label="nominal design"))
-    if not certain:
+    ended = [
+        np.isfinite([each.rows["low_omega"], each.rows["high_omega"]]).any(0) & ~each.rows["certified"] for each in members
+    ]
+    if (plane and not certain) or any(rows.any() for rows in ended):
         dashed = {"linestyle": "--", "label": "not certified"}
         dotted = Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed)
         handles.append(dotted if plane and len(members) == 1 and not shown.whose else Line2D([], [], color=DOUBTFUL, **dashed))

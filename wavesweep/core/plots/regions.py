@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
-from wavesweep.core.tables.regions import Region, View, incomplete
+from wavesweep.core.tables.regions import Region, View
 
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
@@ -137,7 +137,9 @@ def range_end(columns: Columns, end: str) -> float | None:
     """The end of the swept range at which stable intervals are cut off; None if none is, or if it is the parameter's end."""
     from wavesweep.core.spec import find_key
 
-    cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~incomplete(columns)
+    beyond = columns.get(f"open_{end}", np.full(len(columns["along"]), np.nan)) - columns[end]
+    open_ = beyond < 0 if end == "low" else beyond > 0  # an open place is there, and not the end of the range
+    cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~open_
     cut &= columns.get("guarantee", "spec") == "spec"  # an end of what is proved for all has no oscillation
     if not cut.any():
         return None
