@@ -19,6 +19,9 @@ def simulate(spec: str, options: Options) -> None:
     one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a
     sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
 
+    A one-sided wall is off outside it. Inside, its force is that of spring and damper, which may also pull: the damper does
+    when the hand leaves fast, and so does a force that is held or late.
+
     Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
     its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.
 

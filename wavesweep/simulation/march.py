@@ -37,6 +37,7 @@ from wavesweep.simulation.record import Simulation, energies
 from wavesweep.simulation.ticks import Ticks, actual, arrived, besides, keep, run
 
 Messages = Mapping[str, Sequence[int | None]]
+SLOW_ALONE = MappingProxyType({"rates.ratio": 2, "environment.delay": 0})  # draw a slow environment without its timing
 FARTHEST = 1e3  # m
 STRONGEST = 1e6  # N
 """A simulation stops before the first tick in which the hand is farther away, or a force is larger: it means nothing there."""
@@ -70,7 +71,7 @@ def simulate(
     """
     effects = Effects() if effects is None else effects
     if frames and drawing is None:
-        values = {**values, "rates.ratio": 2, "environment.delay": 0}  # any that draw a slow environment alone
+        values = {**values, **SLOW_ALONE}
     loop = loop_of(loop_drawing(values) if drawing is None else drawing, values, frames)
     return March(loop, effects, entry=entry, drawn=drawing is not None, messages=messages or {}).under(
         np.asarray(force, dtype=float), x, units

@@ -10,26 +10,25 @@ from itertools import product
 from textwrap import fill
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from wavesweep import __version__
 from wavesweep.core.drawing.drawing import scalars
 from wavesweep.core.drawing.drawn_block import PORT
 from wavesweep.core.drawing.expressions import sum_of, text_of, value_of
 from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
+from wavesweep.simulation.export.experiment import AMPLIFIER, NEXT, Steps, drawing_of, loop_with, march_of, steps_of, timing_of
 from wavesweep.simulation.export.gains import Gains, Table, gains_of, named
 from wavesweep.simulation.export.text import comment, constants, factor, filled, number, table_of
 from wavesweep.simulation.from_spec import effects_of, hand_force
-from wavesweep.simulation.march import March, Results, refuse, results_of
+from wavesweep.simulation.laws import Sum
+from wavesweep.simulation.march import Results, results_of
 from wavesweep.simulation.named import Named
-from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
+from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SEEN, SPEED, Loop, Part
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
-MOST_PROGRAMS = 255
+MOST_PROGRAMS = 1000
 
 
 class Controller(NamedTuple):
@@ -38,7 +37,7 @@ class Controller(NamedTuple):
     ticks: the lines and places of its programs. programs; table: the number of the program for each kind of tick, for each set
     of slow results that are in time (bits), and for a wall that is free or touched. results: slow results that may be late, or
     that show whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the
-    name in C of each place.
+    name in C of each place. beside: ports of the device that only signals from outside enter.
     """
 
     loop: Loop
@@ -50,6 +49,7 @@ class Controller(NamedTuple):
     outputs: list[str]
     late: bool
     places: dict[str, str]
+    beside: dict[str, Sum]
 
 
 def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
@@ -65,38 +65,30 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """
     spec = spec.as_simulated()
     refuse_what_makes_no_loop(spec)
-    if spec.simulate["frames"]:
-        raise UsageError(
-            "export: expected frames of one length (--set simulate.frames= leaves others out), found simulate.frames"
-        )
-    effects = effects_of(spec)
-    drawing = spec.drawing or loop_drawing(spec.values, ("controller.Kp",) * gains)
-
-    def loop_with(values: Mapping[str, Any]) -> Loop:
-        loop = loop_of(drawing, values)
-        refuse(loop, effects)
-        return loop if effects.wall is None else loop.behind(effects.wall)
+    effects, steps = effects_of(spec), steps_of(spec)
+    drawing = drawing_of(spec, steps, gains=gains)
 
     def made(values: Mapping[str, Any]) -> Controller:
-        return controller_of(loop_with(values), bool(effects.late or effects.dropped))
+        loop = loop_with(spec, drawing, values, steps and steps.all)
+        return controller_of(loop, bool(effects.late or effects.dropped or loop.channels or steps))
 
-    loop, found = loop_with(spec.values), Gains((), ())
+    loop, found = loop_with(spec, drawing, spec.values, steps and steps.all), Gains((), ())
     if gains:
         found = gains_of(spec, made, () if loop.wall is None else spec.wall)
     own = made(named(spec.values, found.paths))
-    march = March(loop, effects, (*own.inputs, *own.outputs), entry := spec.entry or loop.hand)
-    signals = march.under(hand_force(spec).force).signals
+    march = march_of(spec, loop, steps, own.inputs, {name: name.removesuffix(" besides") for name in own.outputs})
+    entry, signals = march.entry, march.under(hand_force(spec).force).signals
     count = len(signals["time"])
     if not count:
         raise UsageError("export: expected an experiment with at least one tick for the vectors, found none")
     members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
-    columns = {"tick": np.arange(count)}
-    for g, each in enumerate(march.results if own.late else ()):  # -1 if a result is lost, 0 if none is shown
-        late = [each.late[each.number(k)] if each.shown(k) and each.number(k) >= 0 else 0 for k in range(count)]
-        columns[f"late_{g}"] = np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)
+    columns = timing_of(march, steps, count, late=own.late)
+    columns |= {member: signals[name if name in own.inputs else SEEN + name] for name, member in members.items()}
     table = Table(dict(zip(found.paths, _identifiers([path.rpartition(".")[2] for path in found.paths]), strict=True)))
-    own = own._replace(results=march.results if own.results else [], programs=[table.of(each) for each in own.programs])
-    flags, values = _values(spec, own, members, entry)
+    own = own._replace(programs=[table.of(each) for each in own.programs])
+    flags, values = _values(spec, own, members, entry, steps)
+    longest = max((each for name in columns if name.startswith("late_") for each in columns[name].tolist()), default=0)
+    values["pending"] = (longest + 2) * max(1, len(own.results))
     flags |= {"gains": bool(found.paths), "constants": bool(found.constants)}
     flags["library"] = any("sqrt" in line for line in table.lines)
     values["and_no_library"] = "" if flags["library"] else " and no mathematical library"
@@ -106,19 +98,20 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
         "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
         "check.c": filled("check.c", flags, values),
         "example.c": filled("example.c", flags, values),
-        "vectors.csv": table_of(columns | {member: signals[name] for name, member in members.items()}),
+        "vectors.csv": table_of(columns),
         "Makefile": filled("Makefile", flags, values),
     }
 
 
 def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
-    """What enters each output of a spec's controller, by its port of a plant.
+    """What enters each output of a spec's controller, by its port of a plant; one that only inputs from outside enter is none.
 
     A port has its `sum` as a text, and `terms`: what each is `from`, its `gain` as a text, and the `coefficient` that it is.
     """
-    drawing, numbers = spec.drawing or loop_drawing(spec.values), scalars(spec.values)
+    drawing, numbers = drawing_of(spec), scalars(spec.values)
     plants, hand = {block.name for block in drawing.blocks if block.plant}, (drawing.hand or ("",))[0]
     own = {port: tuple(term for term in terms if term[0] != hand) for port, terms in drawing.wires}
+    outside = {signal for _, signal, _ in drawing.inputs}
     return {
         port: {
             "sum": sum_of(terms),
@@ -127,7 +120,7 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
             ],
         }
         for port, terms in own.items()
-        if terms and port.rpartition(".")[0] in plants
+        if port.rpartition(".")[0] in plants and any(name not in outside for name, _ in terms)
     }
 
 
@@ -140,8 +133,12 @@ def controller_of(loop: Loop, late: bool) -> Controller:
     _refuse(loop, plants)
     one_sided = loop.wall is not None and loop.wall.position is not None
     results = results_of(loop) if late or one_sided else []
-    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports}
-    cut = replace(loop, wires=ports)
+    outside = [*loop.inputs, *(signal for _, signal in loop.entries)]
+    pushed = [f"{part.name}.{port}" for part in plants for port in part.inputs]
+    pushed = [port for port in pushed if any(gain and name not in outside for gain, name in loop.wires.get(port, ()))]
+    beside = {f"{part.name}.{port}" for part in plants for port in part.inputs}.difference(pushed)
+    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports and port not in beside}
+    cut = replace(loop, wires=ports, away={port: terms for port, terms in loop.away.items() if port not in beside})
     if cut.wall_rhythm != loop.wall_rhythm:  # the force against the hand reads the wall's in every tick
         cut = replace(loop, wires=ports | {REACTION: loop.wires[REACTION]})
     delayed = [signal for each in results for signal in each.signals] if late else ()
@@ -150,16 +147,16 @@ def controller_of(loop: Loop, late: bool) -> Controller:
     names = list(ticks.places)
     read = {names[source] for program in programs for _, terms in _lines(program) for _, source in terms}
     inputs = [f"{part.name}.{port}" for part in plants for port in part.outputs]
-    inputs += [*loop.inputs, *(signal for _, signal in loop.entries)]
-    pushed = [f"{part.name}.{port}" for part in plants for port in part.inputs]
-    outputs = [besides(port) for port in pushed if any(gain and s not in loop.inputs for gain, s in loop.wires.get(port, ()))]
+    inputs += outside
+    outputs = [besides(port) for port in pushed]
     inputs = [name for name in inputs if name in read]
     if not outputs or not inputs:
         raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
     for name in (DEPTH, SPEED, FORCE, *(each(s) for s in delayed for each in (str, arrived))):
         ticks.at(name)  # even if nothing reads it
     places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_"), strict=True))
-    return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places)
+    given = {port: loop.wires[port] for port in sorted(beside) if loop.wires.get(port)}
+    return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places, given)
 
 
 def _refuse(loop: Loop, plants: Sequence[Part]) -> None:
@@ -215,9 +212,12 @@ def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
     return list(found)
 
 
-def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str) -> tuple[dict[str, bool], dict[str, Any]]:
+def _values(
+    spec: Spec, own: Controller, members: Mapping[str, str], entry: str, steps: Steps | None
+) -> tuple[dict[str, bool], dict[str, Any]]:
     """Flags and texts for the templates' names. entry: the signal from outside that the example gives."""
     loop, wall = own.loop, own.loop.wall
+    kinds, ticks = _phases(own, steps)
     programs = [_function(number, program, own) for number, program in enumerate(own.programs)]
     cases = [
         f"    {f'case {i}' if i else 'default'}:\n        tick_{i}(s);\n        break;" for i in range(len(programs))[::-1]
@@ -233,7 +233,8 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str)
         "frame": loop.frame,
         "count": len(own.outputs),
         "programs": "\n".join(programs),
-        "kinds": _listed(own.ticks.kinds),
+        "kinds": _listed(kinds),
+        "phases": len(ticks),
         "table": _listed(own.table),
         "sets": len(own.table) // len(own.ticks.sets),
         "place": " + 2 * in_time" * own.late + " + (unsigned int)s->touching" * (wall is not None),
@@ -252,15 +253,54 @@ def _values(spec: Spec, own: Controller, members: Mapping[str, str], entry: str)
         "results": bool(own.results),
         "tells": any(each.touches for each in own.results),
         "several": len(programs) > 1,
+        "zero": own.late and any(each.zero for each in own.results),
+        "steps": steps is not None,
+        "amplifier": bool(spec.values.get(AMPLIFIER)),
     }
-    texts |= _signals(own, members) | _results(own) | _host(own, members, entry)
+    texts |= _signals(own, members) | _results(own, ticks) | _host(own, members, entry, int(spec.values.get(AMPLIFIER, 0)))
+    texts |= _steps(steps) if steps else {}
     sums = []  # what enters each output, a line for each term
     for port, made in terms_of(spec).items():
         sums.append(f" *   {port} = {made['sum']}")
         sums += [f" *     {each['coefficient']:g} times {each['from']}" for each in made["terms"]]
+    sums += [f" *   {_port(port)}: from outside alone, so the host's" for port in own.beside]
     texts["sums"] = "\n".join(sums)
     texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
     return flags, constants(numbers) | texts
+
+
+def _phases(own: Controller, steps: Steps | None) -> tuple[list[int], list[int]]:
+    """The kind of each tick of a frame, and a tick with each phase that slow blocks and results have.
+
+    With steps that the caller triggers the kinds are in rows, one for each length of the frame before, and the last phase is
+    that of all ticks in which no slow block runs.
+    """
+    if steps is None:
+        return own.ticks.kinds, [*range(own.loop.frame)]
+    latest = max(part.rhythm.phases[0] for part in own.loop.parts if part.rhythm.periods)
+    starts, last = own.loop.frames.starts, steps.lengths.index(max(steps.lengths))
+    if steps.lengths[last] <= latest + 1:
+        raise UsageError(f"export: expected frames of more than {latest + 1} ticks, found none")
+    rest = starts[last] + latest + 1
+    after = (*starts[1:], starts[0])  # the frame after one of each length
+    kinds = [own.ticks.kinds[k] for start in after for k in (*range(start, start + latest + 1), rest)]
+    return kinds, [*range(latest + 1), rest]
+
+
+def _steps(steps: Steps) -> dict[str, Any]:
+    """The texts about slow steps that the caller triggers."""
+    nominal = f"always over {steps.frames.nominal:g} ticks" if steps.frames.nominal else "over the ticks since their last one"
+    places = {length: i for i, length in enumerate(steps.lengths)}
+    return {
+        "lengths": fill(", ".join(map(str, steps.lengths)), 110, subsequent_indent=" *   "),
+        "nominal": nominal,
+        "longest": max(steps.lengths),
+        "length_of": _listed([places.get(ticks, -1) for ticks in range(max(steps.lengths) + 1)]),
+        "before": steps.frames.ticks[-1],
+        "usual": "WS_NEXT" if steps.usual == NEXT else steps.usual,
+        "pattern": _listed(steps.frames.ticks),
+        "pattern_count": len(steps.frames.ticks),
+    }
 
 
 def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]:
@@ -280,8 +320,16 @@ def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]
 
 def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
     """The texts with a line for each input, or for each output."""
+    beside = {
+        name: [_port(each) for each in own.outputs if any(s == name for _, s in own.loop.wires[each.removesuffix(" besides")])]
+        for name in own.inputs
+    }
+    notes = {
+        name: f"; part of {', '.join(ports)}: 0 where it acts on the device itself" for name, ports in beside.items() if ports
+    }
+    outside = {signal for _, signal in own.loop.entries}
     lines = {
-        "inputs": [f"    double {members[name]}; /* {name} */" for name in own.inputs],
+        "inputs": [f"    double {members[name]}; /* {name}{notes.get(name, '') * (name in outside)} */" for name in own.inputs],
         "outputs": [f"    double {members[name]}; /* {_port(name)} */" for name in own.outputs],
         "given": [f"    z[{own.places[name]}] = in.{members[name]};" for name in own.inputs],
         "taken": [f"    out.{members[name]} = z[{own.places[name]}];" for name in own.outputs],
@@ -293,26 +341,26 @@ def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
     return {name: "\n".join(each) for name, each in lines.items()}
 
 
-def _results(own: Controller) -> dict[str, Any]:
+def _results(own: Controller, ticks: Sequence[int]) -> dict[str, Any]:
     """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
     frame, results, behind = own.loop.frame, own.results, []
     for each in results:
-        later = [each.origin.count(k + frame) - each.origin.runs(k) - 1 - each.number(k + frame) for k in range(frame)]
-        behind.append([number if each.shown(k) else -2 for k, number in enumerate(later)])
+        later = [each.origin.count(k + frame) - each.origin.runs(k) - 1 - each.number(k + frame) for k in ticks]
+        behind.append([number if each.shown(k) else -2 for k, number in zip(ticks, later, strict=True)])
     most = max((len(each.signals) for each in results), default=1)
     rows = {"computed": str, "arrived": arrived} if own.late else {}
-    runs = [(max((ticks or 0 for ticks in each.late), default=0), each.chain[0][0]) for each in results]
     texts = {name: [[own.places[of(signal)] for signal in each.signals] for each in results] for name, of in rows.items()}
     return {
         "groups": len(results),
         "most": most,
         "ring": max((number for row in behind for number in row), default=0) + 2,
         "behind": ",\n    ".join(f"{{{_listed(row)}}}" for row in behind),
+        "zero_groups": ", ".join(str(int(each.zero)) for each in results),
+        "messages": ", ".join(str(int(bool(each.channel))) for each in results),
         "told": ", ".join(str(int(each.touches)) for each in results),
         "sizes": ", ".join(str(len(each.signals)) for each in results),
         "computed": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("computed", ())),
         "arrived": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("arrived", ())),
-        "pending": sum((latest // rhythm.every + 2) * len(rhythm.phases) for latest, rhythm in runs),
     }
 
 
@@ -361,8 +409,11 @@ def _term(value: float, name: str) -> str:
     return f" {sign} {name}" if sign else f" + {factor(value)} * {name}"
 
 
-def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, str]:
-    """The texts of the device in the example: what is sensed, what pushes it, and how it moves; entry: see `_values`."""
+def _host(own: Controller, members: Mapping[str, str], entry: str, late: int) -> dict[str, Any]:
+    """The texts of the device in the example: what is sensed, what pushes it, and how it moves.
+
+    entry: see `_values`. late: ticks of the amplifier's delay.
+    """
     plants, sensed, pushed, moved, after = [part for part in own.loop.parts if part.plant], [], [], [], []
     names = [f"{part.name}.{name}" for part in plants for name in (*part.law.keeps, *part.inputs)]
     own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
@@ -374,10 +425,12 @@ def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, 
         ports = [(f"{part.name}.{port}", part.law.gives[port]) for port in part.outputs]
         sensed += [f"        in.{members[name]} = {sum_of(part, terms)};" for name, terms in ports if name in members]
         for port in (f"{part.name}.{port}" for port in part.inputs):
-            share = sum(float(gain) for gain, name in own.loop.wires.get(port, ()) if name in own.loop.inputs)
+            terms = own.beside.get(port) or [term for term in own.loop.wires.get(port, ()) if term[1] in own.loop.inputs]
+            share = sum(float(gain) for gain, name in terms if name == entry)
             force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"
-            given = _term(share, "given") if entry in own.loop.inputs else ""
-            pushed.append(f"        {own_names[port]} = {force}{given};")
+            given = _term(share, "given") if share else ""
+            pushed.append(f"        {own_names[port]} = {f'asked[tick % {late}]' if late else force}{given};")
+            pushed += [f"        asked[tick % {late}] = {force};"] * bool(late)
         for i, (name, terms) in enumerate(part.law.keeps.items(), len(moved)):
             moved.append(f"        next[{i}] = {sum_of(part, terms)};")
             after.append(f"        {own_names[f'{part.name}.{name}']} = next[{i}];")
@@ -386,6 +439,7 @@ def _host(own: Controller, members: Mapping[str, str], entry: str) -> dict[str, 
     shown = [*(f"in.{members[name]}" for name in own.inputs), *(f"out.{members[name]}" for name in own.outputs)]
     return {
         "host": "\n".join(f"    double {name} = 0.0;" for name in own_names.values()),
+        "amplifier_ticks": late,
         "size": len(moved),
         "header": ",".join(members.values()),
         "formats": ",%.17g" * len(shown),

@@ -39,6 +39,10 @@ int main(int argc, char **argv)
         int i, kept = 0;
 @end
         strtol(at, &at, 10); /* the number of the tick */
+@if steps
+        s.answered = (int)strtol(at + 1, &at, 10);
+        s.delay = (int)strtol(at + 1, &at, 10);
+@end
 @if late
         for (i = 0; i < WS_RESULTS; i++) {
             late[i] = strtol(at + 1, &at, 10);

@@ -27,10 +27,11 @@ static void meet(ws_state *s, double yields, double slows)
 $programs
 @if several
 /* The kind of each tick of the frame, and the program of each kind: for the sets of results in time, without contact and with. */
-static const unsigned char KIND[WS_FRAME] = {
+enum { PHASES = $phases };
+static const unsigned short KIND[] = {
     $kinds
 };
-static const unsigned char PROGRAM[] = {
+static const unsigned short PROGRAM[] = {
     $table
 };
 
@@ -39,10 +40,15 @@ static const unsigned char PROGRAM[] = {
 /* How many newer forces of the wall there are than that of the result which is shown, before the tick; -1: it is computed in
  * the tick, NONE: nothing is shown. TOLD: whether it tells the contact. */
 enum { GROUPS = $groups, NONE = -2 };
-static const short BEHIND[GROUPS][WS_FRAME] = {
+static const short BEHIND[GROUPS][$phases] = {
     $behind
 };
+@if tells
 static const unsigned char TOLD[GROUPS] = {$told};
+@end
+@if zero
+static const unsigned char ZERO[GROUPS] = {$zero_groups}; /* whether a message that is not there is zero */
+@end
 @if late
 static const int SIZE[GROUPS] = {$sizes};
 static const int COMPUTED[GROUPS][WS_SIGNALS] = {$computed};
@@ -50,10 +56,21 @@ static const int ARRIVED[GROUPS][WS_SIGNALS] = {$arrived};
 @end
 
 @end
+@if steps
+/* The number of a length of a frame in ticks, -1 of one that no frame has. */
+static const short LENGTH[WS_LONGEST + 1] = {
+    $length_of
+};
+
+@end
 void ws_init(ws_state *s)
 {
     static const ws_state rest = {0};
     *s = rest;
+@if steps
+    s->delay = $usual;
+    s->since = $before; /* as if a frame of the experiment had just ended */
+@end
 @if wall
     s->wall.K = $K;
     s->wall.B = $B;
@@ -81,10 +98,15 @@ void ws_receive(ws_state *s, const ws_result *result)
     if (result->number <= s->newest[g])
         return;
     s->newest[g] = result->number;
+@if zero
+    s->fresh[g] = 1;
+@end
     for (i = 0; i < SIZE[g]; i++)
         s->z[ARRIVED[g][i]] = result->value[i];
+@if tells
     if (TOLD[g])
         s->touching = result->touched;
+@end
 }
 @end
 @if tells
@@ -102,6 +124,9 @@ ws_outputs ws_fast_tick(ws_state *s, ws_inputs in)
 {
     double *const z = s->z;
     ws_outputs out;
+@if several
+    unsigned int at;
+@end
 @if results
     unsigned int in_time = 0;
     int g;
@@ -109,13 +134,50 @@ ws_outputs ws_fast_tick(ws_state *s, ws_inputs in)
     const uint64_t before = s->computed;
 @end
 @end
+@if steps
+    int begins = 0;
+    if (s->answered && (s->since > WS_LONGEST || LENGTH[s->since] >= 0)) {
+        begins = 1;
+        s->overlong += s->since > WS_LONGEST;
+        s->length = LENGTH[s->since > WS_LONGEST ? WS_LONGEST : s->since];
+        s->since = 0;
+        s->answered = 0;
+    }
+@if late
+    for (g = 0; g < GROUPS; g++) {
+        if (s->wait[g] > 0 ? --s->wait[g] == 0 : (s->wait[g] == WS_NEXT && begins)) {
+            s->wait[g] = 0;
+            ws_receive(s, &s->sent[g]);
+        }
+    }
+@else
+    (void)begins;
+@end
+@end
+@if several
+@if steps
+    at = s->since < PHASES - 1 ? s->since : PHASES - 1;
+@else
+    at = s->phase;
+@end
+@end
 $given
 @if results
     for (g = 0; g < GROUPS; g++) {
-        const int behind = BEHIND[g][s->phase];
+        const int behind = BEHIND[g][at];
 @if late
+@if zero
+        if (ZERO[g] && behind != NONE && s->late[g] && !s->fresh[g])
+            z[ARRIVED[g][0]] = 0.0;
+        s->fresh[g] = 0;
+@end
+@if steps
+        if (behind == NONE || s->late[g] || s->delay != 0)
+            continue;
+@else
         if (behind == NONE || s->late[g])
             continue;
+@end
         in_time |= 1u << g;
 @else
         if (behind == NONE)
@@ -128,7 +190,11 @@ $given
     }
 @end
 @if several
-    switch (PROGRAM[(unsigned int)KIND[s->phase] * $sets$place]) {
+@if steps
+    switch (PROGRAM[(unsigned int)KIND[(unsigned int)s->length * PHASES + at] * $sets$place]) {
+@else
+    switch (PROGRAM[(unsigned int)KIND[at] * $sets$place]) {
+@end
 $cases
     }
 @else
@@ -136,7 +202,7 @@ $cases
 @end
 @if results
     for (g = 0; g < GROUPS; g++) {
-        const int behind = BEHIND[g][s->phase];
+        const int behind = BEHIND[g][at];
         int touched = 1;
         if (behind == NONE)
             continue;
@@ -156,6 +222,11 @@ $cases
                 s->late[g] = 0;
                 continue;
             }
+@if steps
+            s->wait[g] = s->delay;
+            if (s->delay != 0)
+                continue;
+@end
             s->newest[g] = sent->number;
         }
 @end
@@ -170,6 +241,10 @@ $cases
 @end
 @end
 $taken
+@if steps
+    s->since += s->since <= WS_LONGEST;
+@else
     s->phase = s->phase + 1 == WS_FRAME ? 0 : s->phase + 1;
+@end
     return out;
 }

@@ -14,9 +14,25 @@
  * The device is the host's: $plants. Its outputs go in, and what acts on it comes out, to be held over the tick:
  *
  *   ws_init(&s);                     once, at rest
+@if steps
+ *   s.answered = 1;                  when the engine has answered: the slow blocks run in the next tick, $nominal
+ *   out = ws_fast_tick(&s, in);      every $tick_ms ms
+ *
+ * The ticks from one slow step to the next are one of these:
+ *   $lengths
+ * An answer between two of these waits for the next; one after the longest steps at once, over the longest, and counts in
+ * s.overlong: nothing was computed about such a frame. The results of a step are in place s.delay ticks after it, or, with
+ * WS_NEXT, with the next step; s.delay is the spec's, and may be changed before a step, up to the shortest frame.
+ *
+ * Outputs leave out forces from outside, as the hand's.
+@else
  *   out = ws_fast_tick(&s, in);      every $tick_ms ms, the slow blocks in their ticks among them
  *
  * The frame, after which all blocks are in step again, has $frame ticks. Outputs leave out forces from outside, as the hand's.
+@end
+@if amplifier
+ * The amplifier's delay of $amplifier_ticks ticks is the device's: out is what it is asked for.
+@end
 @if wall
  * s.wall may be changed before any tick.
 @end
@@ -49,7 +65,12 @@ extern "C" {
 
 #define WS_FAST_HZ $fast_hz /* $fast_hz_text Hz */
 #define WS_T $T       /* s, the period of the tick */
+@if steps
+#define WS_LONGEST $longest   /* ticks, at most, from one slow step to the next */
+#define WS_NEXT (-1)     /* s.delay of results that are in place with the next slow step */
+@else
 #define WS_FRAME $frame     /* ticks in a frame */
+@end
 
 /* The numbers of the controller: ports, states, and numbers in between, by the names that the spec has for blocks and ports. */
 enum {
@@ -104,6 +125,9 @@ typedef struct {
     int late[WS_RESULTS]; /* the host's: 1 if this group's result is not there in the next tick */
     ws_result sent[WS_RESULTS];
     uint64_t newest[WS_RESULTS];
+@if zero
+    unsigned char fresh[WS_RESULTS]; /* whether a message has arrived since the last tick */
+@end
 @end
 @if tells
     uint64_t computed; /* forces of the wall so far */
@@ -113,7 +137,18 @@ typedef struct {
     ws_gains gains;  /* the host's; ws_tune(&s) after a change */
     double c[$coefficients];
 @end
+@if steps
+    int answered;    /* the host's: 1 if the engine has answered; 0 again once the step is taken */
+    int delay;       /* the host's: ticks until the results of the next step are in place, or WS_NEXT */
+    uint32_t overlong; /* steps later than WS_LONGEST ticks after the one before */
+    uint32_t since;  /* ticks since the last step */
+    int length;      /* number of the length of the frame before it */
+@if late
+    int wait[WS_RESULTS]; /* ticks until a result is in place, WS_NEXT, or 0 */
+@end
+@else
     uint32_t phase;  /* of the next tick in its frame */
+@end
     double z[WS_PLACES];
 } ws_state;
 

@@ -13,12 +13,27 @@ $host
     double next[$size];
     const double given = 1.0;
     long tick;
+@if amplifier
+    static double asked[$amplifier_ticks]; /* what the amplifier exerts so many ticks later */
+@end
+@if steps
+    static const long FRAMES[] = {
+        $pattern
+    }; /* ticks that the engine takes for its answers */
+    long due = 0, answers = 0;
+@end
     ws_init(&s);
     printf("time_s,$header\n");
     for (tick = 0; tick < (long)(2 * WS_FAST_HZ); tick++) {
         ws_inputs in;
         ws_outputs out;
 $sensed
+@if steps
+        if (tick == due) {
+            s.answered = 1;
+            due += FRAMES[answers++ % $pattern_count];
+        }
+@end
         out = ws_fast_tick(&s, in);
         printf("%.17g$formats\n", (double)tick * WS_T, $printed);
         /* the device, exact for inputs held over the tick */
