@@ -11,7 +11,6 @@ from wavesweep.core.drawing.expressions import names_in, value_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.spec import Spec
-from wavesweep.for_all.keys import values_of_range
 from wavesweep.simulation.from_spec import effects_of, frames_of
 from wavesweep.simulation.march import SLOW_ALONE, March, refuse
 from wavesweep.simulation.parts import SEEN, Frames, Loop, loop_of
@@ -68,10 +67,11 @@ def steps_of(spec: Spec) -> Steps | None:
 
 def _lengths(spec: Spec, axis) -> set[int]:
     """The ticks in a frame at all values of a number that varies; none if it sets no frame."""
+    values = axis.values or range(int(axis.start), int(axis.stop) + 1)
     if spec.drawing is None:
-        return set(values_of_range(axis)) if axis.path == RATIO else set()
+        return set(values) if axis.path == RATIO else set()
     every = [block.every for block in spec.drawing.blocks if any(names_in(block.every))]
-    known = (scalars({**spec.values, axis.path: value}) for value in values_of_range(axis))
+    known = (scalars({**spec.values, axis.path: value}) for value in values)
     return {int(value_of(tree, numbers)) for numbers in known for tree in every}
 
 
