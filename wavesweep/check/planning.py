@@ -15,7 +15,7 @@ from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.loops.page import steps_of
 from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.estimates import expected_bytes, expected_seconds
+from wavesweep.core.sweep.estimates import duration, expected_bytes, expected_seconds, short
 from wavesweep.core.sweep.grid import Loops, make_grid, own_loop
 from wavesweep.core.sweep.workers import choose
 from wavesweep.passive.job import jobs_of, not_computed
@@ -96,17 +96,7 @@ def _advice(jobs):
 
 
 def _size(count):
-    return f"{_short(count / 1e6)} MB" if count < 1e9 else f"{_short(count / 1e9)} GB"
-
-
-def duration(seconds: float) -> str:
-    """Seconds, or minutes, in words."""
-    return f"{_short(seconds)} s" if seconds < 100 else f"{_short(seconds / 60)} min"
-
-
-def _short(number):
-    """A number with two digits, or as a whole one."""
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+    return f"{short(count / 1e6)} MB" if count < 1e9 else f"{short(count / 1e9)} GB"
 
 
 def _bode_lines(spec, estimated):

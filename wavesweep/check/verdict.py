@@ -5,9 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.check.hardware import hardware_of
 from wavesweep.core.analyses.assumptions import assumes
 from wavesweep.core.analyses.feel import felt_at_rest
+from wavesweep.core.analyses.hardware import hardware_of
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.analyses.intervals import Way, cost_of, job_over, searches_of
 from wavesweep.core.analyses.lines import lines_in_loops

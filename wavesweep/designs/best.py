@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.check.hardware import GIVEN
+from wavesweep.core.analyses.hardware import GIVEN
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.reading.keys import BAND_EDGES
 from wavesweep.core.results.folder import BEST, HEADER

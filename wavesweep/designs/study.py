@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.check.planning import duration
 from wavesweep.core.analyses.loops import held_loop
 from wavesweep.core.energy.held_loop import HAND as OPERATOR
 from wavesweep.core.errors import SpecError, UsageError, WavesweepError
 from wavesweep.core.spec import Spec
 from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.spec.studies import K_VE_SPAN
+from wavesweep.core.sweep.estimates import duration
 from wavesweep.core.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.core.sweep.job import Chunks, Job, Kind
 from wavesweep.core.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable

@@ -6,7 +6,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.check.hardware import peaks_of
+from wavesweep.core.analyses.hardware import peaks_of
 from wavesweep.core.analyses.intervals import at_points
 from wavesweep.core.analyses.loops import felt_of, held_loop, radii_of, responses_of, telling_frames
 from wavesweep.core.columns import Rows

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.columns import Columns
+from wavesweep.core.plots.sampling import extremes
 from wavesweep.core.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
 from wavesweep.core.plots.words import as_it_stands
-from wavesweep.simulation.figure import extremes
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.core.csv_files import SHOWN, read_csv
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import nearest
 from wavesweep.core.reading.reading import read_bytes
-from wavesweep.identification.csv_files import SHOWN, read_csv
 
 if TYPE_CHECKING:
     from wavesweep.core.spec import Spec

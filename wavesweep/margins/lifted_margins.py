@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.core.energy.hinf import SOFT, START
-from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps, reached, read
+from wavesweep.core.energy.lifted_map import TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
 from wavesweep.core.monodromy.circle import on_circle, solve
 from wavesweep.core.monodromy.drift import TickDrift, errors_of_closed, filled, without_drift
 from wavesweep.core.monodromy.open_ticks import OpenTicks
@@ -23,7 +23,6 @@ from wavesweep.core.stability.along_any import stable_along_any
 from wavesweep.core.stability.certificate import FAST, NONE, SEARCH
 from wavesweep.core.stability.frames import Frames
 from wavesweep.margins.loop_margins import BESIDE, SPANS, BrokenLoop, Margin, disk_margins, limited_or_not, scalar_margins
-from wavesweep.passive.channel import TOLERANCE, peak_of
 
 EXACT = 2e-9  # relative error of an end of `stable_along_any`
 GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
@@ -178,7 +177,7 @@ def _peaks(loop) -> Iterator[Margin]:
     disk, theta, doubt = _disk(loop)
     yield from disk_margins(disk, theta / loop.period, GAP, doubt)
     for name, less in (("sensitivity", 0.0), ("complementary", 1.0)):
-        peak = peak_of(loop.sensitivity(less).in_even_units())
+        peak = squared_norm(loop.sensitivity(less).in_even_units())
         value, omega = float(np.sqrt(peak.value[0])), float(peak.theta[0]) / loop.period
         yield Margin(name, value, omega, TOLERANCE, NONE if peak.certified[0] else SEARCH)
 

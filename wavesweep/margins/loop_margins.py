@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.energy.hinf import SOFT, START, angles, with_middles
-from wavesweep.core.energy.lifted_map import TickMaps
+from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
 from wavesweep.core.monodromy.circle import on_circle, solve
 from wavesweep.core.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
 from wavesweep.core.stability.boundary import K_VE
 from wavesweep.core.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
 from wavesweep.core.stability.stable import stable_intervals
-from wavesweep.passive.channel import TOLERANCE, peak_of
 
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
@@ -212,7 +211,7 @@ def _phases(loop) -> Iterator[Margin]:
 
 def _peaks(loop) -> Iterator[Margin]:
     for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
-        peak = peak_of(loop.sensitivity(less))
+        peak = squared_norm(loop.sensitivity(less))
         theta, size = float(peak.theta[0]), float(np.sqrt(peak.value[0]))
         beside = max(theta, BESIDE)  # an integrator has no response at 0
         S = 1 / (1 + complex(loop.response(beside)))

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
+from wavesweep.core.plots.sampling import extremes
 from wavesweep.core.plots.style import GRID, Look, distinct_colour
 from wavesweep.core.response.step import BAND, Step
-from wavesweep.simulation.figure import extremes
 
 FEW = 60  # samples, up to which each has a dot
 MARK = "0.2"

@@ -7,15 +7,13 @@ import numpy as np
 
 from wavesweep.core.drawing.drawing import Drawing, path_of
 from wavesweep.core.drawing.expressions import names_in
-from wavesweep.core.energy.hinf import Peak, angles, peak_by_levels
-from wavesweep.core.energy.lifted_map import TickMaps, reached, read
+from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, reached, read, squared_norm
 from wavesweep.core.loops.block import Block
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.from_drawing import assembled
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.core.monodromy.periodic import ticks_of
 
-TOLERANCE = 1e-10  # relative, of the norm
 ENDS = (
     "wave",
     "avatar",
@@ -163,8 +161,8 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
 
 def norm_of(channel: Channel) -> ChannelNorm:
     """`channel_norm` of a channel."""
-    peaks = [peak_of(way) for way in (channel.outward, channel.inward)]
-    whole = peak_of(channel.whole) if channel.joined else None
+    peaks = [squared_norm(way) for way in (channel.outward, channel.inward)]
+    whole = squared_norm(channel.whole) if channel.joined else None
     batch, frame = channel.frame.shape, channel.frame
     sides = [part for side in peaks for part in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
     certified = np.logical_and.reduce([each.certified for each in ([whole] if whole else peaks)]).reshape(batch)
@@ -173,17 +171,6 @@ def norm_of(channel: Channel) -> ChannelNorm:
     if whole:
         norm, omega = np.sqrt(whole.value).reshape(batch), whole.theta.reshape(batch) / frame
     return ChannelNorm(norm, omega, *sides, certified)
-
-
-def peak_of(way: TickMaps) -> Peak:
-    """The square of the norm of a direction; half of the tolerance is left for rounding."""
-    lifted = way.lifted(measured=False)
-    return peak_by_levels(
-        lambda owner, theta, _: lifted.largest_square(owner, theta),
-        lambda owner, square: angles(way.loss_pencil(owner, square)),
-        way.loops,
-        lambda _, square: TOLERANCE * square,
-    )
 
 
 ORDERS = tuple(range(1, 9))

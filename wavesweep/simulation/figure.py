@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.columns import Columns, complex_columns
+from wavesweep.core.plots.sampling import POINTS_OF_A_LINE, extremes
 from wavesweep.core.plots.style import (
     GRID,
     IDEAL,
@@ -25,7 +26,6 @@ from wavesweep.core.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.core.tables.columns import signals_of
 from wavesweep.core.tables.regions import spec_of
 
-_MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
 _LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
@@ -154,24 +154,11 @@ def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str
     times, values, style = columns["time_s"], columns[name] * (1e3 if name in ("x", "x_s") else 1), {}
     if np.isnan(values).all():
         return
-    if held and 1 < len(values) <= _MOST_POINTS:  # the last value is held for a tick as well
+    if held and 1 < len(values) <= POINTS_OF_A_LINE:  # the last value is held for a tick as well
         times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
         style = {"drawstyle": "steps-post"}
     dashes = LINES[len(axes.get_lines()) % len(LINES)]
     axes.plot(*extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
-
-
-def extremes(times: np.ndarray, values: np.ndarray, most: int = _MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
-    size = -(-len(values) // (most // 2))
-    if size <= 2:
-        return times, values
-    whole = len(values) // size * size
-    blocks = values[:whole].reshape(-1, size)
-    ends = np.sort(np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1), axis=1)
-    kept = (ends + size * np.arange(len(blocks))[:, None]).ravel()
-    kept = np.append(kept, np.arange(whole, len(values)))
-    return times[kept], values[kept]
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:

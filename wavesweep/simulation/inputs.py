@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.core.arguments import real_numbers
+from wavesweep.core.csv_files import read_csv
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import apart
-from wavesweep.identification.csv_files import read_csv
 from wavesweep.simulation.keys import MOST_TICKS
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row

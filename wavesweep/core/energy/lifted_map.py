@@ -5,7 +5,7 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.core.energy.hinf import Element, then, tick
+from wavesweep.core.energy.hinf import Element, Peak, angles, peak_by_levels, then, tick
 from wavesweep.core.monodromy.circle import on_circle, solve
 from wavesweep.core.monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.core.monodromy.rounding import balance, measured_frame
@@ -189,3 +189,17 @@ class LiftedMap:
             good = np.isfinite(H).all((-1, -2))
             found[part][good] = measure(H[good])
         return found
+
+
+TOLERANCE = 1e-10  # relative, of a norm
+
+
+def squared_norm(way: TickMaps) -> Peak:
+    """The peak of the square of the H-infinity norm of a lifted map; half of TOLERANCE is left for rounding."""
+    lifted = way.lifted(measured=False)
+    return peak_by_levels(
+        lambda owner, theta, _: lifted.largest_square(owner, theta),
+        lambda owner, square: angles(way.loss_pencil(owner, square)),
+        way.loops,
+        lambda _, square: TOLERANCE * square,
+    )

@@ -99,3 +99,19 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
     roles = {x: evenly(several, x, MOST_POINTS)} | lines | middle
     said = what_is_shown((name, few, several[name]) for name, few in roles.items())
     return rows_where(blocks, lambda block: having(block, roles)), roles, said
+
+
+POINTS_OF_A_LINE = 1600  # more than it has pixels along
+
+
+def extremes(times: np.ndarray, values: np.ndarray, most: int = POINTS_OF_A_LINE) -> tuple[np.ndarray, np.ndarray]:
+    """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
+    size = -(-len(values) // (most // 2))
+    if size <= 2:
+        return times, values
+    whole = len(values) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    ends = np.sort(np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1), axis=1)
+    kept = (ends + size * np.arange(len(blocks))[:, None]).ravel()
+    kept = np.append(kept, np.arange(whole, len(values)))
+    return times[kept], values[kept]

@@ -77,3 +77,13 @@ def _samples(job):
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
     return small, [small.chunks[number] for number in numbers]
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or minutes, in words."""
+    return f"{short(seconds)} s" if seconds < 100 else f"{short(seconds / 60)} min"
+
+
+def short(number):
+    """A number with two digits, or as a whole one."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"

@@ -16,7 +16,7 @@ from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import Loops, own_loop
 
 if TYPE_CHECKING:
-    from wavesweep.check.peak import Peak
+    from wavesweep.core.response.peak import Peak
 
 GIVEN = ("resolution", "friction", "max_force")  # keys of [simulate]
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
@@ -40,7 +40,7 @@ def peak_of_encoder(loop: Loops) -> Peak | None:
 
     None without a device that the hand holds and a force against it, and as for `peak_of`.
     """
-    from wavesweep.check.peak import peak_of
+    from wavesweep.core.response.peak import peak_of
 
     device = device_of(loop.drawing)
     if device is None or loop.drawing.hand[2] is None:
