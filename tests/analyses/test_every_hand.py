@@ -5,11 +5,14 @@ import pytest
 from support.held import damping_needed
 from support.specs import values_of
 
+from wavesweep.check.verdict import verdict
+from wavesweep.check.verdict_lines import verdict_lines
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals, rows_again
 from wavesweep.passive.every_hand import damping
 from wavesweep.passive.hands import hands_of
+from wavesweep.passive.proof import EveryHand
 
 VARYING = {"rates.ratio": {"values": [4, 6], "varying": True}}
 DRAWN = {
@@ -117,6 +120,23 @@ def test_a_delay_in_ticks_is_not_that_of_a_frame_though_it_is_as_long_as_the_spe
 LOG = {"type": "ss", "discrete": True, "A": [["a"]], "B": [[1]], "C": [[1]], "inputs": ["u"], "outputs": ["y"]}
 
 
+def with_log(every, force, log, a, spring):
+    """A mass on a held spring k, with a block `log` of one state, and a spring of its own."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 50.0, "a": a, "s": spring} | ({"n": 4} if every == "n" else {}),
+        "block": {
+            "m": {"type": "mass", "mass": 0.1, "damping": 5.0, "stiffness": "s"},
+            "h": {"type": "hold", "every": every},
+            "log": LOG,
+        },
+        "wire": {"h.u": "m.x", "m.f": force, "log.u": log},
+        "ports": {"hand": {"force": "push", "displacement": "m.x"}},
+        "sweep": {"along": "k", "k": {"start": -100, "stop": 400}},
+    }
+    return load(tables | ({"for_all": {"n": {"values": [2, 4], "varying": True}}} if every == "n" else {}))
+
+
 @pytest.mark.parametrize("every", [4, "n"])
 @pytest.mark.parametrize(
     ("force", "log", "a", "spring", "proved"),
@@ -132,24 +152,21 @@ LOG = {"type": "ss", "discrete": True, "A": [["a"]], "B": [[1]], "C": [[1]], "in
 )
 def test_a_device_without_a_hand_has_one_that_is_passive(every, force, log, a, spring, proved):
     """What is unstable by itself is so with some passive hand: blocks that the hand does not meet, springs that push away."""
-    tables = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"k": 50.0, "a": a, "s": spring} | ({"n": 4} if every == "n" else {}),
-        "block": {
-            "m": {"type": "mass", "mass": 0.1, "damping": 5.0, "stiffness": "s"},
-            "h": {"type": "hold", "every": every},
-            "log": LOG,
-        },
-        "wire": {"h.u": "m.x", "m.f": force, "log.u": log},
-        "ports": {"hand": {"force": "push", "displacement": "m.x"}},
-        "sweep": {"along": "k", "k": {"start": -100, "stop": 400}},
-    }
-    spec = load(tables | ({"for_all": {"n": {"values": [2, 4], "varying": True}}} if every == "n" else {}))
-    rows = passive(spec)
+    rows = passive(with_log(every, force, log, a, spring))
     assert rows["intervals"] == [bool(proved)]
     if proved:
         assert (rows["low"][0], rows["high"][0]) == pytest.approx(proved, abs=1e-3)
         assert rows["certified"] == [True]
+
+
+def test_what_contradicts_the_device_alone_is_in_doubt_and_asks_to_be_reported(monkeypatch):
+    monkeypatch.setattr(EveryHand, "pulls", lambda *_: False)  # a proof that forgets the springs that push away
+    spec = with_log("n", "push - k*h.y", "m.x", 0.5, -60)
+    rows = passive(spec)
+    assert (rows["certified"], rows["doubt"]) == ([False], ["contradiction"])
+    found = damping(spec)
+    assert (found["needed"], found["doubt"]) == (None, "contradiction")
+    assert any("please report it" in line for _, line in verdict_lines(spec, verdict(spec)))
 
 
 @pytest.mark.parametrize(

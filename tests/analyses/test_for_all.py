@@ -1,5 +1,6 @@
 """[for_all]: what is proved for all values of numbers that are not known, and what refutes more."""
 
+from dataclasses import replace
 from functools import reduce
 from itertools import product
 
@@ -16,6 +17,7 @@ from wavesweep.core.sweep.grid import distinct, loops_of
 from wavesweep.core.tables import kind_named
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import rows as for_all_module
+from wavesweep.for_all.frames import Slow
 from wavesweep.for_all.rows import text_of_part
 from wavesweep.for_all.unknown import Part
 
@@ -188,6 +190,23 @@ def test_every_may_be_any_expression_of_the_number_that_varies(every, more, long
     assert row["high"] < 200 / longest < row["fails_from"] < 200 / longest * 1.01
     assert row["high"] > 200 / longest * 0.99
     assert row["counterexample"] == f"frames {longest}"
+
+
+def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_reported(monkeypatch):
+    """Frames that are planned half as long as they are, are told from the loops at constant frames."""
+    own = Slow.of
+    monkeypatch.setattr(Slow, "of", lambda *about: replace(own(*about), lengths=(1, 2, 3)))
+    numbers, integrator = {"K": 45.0, "n": 2}, {"type": "integrator", "method": "explicit"}
+    blocks, wires = {"p": integrator, "h": {"type": "hold", "every": "2*n"}}, {"h.u": "p.y", "p.u": "-10*K*h.y"}
+    loop = {"rates": {"tick_hz": 1000}, "numbers": numbers, "block": blocks, "wire": wires}
+    loop |= {"sweep": {"along": "K", "K": {"start": 0, "stop": 100}}}
+    varying = {"n": {"values": [1, 2, 3], "varying": True}}
+    _, (row,) = for_all(loop, **varying)
+    assert row["high"] > 60
+    assert (row["certified"], row["settled"], row["doubt"]) == (False, False, "contradiction")
+    said = wavesweep.verdict(loop | {"for_all": varying})["for_all"]
+    assert (said["verdict"], said["doubt"]) == ("unknown", "contradiction")
+    assert "please report it" in for_all_module.in_words(said)
 
 
 def test_what_cannot_be_planned_is_said_with_its_line(tmp_path):

@@ -72,10 +72,14 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 
 def _every_hand(found: Facts) -> str:
     """What every passive hand needs of the device's damping while frames vary."""
+    from wavesweep.for_all.rows import CONTRADICTED
+
     needed, device = found["needed"], found["device"]
     enough = "no damping is proved to suffice" if needed is None else f"{needed:.4g} N*s/m of damping suffice"
     safe = needed is not None and needed <= device
     refuted = found["refuted"] is not None and found["refuted"] > device
+    if found.get("doubt"):
+        return f"for every passive hand, whatever the frames do: {CONTRADICTED}"
     verdict = "stable" if safe else f"not stable with {found['by']}" if refuted else "not known"
     return f"for every passive hand, whatever the frames do: {verdict}; {enough}, the device has {device:.4g}"
 

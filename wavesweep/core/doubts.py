@@ -51,12 +51,16 @@ DOUBTS: Mapping[str, Doubt] = MappingProxyType(
             "the open loop's gain is not below 1 at half the rate of its frame, so that no delay follows from its phase",
             "Judge the delay by a dead time: add a block of type delay with seconds, and sweep these with stability-region.",
         ),
+        "contradiction": Doubt(
+            "what is proved for a set contradicts the exact intervals of one of its members, so one of the two is wrong",
+            "This is a fault of wavesweep: please report it, with the spec. Rely on neither row before it is mended.",
+        ),
     }
 )
 """The most severe last; tables show the most severe of a slice."""
-OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow")
+OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow", "contradiction")
 OF_RESPONSES = ("rounding", "overflow", "unstable")
 OF_DERIVATIVES = (*OF_INTERVALS, "defective")
 OF_MARGINS = (*OF_INTERVALS, "fast")
-INCOMPLETE = ("counts", "crowded", "search", "overflow")
+INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
 """If a row has one of these, part of its range may be neither known to be stable nor known to be unstable."""

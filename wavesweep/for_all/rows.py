@@ -14,11 +14,12 @@ from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.dead_time import timing
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.studies import K_VE_SPAN
-from wavesweep.core.stability.certificate import NONE, SEARCH
+from wavesweep.core.stability.certificate import CONTRADICTION, NONE, SEARCH
 from wavesweep.core.sweep.grid import Loops, loops_of, own_loop
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average
+from wavesweep.for_all.members import agree, members, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
     Rules,
@@ -38,6 +39,9 @@ SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 
 QUICK = 3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
 NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
+CONTRADICTED = (
+    "not known, the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
+)
 OF_KINDS = {  # what a verdict is about, and its words
     "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
     "messages": ("for every pattern of messages", "stable", "not stable with {}"),
@@ -136,7 +140,9 @@ def _has_parts(spec: Spec, axis: Axis) -> bool:
 def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
     """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
     loop = _Loop(rules, along, span, loop)
-    return recorded(loop.varying() if rules.vary else loop.intervals(), loop.certified)
+    rows = loop.varying() if rules.vary else loop.intervals()
+    agreed = all(agree(members(rules, case), along, span, rows) for case in loop.cases)
+    return recorded(rows, loop.certified, agreed=agreed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +295,8 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
 def in_words(found: Mapping[str, str]) -> str:
     """What a verdict says."""
     about, stable, unstable = OF_KINDS[found["kind"]]
-    words = {"proved": f"proved {stable}", "unknown": "not known: no counterexample found, and no proof"}
+    unknown = CONTRADICTED if found.get("doubt") else "not known: no counterexample found, and no proof"
+    words = {"proved": f"proved {stable}", "unknown": unknown}
     return f"{about}: {words.get(found['verdict'], unstable.format(found['counterexample']))}"
 
 
@@ -326,7 +333,10 @@ def _verdict(spec, rules):
         if numbers is not None:
             return {"verdict": "refuted", "counterexample": numbers_in_words(numbers)}
         known &= found is None or not len(found.open)
-    return {"verdict": "proved" if known else "unknown", "counterexample": ""}
+    found = {"verdict": "proved" if known else "unknown", "counterexample": ""}
+    if known and any(unstable(members(rules, case)) for case in loop.cases):
+        return found | {"verdict": "unknown", "doubt": "contradiction"}
+    return found
 
 
 def _decided(spec, rules, number, case):
@@ -358,8 +368,8 @@ def _decided(spec, rules, number, case):
     return said, pattern
 
 
-def recorded(rows: Sequence[Row], certified: bool) -> np.ndarray:
-    """Return the rows as records of FOR_ALL_RECORD."""
+def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool) -> np.ndarray:
+    """Return the rows as records of FOR_ALL_RECORD; agreed: whether no member of what they are about contradicts them."""
     records = np.zeros(max(1, len(rows)), FOR_ALL_RECORD)
     for name in FOR_ALL_RECORD.names:
         if FOR_ALL_RECORD[name].kind == "f":
@@ -375,4 +385,6 @@ def recorded(rows: Sequence[Row], certified: bool) -> np.ndarray:
         records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega
         records["settled"][number], records["counterexample"][number] = row.settled, row.text
         records["left_open"][number] = row.left_open
+    if not agreed:
+        records["certified"], records["settled"], records["doubt"] = False, False, CONTRADICTION
     return records

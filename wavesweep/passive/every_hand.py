@@ -20,6 +20,7 @@ from wavesweep.core.loops.from_drawing import scalar_place
 from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import Loops, own_loop
 from wavesweep.for_all.joint import PROVED, decide
+from wavesweep.for_all.members import agree, members, unstable
 from wavesweep.for_all.rows import (
     FOR_ALL_RECORD,
     Row,
@@ -34,6 +35,7 @@ from wavesweep.for_all.varying import Rules, placed, text_of
 from wavesweep.passive.any_hand import reads_velocity
 from wavesweep.passive.channel import has_waves
 
+FREE = dict.fromkeys(HAND, 0.0)
 STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for
 CLOSE = 1e-5  # of an end, or of the range, how near the last value on its other side is
 LARGE = 1e9  # N*s/m: more than anything is short of
@@ -55,9 +57,12 @@ class EveryHandGuarantee:
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""
-        rows = [_row(_Margin(self.rules, case, along), case, span) for case in cases_of(self.rules, along, span, loop)]
-        row = None if None in rows else all_of(rows)
-        return recorded([row] if row and row.low < row.high else [], True)
+        cases = cases_of(self.rules, along, span, loop)
+        found = [_row(_Margin(self.rules, case, along), case, span) for case in cases]
+        row = None if None in found else all_of(found)
+        rows = [row] if row and row.low < row.high else []
+        agreed = all(agree(members(self.rules, case, FREE), along, span, rows) for case in cases)
+        return recorded(rows, True, agreed=agreed)
 
 
 def refuse(spec: Spec, rules: Rules, along: str) -> None:
@@ -115,7 +120,10 @@ def damping(spec: Spec) -> dict[str, object] | None:
     _, needed, has = max(found, key=lambda each: each[1].proved - each[2])
     margin, worst, _ = max(found, key=lambda each: each[1].refuted - each[2])
     numbers = {"needed": needed.proved, "refuted": worst.refuted, "device": has}
-    return {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {"by": margin.text(worst)}
+    facts = {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {"by": margin.text(worst)}
+    if needed.proved <= has and any(unstable(members(rules, each.case, FREE)) for each in margins):
+        return facts | {"needed": None, "doubt": "contradiction"}
+    return facts
 
 
 class _Margin:
@@ -125,7 +133,7 @@ class _Margin:
         from wavesweep.passive.proof import with_ruler
 
         self.case, self.along, self.known, self.unmet = case, along, {}, None
-        self.plan = rules.plan({**case.values, **dict.fromkeys(HAND, 0.0)}, (along,) if along else ())
+        self.plan = rules.plan({**case.values, **FREE}, (along,) if along else ())
         self.loop = HeldLoop(self.plan.drawing, self.plan.values)
         self.ruled = with_ruler(self.plan.drawing)
         block = next(block for block in self.plan.drawing.blocks if block.name == device_of(self.plan.drawing))

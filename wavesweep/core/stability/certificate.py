@@ -5,7 +5,7 @@ from wavesweep.core.doubts import DOUBTS
 FELT_ALIKE = 1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
 SPARED = 1e-6  # relative error of a response up to which a row has no doubt
 
-NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE, FAST = range(len(DOUBTS))
+NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE, FAST, CONTRADICTION = range(len(DOUBTS))
 
 
 def words(codes):

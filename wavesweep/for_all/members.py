@@ -1,0 +1,67 @@
+"""Members of what a claim is about: loops at constant frames, whose exact intervals a row for all of them has to lie within.
+
+They are computed by the way of constant rates, which shares neither the plan of frames nor the proofs: a contradiction is a
+fault of the one or of the other.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from wavesweep.core.analyses.interval_search import Search
+from wavesweep.core.analyses.loops import radii_of
+from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.sweep.grid import Loops
+from wavesweep.for_all.frames import DELAY, RATIO
+from wavesweep.for_all.keys import values_of_range
+from wavesweep.for_all.unknown import Case
+from wavesweep.for_all.varying import Rules
+
+MOST = 6  # values of each number that varies, its ends among them
+ROUNDING = 1e-6  # of an end, or of a radius: no contradiction
+
+
+def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None) -> list[Loops]:
+    """Return loops of a case at constant frames; changes: other numbers of all, such as those of no hand.
+
+    Unknown numbers have the spec's own values, or the nearest of their ranges. None where constant frames are not among what
+    is claimed: with messages lost at random, or a step that is not the time of a frame.
+    """
+    values = {**case.values, **(changes or {})}
+    if rules.at_random:
+        return []
+    for axis in (each for each in case.ranges if each.path not in (changes or {})):
+        values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
+    varied = [axis for axis in rules.for_all.changing if not rules.messages]
+    some = []
+    for axis in varied:
+        tried = values_of_range(axis)
+        some.append([tried[i] for i in sorted({*np.linspace(0, len(tried) - 1, MOST).astype(int).tolist()})])
+    found = []
+    for each in product(*some):
+        own = values | dict(zip((axis.path for axis in varied), each, strict=True))
+        frames_differ = any(own[axis.path] != values[axis.path] and axis.path != DELAY for axis in varied)
+        if frames_differ and not rules.elapsed:
+            continue
+        if rules.drawing is None and rules.with_frame:
+            own[DELAY] = own[RATIO]
+        found.append(Loops(rules.drawing or loop_drawing(own, (case.along,)), own))
+    return found
+
+
+def agree(loops: Sequence[Loops], along: str, span: tuple[float, float], rows: Sequence) -> bool:
+    """Return whether rows lie within the stable intervals of each loop, as far as these are certified."""
+    for loop in loops if rows else ():
+        records = Search(along, span, ((np.zeros(1, int), loop.read),), felt=False, checked=True).records()
+        stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
+        if records["certified"].all() and not all(
+            any(a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b) for a, b in stable) for row in rows
+        ):
+            return False
+    return True
+
+
+def unstable(loops: Sequence[Loops]) -> bool:
+    """Return whether one of the loops is unstable at its own values, beyond rounding."""
+    return any(bool((radii_of(loop.read) > 1 + ROUNDING).any()) for loop in loops)
