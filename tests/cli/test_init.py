@@ -126,7 +126,7 @@ def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_pa
     text = Path(f"{name}.toml").read_text()
     assert "sweeps/" not in text
     code, said, _ = wavesweep("check", f"{name}.toml", "--exit-code")
-    assert (code, "not proved" in said) == (0, False)
+    assert (code, "not certified" in said) == (0, False)
     for words in re.findall(r"^#     wavesweep (.*)$", text, re.MULTILINE):
         assert wavesweep(*words.split(), "-q")[0] == 0
     assert wavesweep("simulate", f"{name}.toml", "-q")[0] == 0

@@ -131,7 +131,7 @@ def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
     [
         (PD, {}, "may each of its numbers go?"),  # without an axis
         (PD, {"K": 4000.0}, "UNSTABLE"),
-        (DOUBT, {}, "Not all of this is proved."),
+        (DOUBT, {}, "Not all of this is certified."),
     ],
 )
 def test_loops_without_an_axis_unstable_and_in_doubt_have_a_report_that_says_so(spec, changes, said):

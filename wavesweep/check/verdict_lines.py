@@ -153,7 +153,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
     value = limit["value"]
     if limit["stable"] is None:
         return f"not known ({limit['doubt']})"
-    proved = "" if limit["certified"] else f", not proved ({limit['doubt']})"
+    proved = "" if limit["certified"] else f", not certified ({limit['doubt']})"
     if not limit["stable"]:
         spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"

@@ -22,14 +22,14 @@ INTERVALS, WHY, MARGINS = "Stable intervals", "What sets the limits", "Margins"
 RUN, RESPONSE = "Simulation", "Frequency response"
 KNOWN = {  # how the numbers of a section are known
     WHY: "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one.",
-    MARGINS: "Proved, to a relative 1e-6 or better, unless a line says that it is not certified.",
+    MARGINS: "Certified, to a relative 1e-6 or better, unless a line says that it is not certified.",
     RUN: "A run of the model, tick by tick from rest. It shows one experiment and proves nothing.",
     RESPONSE: "Computed in double precision with a bound on the error of every row; a doubt is named where there is one.",
 }
-PROVED = "Every value between the ends of an interval is stable, and every other value of the range is not."
+CERTIFIED = "Every value between the ends of an interval is stable, and every other value of the range is not."
 OWN = (
-    "Each number is changed alone, all others are kept. Ranges are proved unless a line says otherwise; eigenvalues, modes and "
-    "felt stiffnesses are computed in double precision."
+    "Each number is changed alone, all others are kept. Ranges are certified unless a line says otherwise; eigenvalues, modes "
+    "and felt stiffnesses are computed in double precision."
 )
 MODEL = (
     "The proof is about the linear loop of the spec with its numbers as they are written, sampled and held at exactly its "
@@ -87,11 +87,11 @@ def report(spec: Spec, asked: Request) -> str:
                 text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
-        own, proved = _own_lines(spec)
+        own, certified = _own_lines(spec)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
-    body += [*_answer(spec, found.get(INTERVALS), own[0], proved), *_counterexamples(spec, found.get(INTERVALS))]
+    body += [*_answer(spec, found.get(INTERVALS), own[0], certified), *_counterexamples(spec, found.get(INTERVALS))]
     body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(own)]
     for number, each in enumerate(found.values(), start=1):
         if each.title in KNOWN:
@@ -153,33 +153,33 @@ def _found(title: str, table: Table, command: str) -> Found:
 
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
-    """The verdict of `check` on the spec's own numbers, and whether they lie in a proved range, as then stability is proved."""
+    """The verdict of `check` on the spec's own numbers, and whether they lie in a certified range."""
     from wavesweep.check.verdict import verdict
     from wavesweep.check.verdict_lines import own_lines, verdict_lines
     from wavesweep.core.analyses.assumptions import over_preset, unusual
 
     found = verdict(spec)
     lines = (*own_lines(spec, found), *(line for _, line in verdict_lines(spec, found)), *unusual(spec), *over_preset(spec))
-    marked = [(line, any(word in line for word in ("not proved", "not known", "not stable", "UNSTABLE"))) for line in lines]
+    marked = [(line, any(word in line for word in ("not certified", "not known", "not stable", "UNSTABLE"))) for line in lines]
     return marked, any(each["stable"] and each["certified"] for each in found["limits"])
 
 
-def _answer(spec: Spec, intervals: Found | None, own: Line, proved: bool) -> Iterator[str]:
-    """The proved numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself.
+def _answer(spec: Spec, intervals: Found | None, own: Line, certified: bool) -> Iterator[str]:
+    """The certified numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself.
 
-    own: the first line of the verdict; proved: whether it is proved that the loop is stable with its own numbers.
+    own: the first line of the verdict; certified: whether it is that the loop is stable with its own numbers.
     """
     yield html.element("h2", "Answer")
     assumed = [MODEL, *([VARYING] if spec.for_all else [])]
     if intervals is None:
-        title = "Proved stable." if proved else "Computed in double precision, not proved."
+        title = "Certified stable." if certified else "Computed in double precision, not certified."
         yield html.verdict(not own[1], title, "The ranges of its numbers follow below.", [own])
     else:
         rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
         lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
         of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
-        how = "with its own numbers, proved" if proved else "with its own numbers, computed in double precision"
-        said = ("Not all of this is proved.", "") if doubtful else ("Proved.", PROVED * of_one)
+        how = "with its own numbers, certified" if certified else "with its own numbers, computed in double precision"
+        said = ("Not all of this is certified.", "") if doubtful else ("Certified.", CERTIFIED * of_one)
         yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
         yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
         yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
@@ -191,7 +191,7 @@ def _answer(spec: Spec, intervals: Found | None, own: Line, proved: bool) -> Ite
 
 
 def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
-    """What is unstable beyond the proved intervals."""
+    """What is unstable beyond the certified intervals."""
     if intervals and (rows := counterexamples(spec, intervals.table)):
         yield html.element("h2", "Refuted beyond")
         yield html.element("p", BEYOND, "small")

@@ -64,10 +64,10 @@ def element(name: str, text: str, kind: str = "") -> str:
     return f"<{opened}>{escape(text)}</{name}>"
 
 
-def verdict(proved: bool, title: str, text: str, lines: Iterable[tuple[str, bool]]) -> str:
-    """What stands out: whether it is proved in its first words, a sentence, and lines as in a listing."""
+def verdict(certified: bool, title: str, text: str, lines: Iterable[tuple[str, bool]]) -> str:
+    """What stands out: whether it is certified in its first words, a sentence, and lines as in a listing."""
     said = f"<p><strong>{escape(title)}</strong> {escape(text)}</p>"
-    return f'<div class="verdict{"" if proved else " doubt"}">\n{said}\n{listing(lines)}\n</div>'
+    return f'<div class="verdict{"" if certified else " doubt"}">\n{said}\n{listing(lines)}\n</div>'
 
 
 def listing(lines: Iterable[tuple[str, bool]]) -> str:

@@ -95,10 +95,11 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 
 
 def _proof(row: Columns) -> str:
-    """Whether a row is proved. Of hands only what is settled is."""
+    """Whether a row is certified, or proved by the checker of a guarantee. Of hands only what is settled is."""
     if row.get("hand") == "box":
         return "proved" if row["settled"] else "not proved: searched"
-    return "proved" if row["certified"] else f"not proved: {row['doubt']}"
+    word = "proved" if row.get("guarantee", "spec") != "spec" else "certified"
+    return word if row["certified"] else f"not {word}: {row['doubt']}"
 
 
 def counterexamples(spec: Spec, table: Table) -> list[list[str]]:

@@ -22,7 +22,8 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "admittance": "displacement of the device over the force of the hand (m/N), at the frequency of that force",
         "alias, image": "a frequency that a sampler cannot tell from another one",
         "avatar": "the point that represents the device in the slow environment",
-        "certified": "proved: no crossing was missed, and rounding cannot change the statement",
+        "certified": "verified in doubles within bounds on rounding, or in ball arithmetic: no crossing was missed, and no end "
+        "is off by more than its accuracy",
         "channel": "the wave line with its filters, samplers and holds, from the user's side to the environments and back",
         "channel norm": "the largest factor by which the channel can amplify waves; passive up to 1",
         "counterexample": "numbers, or a pattern of frames, with which a loop is unstable although it was to be stable for all",
@@ -45,6 +46,8 @@ TERMS: Mapping[str, str] = MappingProxyType(
         "open place": "a stretch of values that is neither known to be stable nor known to be unstable",
         "passive": "never gives out more energy than it took in",
         "port": "a place where power is exchanged, as force and velocity or as two waves",
+        "proved": "confirmed in ball arithmetic, as `verify --prove` does for certified rows; of a guarantee (for all numbers, "
+        "frames, messages or hands), confirmed by the checker of its proof",
         "prev": "in the wires of a drawn loop, `prev(BLOCK.PORT)` is a signal as it was before the tick: what a program "
         "reads that has not yet computed the new value",
         "settled": "proof and counterexample are so close together that the gap between them does not matter",
