@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.messages import marched, random_loop, spec_of
+from support.messages import marched, random_blocks, random_loop, spec_of, spec_of_blocks
 
 import wavesweep
 from wavesweep.core.errors import UsageError
@@ -10,6 +10,7 @@ from wavesweep.core.spec import load
 from wavesweep.for_all.joint import bracket, decide
 from wavesweep.for_all.messages import Sent, frames_with_messages
 from wavesweep.for_all.words import growth
+from wavesweep.simulation.from_spec import simulated
 
 PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
 
@@ -145,6 +146,38 @@ def test_simulate_runs_a_pattern(seed):
     for ticks in (20, 59):
         state, _ = marched(loop, 0.1, ticks, late, [np.zeros(1)] * 4, [[], []], push=1.0)
         assert run.pos[ticks] == pytest.approx(state[0][0], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(30))
+def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
+    """Also where other blocks run when a message is lost or late: their results are in time."""
+    source = np.random.default_rng(seed)
+    loop = random_blocks(source)
+    for keys in loop["blocks"].values():  # of few ticks in a frame, and all of them stable by themselves
+        keys["every"] = {1: 1, 2: 2, 3: 2, 4: 4, 5: 4, 6: 4}[keys["every"]]
+        keys["phase"] %= keys["every"]
+        if keys["type"] == "integrator":
+            del keys["method"]
+            keys |= {"type": "lowpass", "a": 0.3}
+    tables = spec_of_blocks(loop)
+    for name in loop["late"]:
+        tables["block"][name] |= {"late": 2, "lost": 1}
+    del tables["simulate"]
+    found = family(tables)
+    word = next(filter(None, (random_word(found, source) for _ in range(40))))
+    loop["late"] = Sent.by_channel([found.symbols[each] for each in word])
+    name, late = next(iter(loop["late"].items()))
+    ticks = len(late) * loop["blocks"][name]["every"]
+    push = np.zeros(130 * ticks)
+    push[0] = 1.0
+    seen = simulated(load(spec_of_blocks(loop)), push).signals
+    size = np.hypot.reduce([seen[each].reshape(-1, ticks) for each in ("place", *loop["blocks"])]).max(axis=1)
+    late = (np.arange(len(size)) > 20) & (size > 1e-250 * size.max())
+    assert np.exp(np.polyfit(np.flatnonzero(late), np.log(size[late]), 1)[0]) == pytest.approx(
+        growth(found.at(0.0), word), rel=0.03
+    )
 
 
 @pytest.mark.sample(3)
