@@ -36,6 +36,8 @@ frequency_hz = [1, 2, 3]
 """
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
+OF_WALLS = "low, high, felt_low, felt_high, open_low, open_high"
+
 
 @pytest.fixture
 def compare(wavesweep, tmp_path, monkeypatch):
@@ -174,7 +176,7 @@ def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
     Path("wheel.toml").write_text(f"{wheel}{wall}\n[sweep]\nK = {{ start = 2, stop = 20 }}\nB = [0.1]\n")
     code, _, err = compare("--no-plot", specs=("waves.toml", "late.toml", "wheel.toml"))
     assert code == 0
-    said = "low, high, felt_low, felt_high: N/m in waves and late, N*m/rad in wheel; each row has the unit of its spec\n"
+    said = f"{OF_WALLS}: N/m in waves and late, N*m/rad in wheel; each row has the unit of its spec\n"
     assert said in err
     lines = dict(line.split(": ", 1) for line in err.splitlines() if ": largest" in line)
     assert lines.keys() == {"waves", "late", "wheel"}
@@ -208,9 +210,9 @@ def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compa
     code, _, err = compare("--no-plot", specs=both)
     assert code == 0
     dampings = "B: N*m*s/rad in wheel, N*s/m in long-delay; each row has the unit of its spec\n"
-    assert err.startswith(f"{dampings}low, high, felt_low, felt_high: N*m/rad in wheel, N/m in long-delay; each row")
+    assert err.startswith(f"{dampings}{OF_WALLS}: N*m/rad in wheel, N/m in long-delay; each row")
     units, facts = units_of("results/wheel+long-delay/compare.datapackage.json")
-    assert [units[name] for name in ("B", "low", "high", "felt_low", "felt_high", "low_omega")] == [""] * 5 + ["rad/s"]
+    assert [units[name] for name in ("B", *OF_WALLS.split(", "), "low_omega")] == [""] * 7 + ["rad/s"]
     assert facts["unlike_units"]["B"] == {"N*m*s/rad": ["wheel"], "N*s/m": ["long-delay"]}
     units, facts = units_of("results/wheel+long-delay/compare-bode.datapackage.json")
     assert (units["B"], units["admittance_abs"], units["admittance_deg"]) == ("", "", "deg")

@@ -170,6 +170,11 @@ def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
     assert "k = 3: stable from 0.3 (where the search starts)" in said
 
 
+def test_the_row_of_a_report_names_the_open_place_beside_its_doubt(blind, tmp_path):
+    assert blind(2.0, 2.5, "report", "--out", str(tmp_path / "report.html")) == 0
+    assert "not certified: crowded, not known from 2 to 2.5" in (tmp_path / "report.html").read_text()
+
+
 @pytest.mark.parametrize(("low", "high", "ended"), [(2.0, 2.5, True), (3.0, 4.0, False)])
 def test_a_figure_hatches_an_open_place_and_has_a_word_for_it(low, high, ended, blind, tmp_path):
     assert blind(low, high, "stability-region", "--out", str(tmp_path / "out"), "--no-plot") == 0

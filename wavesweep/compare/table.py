@@ -40,7 +40,7 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
     walls = [(spec.name, spec.names.keys[sweep_axes(spec, "K_VE")[0].path].unit) for spec in specs]
     felt = [(spec.name, spec.units_felt[0]) for spec in specs]
-    units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt}
+    units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt, "open_low": walls, "open_high": walls}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units)
     both = responses(specs, **(work | {"part": "responses "}))
 

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.errors import SpecError, WavesweepError
 from wavesweep.core.spec import sweep_axes
 from wavesweep.core.tables.columns import fields_of
+from wavesweep.core.tables.interval_tally import open_in_words
 from wavesweep.require.keys import words_of
 
 if TYPE_CHECKING:
@@ -99,7 +101,8 @@ def _proof(row: Columns) -> str:
     if row.get("hand") == "box":
         return "proved" if row["settled"] else "not proved: searched"
     word = "proved" if row.get("guarantee", "spec") != "spec" else "certified"
-    return word if row["certified"] else f"not {word}: {row['doubt']}"
+    open_ = open_places({name: [each] for name, each in row.items()}, 0)
+    return word if row["certified"] else f"not {word}: {row['doubt']}{f', {open_in_words(open_)}' if open_ else ''}"
 
 
 def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
