@@ -28,6 +28,23 @@ def test_swept_values_are_neither_defaults_nor_single():
     assert "kind defaults of environment.integration and device.velocity: engines usually" in said
 
 
+def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have():
+    lengths = {"for_all": {"rates.ratio": {"values": [17, 34, 50], "varying": True}}, "controller": {"kind": "pmw"}}
+    own = {"rates": {"ratio": 17}, "device": {"velocity": "difference"}}
+    for delay, step, said in (
+        (
+            "frame",
+            "elapsed",
+            'results in place with the next frame (delay = "frame"), integrated over the time since the last frame',
+        ),
+        (17, "nominal", 'delay of 17 ticks, integrated over 17 ticks, however long a frame is (step = "nominal")'),
+    ):
+        wall = {"environment": {"integration": "explicit", "delay": delay, "step": step}}
+        found = assumes(load(lengths | own | wall))
+        assert "frames of 17, 34, 50 ticks in any order" in found
+        assert said in found
+
+
 def test_several_specs_have_a_line_each_unless_they_agree():
     one, two = (load({"controller": {"kind": kind}, **GIVEN}) for kind in ("dc", "pmw"))
     assert assumed_by([one, one]) == assumes(one)

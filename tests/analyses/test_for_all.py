@@ -383,15 +383,17 @@ def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one(
     row = table.watched(tally.add).columns
     assert row["counterexample"][1].count("frames") == 2
     assert row["fails_from"][1] == pytest.approx(200 / 3, rel=1e-6)
-    (said,) = [line for line, _ in kind_named("stability-region").lines(tally.numbers(table.facts)) if "refuted from" in line]
-    assert ", refuted from 66.6667 on by frames 3;" in said
+    (said,) = [line for line, _ in kind_named("stability-region").lines(tally.numbers(table.facts)) if "refuted at" in line]
+    assert ", refuted at 66.6667 by frames 3;" in said
 
 
 def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
-    frames = f"frames {', '.join(['16, 33'] * 40)}"
+    frames = f"frames {', '.join(['16, 33'] * 200)}"
+    whole = f"frames {', '.join(['16, 33'] * 40)}"
+    assert text_of_part(Part(1.0, 2.0, {whole: None}, {"frames 3": None})) == f"below: {whole}; from: frames 3"
     both = text_of_part(Part(1.0, 2.0, {frames: None}, {"frames 3": None}))
     assert both.endswith(" ...; from: frames 3")
-    assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= 160
+    assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= 1000
 
 
 def test_the_library_gives_the_rows_of_the_command():

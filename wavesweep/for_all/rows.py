@@ -47,7 +47,8 @@ OF_KINDS = {  # what a verdict is about, and its words
     "messages": ("for every pattern of messages", "stable", "not stable with {}"),
     "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
 }
-TEXT = 160  # characters of a counterexample
+TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
+LEFT_OPEN = 160  # characters about what is left open
 
 FOR_ALL_RECORD = np.dtype(
     [
@@ -57,7 +58,7 @@ FOR_ALL_RECORD = np.dtype(
         ("fails_from", "<f8"),
         ("settled", "?"),
         ("counterexample", f"<U{TEXT}"),
-        ("left_open", f"<U{TEXT}"),
+        ("left_open", f"<U{LEFT_OPEN}"),
         *OPEN,
     ]
 )
@@ -242,7 +243,7 @@ class _Loop:
         (low, high), share = open_
         names = [self.along, *(axis.path for axis in case.ranges)]
         places = (f"{name_of(path)} {a:.4g} to {b:.4g}" for path, a, b in zip(names, low, high, strict=True))
-        return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", TEXT, placeholder=" ...")
+        return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
 
 
 def _row(part, low, high) -> Row:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from types import MappingProxyType
 
-from wavesweep.core.drawing.drawing import path_of, scalars
+from wavesweep.core.drawing.drawing import name_of, path_of, scalars
 from wavesweep.core.drawing.expressions import names_in, text_of, value_of
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.loops.controllers import assumption_of_page, keys_of_page
@@ -25,12 +25,13 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows
     all of that itself; its sentence says within which limits of its blocks it is linear.
     """
+    varied = {axis.path: _values(axis) for axis in spec.for_all.changing} if spec.for_all else {}
     if spec.drawing:
-        found = list(_limits(spec, swept))
-        return f"linear while {', '.join(found)}; simulate goes beyond" if found else ""
+        found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} in any order" for path, each in varied.items()]
+        return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
     read, values = keys_of_page(spec.values), spec.values
-    parts = [assumption_of_page(values)]
-    if DELAY in read:
+    parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read)]
+    if DELAY in read and not varied:
         delay, ratio = values[DELAY], values["rates.ratio"]
         within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
         ticks = "tick" if delay == 1 and not within else "ticks"
@@ -48,6 +49,29 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     usual = {INTEGRATION: '"explicit"', DELAY: str(longest_delay(values["rates.ratio"])), VELOCITY: '"difference"'}
     defaults = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
     return f"{', '.join(parts)}; {defaults}: engines usually have {_listed([usual[path] for path in kept])}"
+
+
+def _frames_that_vary(spec, varied, read) -> Iterator[str]:
+    """Yield which frames may follow each other, when their results are in place, and over what time the wall integrates."""
+    if not varied:
+        return
+    ratio = spec.values["rates.ratio"]
+    if "rates.ratio" in varied:
+        yield f"frames of {varied['rates.ratio']} ticks in any order"
+    if DELAY in read:
+        in_ticks = f"delay of {varied.get(DELAY, spec.values[DELAY])} ticks{' in any order' * (DELAY in varied)}"
+        yield (
+            'results in place with the next frame (delay = "frame")'
+            if spec.delay_of_frame and DELAY not in varied
+            else in_ticks
+        )
+    if INTEGRATION in read:
+        over = "the time since the last frame" if spec.step == "elapsed" else f"{ratio} ticks, however long a frame is"
+        yield f'integrated over {over} (step = "{spec.step}")'
+
+
+def _values(axis) -> str:
+    return ", ".join(f"{value:g}" for value in axis.values) if axis.values else f"{axis.start:g} to {axis.stop:g}"
 
 
 def _limits(spec, swept) -> Iterator[str]:

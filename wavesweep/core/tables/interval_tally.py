@@ -279,7 +279,7 @@ class Words:
             return HANDS[self._hand].nowhere.format(such=self._such) + " in the swept range"
         ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")
         if "refuted_from" in largest:
-            ended += f", refuted from {largest['refuted_from']:.6g} on by {largest['refuted_by']}"
+            ended += f", refuted at {largest['refuted_from']:.6g} by {largest['refuted_by']}"
         if "ended_by_hand" in largest:
             ended += ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g} N/m".format(
                 **largest["ended_by_hand"]
