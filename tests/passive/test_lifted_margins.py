@@ -1,5 +1,6 @@
 """Margins of a loop at a signal that is made several times in a frame, against eigenvalues with the factor put in."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -132,3 +133,36 @@ def test_a_loop_is_broken_at_what_a_plant_of_several_blocks_shows():
     assert found["motor.v"].certified.all()
     with pytest.raises(UsageError, match=r"found 'motor\.v'"):
         wavesweep.compile(tables | {"wire": tables["wire"] | {"torque.u": "notch.y - 1e-3*motor.v"}}).margins("motor.v")
+
+
+INTEGRATOR = """
+[rates]
+tick_hz = 1000
+[block.plant]
+type = "tf"
+num = [1]
+den = [1, 0]
+[block.late]
+type = "delay"
+[block.seldom]
+type = "hold"
+every = {every}
+[wire]
+"late.u" = "plant.y"
+"seldom.u" = "plant.y"
+"plant.u" = "-700*late.y - 1e-7*seldom.y"
+"""
+
+
+def test_the_frequency_of_a_margin_is_the_line_that_a_spectrum_shows():
+    """A block that hardly acts makes a frame of ten ticks; without it nothing is folded."""
+    from wavesweep.margins.table import margins
+
+    alone, lifted = (margins(load(tomllib.loads(INTEGRATOR.format(every=n))), "late.y").columns for n in (1, 10))
+    own = {name: (omega, hz) for name, omega, hz in zip(*(alone[name] for name in ("margin", "omega", "hz")), strict=True)}
+    folded = []
+    for name, omega, hz in zip(*(lifted[name] for name in ("margin", "omega", "hz")), strict=True):
+        assert hz == pytest.approx(own[name][0] / (2 * np.pi), rel=1e-4, nan_ok=True), name
+        assert own[name][1] == pytest.approx(own[name][0] / (2 * np.pi), rel=1e-9, nan_ok=True), name
+        folded += [name] if omega / (2 * np.pi) < 0.9 * hz else []
+    assert folded == ["gain_up", "phase", "disk", "disk_gain", "disk_phase", "sensitivity", "complementary"]

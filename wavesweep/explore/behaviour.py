@@ -10,7 +10,7 @@ from wavesweep.core.plots.sampling import extremes
 from wavesweep.core.response.step import Step
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.certificate import words
-from wavesweep.margins.broken_loops import broken_at, cuts_of
+from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import UNITS
@@ -85,10 +85,11 @@ def proved_margins(spec: Spec, cut: str) -> dict:
             "value": each.value,
             "unit": UNITS.get(each.name, "1"),
             "hz": each.omega / (2 * np.pi),
+            "line_hz": line,
             "doubt": word,
             "limited": each.limited,
             "at": [marks[each.name].real, marks[each.name].imag] if each.name in marks else None,
         }
-        for each, word in zip(found, words([each.doubt for each in found]), strict=True)
+        for each, word, line in zip(found, words([each.doubt for each in found]), lines_at(spec, cut, loop, found), strict=True)
     ]
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}

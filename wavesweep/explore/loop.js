@@ -93,7 +93,7 @@ function drawLoop() {
   for (const [name, words] of Object.entries(MARGINS)) {
     const each = now ? margins.margins.find(row => row.name === name) : null, gain = name.startsWith("gain");
     if (now && !each) continue;
-    const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${text(each.value, 4)}°` : each.unit === "s" ? time(each.value) : text(each.value, 4) + (gain ? ` (${text(20 * Math.log10(each.value), 3)} dB)` : "")) + (each.hz ? ` at ${text(each.hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
+    const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${text(each.value, 4)}°` : each.unit === "s" ? time(each.value) : text(each.value, 4) + (gain ? ` (${text(20 * Math.log10(each.value), 3)} dB)` : "")) + (each.line_hz ? ` at ${text(each.line_hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
     rows.push(item(words, value, "m-" + name, each?.value));
   }
   fill($("margins"), ...rows);

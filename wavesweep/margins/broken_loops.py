@@ -1,9 +1,11 @@
 """Loops that are broken at a signal, an output of a block."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.core.analyses.lines import lines_in_loops
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import open_loops
 from wavesweep.core.drawing.drawing import Drawing, path_of
@@ -15,7 +17,7 @@ from wavesweep.core.reading.checking import nearest
 from wavesweep.core.spec import Spec, load
 from wavesweep.core.sweep.grid import Loops, own_loop
 from wavesweep.margins.lifted_margins import LiftedLoop
-from wavesweep.margins.loop_margins import BrokenLoop
+from wavesweep.margins.loop_margins import BESIDE, BrokenLoop, Margin
 
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
 BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
@@ -41,7 +43,7 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
             f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
             "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
-    loop = Loops(with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
+    loop = _with_gain(loop, signal)
     with np.errstate(all="ignore"):
         whole = loop.drawn()
         ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
@@ -51,6 +53,37 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
     found = open_loops(loop, GAIN) if times[signal] == 1 else None
     return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
+
+
+def _with_gain(loop: Loops, signal: str) -> Loops:
+    return Loops(with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
+
+
+def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
+    """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no frequency.
+
+    It is that of the loop with the factor that puts an eigenvalue on the circle at the frequency of the margin: its gain, or
+    -1/L: of the eigenvalues of a lifted L the one that meets the phase, or has the largest |1 - L|/|1 + L| (disk), |1/(1 + L)|
+    (sensitivity) or |L/(1 + L)|.
+    """
+    found, at = np.full(len(margins), np.nan), [i for i, each in enumerate(margins) if np.isfinite(each.omega)]
+    if not at:
+        return found
+    factors = []
+    for margin in (margins[i] for i in at):
+        L, turn = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE))), np.exp(1j * np.radians(margin.value))
+        with np.errstate(divide="ignore"):
+            far = {
+                "phase": np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L)),
+                "sensitivity": abs(1 + L),
+                "complementary": abs(1 + 1 / L),
+            }.get(margin.name, abs(1 + L) / abs(1 - L))
+        factors.append(margin.value if margin.name.startswith("gain") else -1 / L[np.argmin(far)])
+    spec, signal = with_block(spec, signal)
+    loop = _with_gain(own_loop(spec), signal)
+    omega = np.array([margins[i].omega for i in at])
+    found[at] = lines_in_loops(loop.changed({path_of(GAIN): np.array(factors)}), 1j * omega[:, None] * broken.period)[:, 0]
+    return found
 
 
 def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:

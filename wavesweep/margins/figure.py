@@ -42,14 +42,14 @@ _TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 class OpenLoop:
     """L of a loop that is broken at a signal, over its frequencies (Hz), with its margins.
 
-    several: whether the values of L are the eigenvalues of a lifted one, which have no order. table: value and omega (rad/s) of
-    each margin. marks: the value of L at which each of those that `_MARKS` names is set.
+    several: whether the values of L are the eigenvalues of a lifted one, which have no order. table: value, omega (rad/s) and
+    strongest line (Hz) of each margin. marks: the value of L at which each of those that `_MARKS` names is set.
     """
 
     hertz: np.ndarray
     L: np.ndarray
     several: bool
-    table: Mapping[str, tuple[float, float]]
+    table: Mapping[str, tuple[float, float, float]]
     marks: Mapping[str, complex]
 
     @property
@@ -68,7 +68,7 @@ class OpenLoop:
     @property
     def disk(self) -> np.ndarray | None:
         """The disk about -1 that L leaves free, with the gains `gain` and 1/gain at its ends; None if there is no limit."""
-        gain, omega = self.table.get("disk_gain", (np.nan, np.nan))
+        gain, omega, _ = self.table.get("disk_gain", (np.nan,) * 3)
         return None if np.isnan(omega) else disk_of(gain)
 
 
@@ -91,8 +91,8 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     whose = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
     tables = {}
     for word in ("spec", "for_all"):
-        rows = zip(*(columns[name][whose == word].tolist() for name in ("margin", "value", "omega")), strict=True)
-        tables[word] = {name: (value, omega) for name, value, omega in rows}
+        rows = zip(*(columns[name][whose == word].tolist() for name in ("margin", "value", "omega", "hz")), strict=True)
+        tables[word] = {name: tuple(sizes) for name, *sizes in rows}
     loop, proved = open_loop(spec, cut, tables["spec"]), () if family else tables["for_all"].get("disk_gain", ())
     family = family or ends_of_ranges(spec)
     others = [
@@ -166,8 +166,8 @@ def _closed_step(spec: Spec, cut: str) -> Step | None:
     return replace(step, value=-step.value, final=-step.final)
 
 
-def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float]]) -> OpenLoop:
-    """L of the spec's own loop, broken at a signal, with the margins of `table`: their value and omega (rad/s)."""
+def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float, float]]) -> OpenLoop:
+    """L of the spec's own loop, broken at a signal, with the margins of `table`, see `OpenLoop`."""
     from wavesweep.margins.broken_loops import broken_at
 
     loop = broken_at(spec, cut)
@@ -184,11 +184,11 @@ def response_of(loop: Any, step: float = STEP, first: int = FIRST, loci: int = L
     return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(loop.response(angles))
 
 
-def marks_of(loop: Any, table: Mapping[str, tuple[float, float]]) -> dict[str, complex]:
+def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, complex]:
     """The value of L, or the eigenvalue of a lifted one, that the factor of each margin brings to -1."""
     marks = {}
     for name in _MARKS:
-        value, omega = table.get(name, (np.nan, np.nan))
+        value, omega = table.get(name, (np.nan, np.nan))[:2]
         if omega > 0:
             loci = np.ravel(loop.response(omega * loop.period))
             factor = value if name.startswith("gain") else np.exp(1j * np.radians(value)) if name == "phase" else -1 / loci
@@ -253,11 +253,12 @@ def _face(name: str) -> str:
     return "none" if name == "delay" else MARK  # it often lies where the phase margin does
 
 
-def in_words(name: str, value: float, omega: float) -> str:
-    """A margin as the legend has it, with the frequency of its crossing."""
+def in_words(name: str, value: float, omega: float, hz: float) -> str:
+    """A margin as the legend has it, with the line that a spectrum shows of its crossing."""
+    once = "" if np.isclose(2 * np.pi * hz, omega, rtol=1e-6) else f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
     size = {"phase": f"{value:.3g}°", "delay": f"{1e3 * value:.4g} ms"}.get(name)
     size = size or f"{value:.3g} ({20 * np.log10(value) if value > 0 else -np.inf:.3g} dB)"
-    return f"{name.replace('_', ' ')} {size} at {omega / (2 * np.pi):.4g} Hz"
+    return f"{name.replace('_', ' ')} {size} at {hz:.4g} Hz{once}"
 
 
 def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.ndarray]:

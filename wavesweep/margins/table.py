@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from math import pi
+from math import isclose, pi
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
     for a signal at which the loop cannot be broken, or a loop that is not known to be stable.
     """
     from wavesweep.core.analyses.assumptions import over_preset
-    from wavesweep.margins.broken_loops import broken_at, cuts_of
+    from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
     from wavesweep.margins.lifted_margins import margins_of
 
     started, cut = time.perf_counter(), cut or next(iter(cuts_of(spec)), "")
@@ -50,7 +50,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
     if not found:
         reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
         raise UsageError(f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it")
-    columns = _columns(cut, found, {"bound": np.array([each.bound for each in found])})
+    columns = _columns(cut, found, np.array([each.bound for each in found]), lines_at(spec, cut, loop, found))
     methods, notices = {"margins": METHOD}, [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
     if spec.for_all:
         from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
@@ -66,7 +66,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
     return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times})
 
 
-def _columns(cut: str, found: Sequence[Any], more: Columns) -> Columns:
+def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) -> Columns:
     doubts = words([each.doubt for each in found])
     return {
         "cut": np.full(len(found), cut, object),
@@ -74,16 +74,17 @@ def _columns(cut: str, found: Sequence[Any], more: Columns) -> Columns:
         "value": np.array([each.value for each in found]),
         "unit": np.array([UNITS.get(each.name, "1") for each in found], object),
         "omega": np.array([each.omega for each in found]),
-        **more,
+        "bound": bound,
         "certified": doubts == "",
         "doubt": doubts,
         "limited": np.array([each.limited for each in found]),
+        "hz": hz,
     }
 
 
 def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns:
     """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns of these."""
-    both = joined([own, _columns(cut, found, {"bound": np.zeros(len(found))})])
+    both = joined([own, _columns(cut, found, np.zeros(len(found)), np.full(len(found), np.nan))])
     rows = len(own["cut"])
     none, refuted = np.full(rows, np.nan), np.array([each.refuted for each in found])
     down = np.array([each.name == "gain_down" for each in found])
@@ -101,7 +102,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     whose = columns.get("guarantee", np.full(len(columns["cut"]), "spec", object))
 
     def rows(of: str, *more: str) -> Numbers:
-        names = ("value", "unit", "omega", "doubt", "limited", *more)
+        names = ("value", "unit", "omega", "doubt", "limited", "hz", *more)
         some = {name: columns[name][whose == of].tolist() for name in ("margin", *names)}
         return {margin: {name: plain(some[name][at]) for name in names} for at, margin in enumerate(some["margin"])}
 
@@ -118,7 +119,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     )
     yield once if times == 1 else several, False
     for name, margin in found["margins"].items():
-        at = f", at {margin['omega']:.5g} rad/s ({margin['omega'] / (2 * pi):.4g} Hz)" if margin["omega"] is not None else ""
+        omega, hz = margin["omega"], margin["hz"]
+        at = "" if hz is None else f", at {omega:.5g} rad/s ({hz:.4g} Hz)"
+        if hz is not None and not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
+            at = f", at {hz:.4g} Hz within the frame (once a frame {omega / (2 * pi):.4g} Hz)"
         yield _line(name, margin, at)
     if of_all := found.get("for_all"):
         yield "proved for all numbers of [for_all] (for_all):", False

@@ -91,12 +91,12 @@ def _shifted(cut, w):
 
 
 def times(matrix, columns):
-    """Return the product of real matrices and columns `(..., n, 1)`, without a complex copy of the matrices.
+    """Return the product of matrices and columns `(..., n, 1)`, without a complex copy of real matrices.
 
     BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.
     """
     matrix, columns = np.ascontiguousarray(matrix), np.ascontiguousarray(columns)
-    return (matrix @ columns.view(float)).view(columns.dtype)
+    return matrix @ columns if np.iscomplexobj(matrix) else (matrix @ columns.view(float)).view(columns.dtype)
 
 
 def _outputs(cut, state):
