@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -12,6 +13,8 @@ sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", 
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 os.environ.pop("COLUMNS", None)  # pytest-xdist gives its workers the width of a narrow terminal
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a script's background has ignored, and processes inherit
 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 

@@ -44,6 +44,9 @@ LOGS = {
     "a current without a constant": [HEAD.replace("force", "current"), *GOOD[1:]],
     "a torque and a position": [HEAD.replace("force", "torque"), *GOOD[1:]],
     "a constant velocity": ["time,force,velocity", *(f"{k / 1000},{k},1" for k in range(60))],
+    "positions beyond all measure": [HEAD, *(f"{k / 1000},{k % 7},{k % 5}e299" for k in range(60))],
+    "a cell of 131,073 digits": with_row(f"0.029,{'1' * 131_073},0"),
+    "a name of 131,073 letters": [HEAD + "," + "x" * 131_073, *(f"{line},1" for line in GOOD[1:])],
     "a constant position": [HEAD, *(f"{k / 1000},{k},0" for k in range(60))],
 }
 SIZES = "frequency_hz,admittance_abs,admittance_deg"
@@ -101,3 +104,19 @@ def test_every_file_that_cannot_be_used_has_one_message(tmp_path):
         spec = wavesweep.load(tmp_path / "mine.toml")
         refuse(case, lambda spec=spec, name=name: (walls_of if name == "z_width" else response_of)(spec))
     assert_expected(Path(__file__).parent / "mistakes.txt", "\n".join(said) + "\n")
+
+
+@pytest.mark.parametrize("option", ["resolution", "delay"])
+@pytest.mark.parametrize("size", [np.nan, np.inf, 1e-320, -1e300])
+def test_an_option_of_no_usable_size_is_refused(option, size, tmp_path):
+    (tmp_path / "log.csv").write_text("\n".join(GOOD))
+    with pytest.raises(UsageError, match=rf"^--{option}: expected a number of size 1e-30 to 1e\+30, or 0, found "):
+        wavesweep.identify(tmp_path / "log.csv", **{option: size})
+
+
+def test_noise_in_place_of_a_response_is_refused(tmp_path):
+    rng = np.random.default_rng(1)
+    rows = np.c_[1.0 + np.arange(100), np.abs(rng.standard_normal(100)), rng.uniform(-180, 180, 100)]
+    np.savetxt(tmp_path / "noise.csv", rows, delimiter=",", header=SIZES, comments="")
+    with pytest.raises(UsageError, match="that no numbers fit"):
+        wavesweep.identify(tmp_path / "noise.csv")

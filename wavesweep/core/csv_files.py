@@ -2,7 +2,7 @@
 
 import csv
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.reading import read_bytes
 
+LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
 SHOWN = 60  # letters of a file that a message repeats
 
 
@@ -58,7 +59,7 @@ class Csv:
     def _fault(self, columns):
         """The message about the first row that cannot be used; empty if there is none."""
         width = len(self.names)
-        for number, row in enumerate(csv.reader(self.body.splitlines()), start=2):
+        for number, row in enumerate(_rows(self.path, self.body.splitlines()), start=2):
             line = f"{self.path}:{number}"
             if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
                 return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
@@ -72,6 +73,13 @@ class Csv:
                 except ValueError:
                     return f"{line}: {name}: expected a number, found {cell[:SHOWN] or 'nothing'}"
         return ""
+
+
+def _rows(path: str | Path, lines: Sequence[str]) -> Iterator[list[str]]:
+    try:
+        yield from csv.reader(lines)
+    except csv.Error as error:
+        raise UsageError(f"{path}: expected cells of at most {csv.field_size_limit()} letters ({error})") from None
 
 
 _NONE = "expected rows of numbers below the header"
@@ -88,7 +96,7 @@ def read_csv(path: str | Path, most: int) -> Csv:
         if mark in header.strip() and "," not in header:
             expected = "expected commas between columns and points in numbers"
             raise UsageError(f"{path}:1: {expected}, found {word}; export it again with commas")
-    names = [name.strip() for name in next(csv.reader([header]), [])]
+    names = [name.strip() for name in next(_rows(path, [header]), [])]
     if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
         raise UsageError(f"{path}:1: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
     return Csv(path, names, body, hashlib.sha256(data).hexdigest())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.core.csv_files import read_csv
+from wavesweep.core.csv_files import LEAST, MOST, read_csv
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import nearest
 
@@ -100,6 +100,8 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
 
 def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
     for name, column in found.items():
+        if (largest := float(np.abs(column).max())) and not LEAST <= largest <= MOST:
+            raise UsageError(f"{path}: {name}: expected a largest size of {LEAST:g} to {MOST:g}, found {largest:g}")
         if name != "time" and np.ptp(column) == 0:
             why = "nothing moves it" if name == motion else "it has to change to move the device"
             raise UsageError(f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}")

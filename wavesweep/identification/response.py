@@ -98,6 +98,8 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
 def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
     """Fit a model without friction."""
     theta, left, J = _fit(measured, hold, model, _first(measured, hold, model))
+    if not (np.isfinite(J).all() and np.linalg.norm(J, axis=0).all()):  # least squares left the range of doubles
+        raise UsageError("expected the response of a device, found one that no numbers fit, as of noise")
     numbers = 2 * len(measured.frequency_hz) - len(theta)
     square = float(left @ left) / numbers
     extra, half = 0.0, stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))

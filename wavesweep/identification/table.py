@@ -12,6 +12,7 @@ import numpy as np
 
 from wavesweep.core.analyses.assumptions import USUAL
 from wavesweep.core.columns import Columns
+from wavesweep.core.csv_files import LEAST, MOST
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.keys import TURNED
 from wavesweep.core.reproducibility import versions
@@ -79,6 +80,11 @@ def identify(path: str, **asked: Unpack[Asked]) -> Table:
     from wavesweep.identification.model import Model
     from wavesweep.identification.points import is_response
 
+    for name in ("resolution", "delay", "rate_hz"):
+        size = abs(asked.get(name) or 1.0)
+        if not LEAST <= size <= MOST:
+            option = f"--{name.removesuffix('_hz')}"
+            raise UsageError(f"{option}: expected a number of size {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}")
     rate_hz, two = asked.get("rate_hz"), asked.get("two_masses", False)
     if two and (asked.get("spring") or asked.get("friction")):
         hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
