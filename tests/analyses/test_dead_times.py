@@ -207,3 +207,23 @@ def test_a_dead_time_goes_past_a_tick_beside_another_of_whole_ticks(read):
     polynomial = np.zeros(int(m) + 5)
     polynomial[:2], polynomial[-2:] = (1, -1), (0.42 * (1 - s), 0.42 * s)
     assert np.abs(np.roots(polynomial)).max() == pytest.approx(1, abs=1e-9)
+
+
+def test_a_delay_line_beside_a_dead_time_and_a_lag_is_one_interval():
+    """The law of the last 20 samples and a dead time of 22.5 samples share their history, which is forgotten all at once."""
+    blocks = {
+        "dead": {"type": "delay", "seconds": 22.5},
+        "plant": {"type": "tf", "num": ["g"], "den": [10, 1]},
+        "past": {"type": "delay", "steps": 20},
+        "law": {"type": "hold"},
+    }
+    wires = {"law.u": "-0.2*plant.y + 0.5*past.y", "past.u": "law.y", "dead.u": "law.y", "plant.u": "dead.y"}
+    loop = wavesweep.compile({"rates": {"tick_hz": 1}, "numbers": {"g": 1.0}, "block": blocks, "wire": wires})
+    (row,) = loop.stable_intervals("g", (0.01, 10.0)).itertuples()
+    assert row.certified
+    assert row.low == 0.01
+    lag, half = np.exp(-0.1), np.exp(-0.05)
+    # With z to the power 23 and 43: (z - lag) z^23 (z^20 - 0.5)/z^20 + 0.2 g ((1 - half) z + half - lag) = 0.
+    polynomial = np.convolve([1, -lag], np.eye(1, 44, 0)[0] - 0.5 * np.eye(1, 44, 20)[0])
+    polynomial[23:25] += 0.2 * row.high * np.array([1 - half, half - lag])
+    assert np.abs(np.roots(polynomial)).max() == pytest.approx(1, abs=1e-9)

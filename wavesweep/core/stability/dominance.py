@@ -30,37 +30,76 @@ OUTSIDE = 1e-6  # of the logarithm of an eigenvalue, from which on it is outside
 SURELY = 1e-9  # relative, by which dominance has to hold beyond the rounding of its own terms
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
 DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
+MANY = 64  # states, beyond which a block makes tests shorter
+SMALLEST, LARGEST = 0.2, 0.98  # sizes of eigenvalues, below which all are alike for a block, and beyond which none is in it
+SLACK, DOUBLED = 0.5, 12  # of what is left to 1, how much a block leaves; terms of its unit's series, as a power of two
+TINY = 1e-150  # added to norms, whose squares may underflow
 
 
-def eigenbasis(E) -> tuple[np.ndarray, np.ndarray]:
-    """Return eigenvectors of matrices less identity, as columns, and inverses, which are huge or NaN if there are too few.
+def eigenbasis(E) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vectors of matrices less identity, as columns, the inverses, which are huge or NaN if there are too few, and which
+    vectors are a block, `(matrices, n)`; the others are eigenvectors.
 
     They are orthonormal within clusters of eigenvalues that are nearer to each other than to the circle, as nothing has to tell
-    these apart. Where eigenvectors are nearly dependent, those of a matrix next to it are taken.
+    these apart. Where they are nearly dependent, those of small eigenvalues become a block, as for delay lines, which have one
+    eigenvector each; where they still are, those of a matrix next to it are taken.
     """
-    X, Z = _vectors(E)
+    n, block = E.shape[-1], np.zeros(E.shape[:2], bool)
+    X, Z = _vectors(E) if n <= MANY else np.full((2, *E.shape), np.inf, complex)
+    for at in _dependent(X, Z):
+        X[at], Z[at], block[at] = _with_block(E[at])
     for size in DEFECTIVE:
-        some = np.flatnonzero(~((np.abs(Z) @ np.abs(X)).max((1, 2)) < DEPENDENT))
+        some = _dependent(X, Z)
         if not some.size:
             break
-        n = E.shape[-1]
         change = np.cos(np.arange(n * n) ** 2.0).reshape(n, n) * np.abs(E[some]).max((1, 2), keepdims=True)
-        X[some], Z[some] = _vectors(E[some] + size * change)
-    return X, Z
+        (X[some], Z[some]), block[some] = _vectors(E[some] + size * change), False
+    return X, Z, block
+
+
+def _dependent(X, Z):
+    with np.errstate(invalid="ignore"):
+        return np.flatnonzero(~((np.abs(Z) @ np.abs(X)).max((1, 2)) < DEPENDENT))
+
+
+def _with_block(E):
+    """Eigenvectors of the eigenvalues beyond the widest gap in their sizes, and a basis of what the left ones do not see.
+
+    In that basis the block N shortens every vector: its unit is P with `P = 1 + N'PN/r^2`, r being between its spectral radius
+    and 1.
+    """
+    n, ((w, X), (v, Y)) = len(E), (np.linalg.eig(part) for part in (E, E.T))
+    order, others = np.argsort(np.abs(1 + w)), np.argsort(np.abs(1 + v))
+    size = np.maximum(np.abs(1 + w[order]), SMALLEST)
+    gaps = np.where(size[:-1] < LARGEST, size[1:] / size[:-1], 0)
+    k = 1 + int(np.argmax(gaps)) if gaps.any() else 0
+    found = np.linalg.qr(Y[:, others[k:]].conj(), mode="complete")[0][:, n - k :]
+    N = found.conj().T @ (found + E @ found)
+    power, P = N / (1 - (1 - size[k - 1]) * SLACK), np.eye(k, dtype=complex)
+    for _ in range(DOUBLED):
+        P, power = P + power.conj().T @ P @ power, power @ power
+    (alone,) = _orthonormal(w[None, order[k:]], X[None, :, order[k:]])
+    X = np.concatenate([found @ inverse(_cholesky(P)).conj().T, alone], 1)
+    return X, inverse(X), np.arange(n) < k
 
 
 def _vectors(E):
-    w, X = np.linalg.eig(E)
-    w, X, n = w.astype(complex), X.astype(complex), E.shape[-1]
+    X = _orthonormal(*np.linalg.eig(E))
+    return X, inverse(X)
+
+
+def _orthonormal(w, X):
+    """Eigenvectors that are orthonormal within clusters."""
+    w, X = w.astype(complex), X.astype(complex)
     alike = _alike(w)
-    some = np.flatnonzero(alike.sum((1, 2)) > n)
+    some = np.flatnonzero(alike.sum((1, 2)) > w.shape[1])
     if some.size:
         link, part = alike[some].astype(float), X[some]
         for _ in range(3):
             link = np.minimum(link @ link, 1)
-        gram = link * (part.conj().swapaxes(1, 2) @ part) + EPS * np.eye(n)
+        gram = link * (part.conj().swapaxes(1, 2) @ part) + EPS * np.eye(w.shape[1])
         X[some] = part @ inverse(_cholesky(gram)).conj().swapaxes(1, 2)
-    return X, inverse(X)
+    return X
 
 
 def _cholesky(gram):
@@ -74,6 +113,17 @@ def _alike(w):
     """Which eigenvalues less 1 are so near to each other."""
     far = np.abs(np.abs(1 + w) - 1)
     return np.abs(w[:, None] - w[:, :, None]) < CLUSTER * np.minimum(far[:, :, None], far[:, None, :])
+
+
+def _turning(B, w, wanted, block):
+    """K; 0 for two vectors that turn too fast, or need not be told apart, and for a block."""
+    with np.errstate(all="ignore"):
+        K = B[:, 1] / (w[:, None, :] - w[:, :, None])
+        steep = np.abs(K * K.swapaxes(1, 2)) * np.minimum(wanted, WANTED)[:, None, None] ** 2
+        alike = _alike(w) | block[:, None] | block[:, :, None]
+        K = np.where((steep < STEEP) & ~alike & np.isfinite(K), K, 0)
+    K[:, range(w.shape[1]), range(w.shape[1])] = 0
+    return K
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,38 +159,48 @@ class Bent:
         error += pad[:, None, None] * np.abs(D[:, 1])
         lost = ~np.isfinite(D[:, 0]).all((1, 2))
         D[lost], error[lost] = 0.0, np.inf
-        X, Z = eigenbasis(D[:, 0])
+        X, Z, block = eigenbasis(D[:, 0])
         B = Z[:, None] @ D @ X[:, None]
-        self.w, self.real = np.diagonal(B[:, 0], axis1=1, axis2=2), (X.imag == 0).all(1)
-        w = self.w
+        w, self.real = np.diagonal(B[:, 0], axis1=1, axis2=2), (X.imag == 0).all(1)
         aZ, aX, rounding = np.abs(Z), np.abs(X), 16 * (n + 4) * EPS / 2  # of products of up to five matrices
         self.e0, self.e1 = aZ @ (error + rounding * np.abs(D[:, 0])) @ aX, aZ @ (drift + rounding * aD[:, 1:].sum(1)) @ aX
         self.e2, self.G = aZ @ panels.rest[at] @ aX, np.abs(Z @ X - eye) + rounding * aZ @ aX
-        K = self._turning(B, wanted)
+        K = _turning(B, w, wanted, block)
         B0, B1, B2, B3 = B.swapaxes(0, 1)
         KB0, K2 = K @ B0, K @ K
         C = np.stack([B0, B1 + B0 @ K - KB0, B2 + B1 @ K - K @ B1 - KB0 @ K])  # of the powers of h; what follows is bounded
-        d1, d2 = (np.diagonal(each, axis1=1, axis2=2) for each in C[1:])
-        self.K, self.K2, self.C, self.B2, self.B3 = (np.abs(each) for each in (K, K2, C, B2, B3))
-        self.KBK, self.unsure = self.K @ np.abs(B1) @ self.K, np.diagonal(self.e0, axis1=1, axis2=2)
+        own, d1, d2 = (np.diagonal(each, axis1=1, axis2=2) for each in (K2, *C[1:]))
+        self.mu = w, d1, d2 + w * own
+        self.c0, self.k2 = np.abs(d2), np.abs(own)
+        self.K, self.K2, self.C, self.B1, self.B2, self.B3 = (np.abs(each) for each in (K, K2, C, B1, B2, B3))
         for each in (self.K2, *self.C):
-            each[:, range(n), range(n)] = 0
-        own = np.diagonal(K2, axis1=1, axis2=2)
-        c2, z = d2 + w * own, 1 + w
-        self.mu = w, d1, c2
-        self.k2, self.b, self.c, self.c0 = (np.abs(each) for each in (own, d1, c2, d2))
+            each[:, range(n), range(n)] *= block
+        if block.any():
+            self._join(block, B0)
+        self.w, d1, c2 = self.mu
+        w, z = self.w, 1 + self.w
+        self.KBK, self.unsure = self.K @ self.B1 @ self.K, np.diagonal(self.e0, axis1=1, axis2=2)
+        self.b, self.c = np.abs(d1), np.abs(c2)
         self.size, self.excess = np.abs(z), 2 * w.real + np.abs(w) ** 2
         self.slope, self.curve = 2 * (z.conj() * d1).real, 2 * (z.conj() * c2).real + np.abs(d1) ** 2
 
-    def _turning(self, B, wanted):
-        """K; 0 for two vectors that turn too fast, or need not be told apart."""
-        w, n = self.w, B.shape[-1]
-        with np.errstate(all="ignore"):
-            K = B[:, 1] / (w[:, None, :] - w[:, :, None])
-            steep = np.abs(K * K.swapaxes(1, 2)) * np.minimum(wanted, WANTED)[:, None, None] ** 2
-            K = np.where((steep < STEEP) & ~_alike(w) & np.isfinite(K), K, 0)
-        K[:, range(n), range(n)] = 0
-        return K
+    def _join(self, block, B0):
+        """Put norms in place of the entries in rows or columns of a block, whose own norm is that of the frame there.
+
+        So it is one more eigenvalue 0 with something off the diagonal, as far as dominance goes; others of them fill tests up.
+        """
+        most = (~block).sum(1).max() + 1
+        place = np.where(block, most - 1, np.cumsum(~block, 1) - 1)
+        to = (place[:, None] == np.arange(most)[:, None]).astype(float)
+        alone = to * ~block[:, None]
+        for name in ("e0", "e1", "e2", "G", "K", "K2", "C", "B1", "B2", "B3"):
+            setattr(self, name, np.sqrt(to @ getattr(self, name) ** 2 @ to.swapaxes(1, 2)) + TINY)
+        for at in np.flatnonzero(block.any(1)):
+            N = B0[at][np.ix_(block[at], block[at])] + np.eye(block[at].sum())
+            self.C[0, at, -1, -1] = np.linalg.norm(np.nan_to_num(N), 2) * (1 + SURELY)
+        facts = *self.mu, self.c0, self.k2, self.real
+        w, *others, self.c0, self.k2, real = ((alone @ each[..., None])[..., 0] for each in facts)
+        self.mu, self.real = (w + (alone.any(2) - 1.0), *others), real > 0
 
     def crossings(self):
         """The h next to 0 at which each eigenvalue seems to be on the unit circle, inf if none, `(tests, n)`."""
