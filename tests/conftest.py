@@ -9,12 +9,19 @@ from pathlib import Path
 from wavesweep.core.reproducibility import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests")]
+sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests", "tests/core")]
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 os.environ.pop("COLUMNS", None)  # pytest-xdist gives its workers the width of a narrow terminal
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a script's background has ignored, and processes inherit
+from support.command_line import (  # noqa: E402, F401 - fixtures of all tests of commands
+    a_word_on_the_time_after_one_sample,
+    command_line,
+    no_word_on_a_busy_machine,
+    spec,
+    sweep,
+)
 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 

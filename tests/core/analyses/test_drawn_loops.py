@@ -1,0 +1,559 @@
+"""Drawn loops against limits in closed form, the built-in loops that they repeat, and independently computed cases."""
+
+import json
+import pathlib
+import tomllib
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from support.drawn import ARM, NETWORK, PD, WALL, as_blocks
+from support.specs import KINDS, nested
+
+import wavesweep
+from wavesweep.check.planning import plan
+from wavesweep.core.analyses.intervals import Way, job_of, job_over
+from wavesweep.core.columns import joined
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops import blocks
+from wavesweep.core.loops.domain import refuse_unsuitable
+from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.core.spec import load, sweep_axes
+from wavesweep.core.sweep.grid import make_grid
+from wavesweep.core.sweep.job import cut_otherwise
+from wavesweep.core.sweep.running import blocks as rows_of
+from wavesweep.core.sweep.running import checkpoint_of, compute, in_memory
+from wavesweep.core.sweep.workers import Workers
+from wavesweep.core.tables.intervals import intervals
+
+T = 1e-3
+
+
+def compiled(text, *changes):
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return wavesweep.compile(tomllib.loads(text))
+
+
+def ends(table):
+    assert table.certified.all()
+    return table[["low", "high"]].to_numpy().tolist()
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("key", "value", "values", "unit"),
+    [("arm.mass", 0.2, [0.1, 0.2, 0.4], "kg"), ("net.steps", 1, [0, 1, 3], "1"), ("net.every", 20, [11, 20], "tick")],
+)
+def test_a_number_in_a_block_is_swept_like_one_with_a_name(key, value, values, unit):
+    """Every column but the axis's own is the same to the last bit, and so are the answers if intervals along it are wanted."""
+    block, _, name = key.partition(".")
+    named, own = tomllib.loads(ARM), tomllib.loads(ARM)
+    named["numbers"]["n"] = value
+    named["block"][block][name] = "n"
+    sweep = {"along": "c", "c": {"start": -1, "stop": 20}}
+    for tables, axis in ((named, "n"), (own, f"block.{key}")):
+        tables["sweep"] = {**sweep, axis: values}
+    first, second = wavesweep.stability_region(named), wavesweep.stability_region(own)
+    assert first.rename(columns={"n": f"block.{key}"}).equals(second)
+    assert second.attrs["units"][f"block.{key}"] == unit
+    if name == "mass":
+        span = {"start": 0.01, "stop": 1.0}
+        tables = [{**each, "sweep": {"along": axis, axis: span}} for each, axis in ((named, "n"), (own, f"block.{key}"))]
+        first, second = (wavesweep.stability_region(each).drop(columns="along") for each in tables)
+        assert first.equals(second)
+        assert first.certified.all()
+
+
+# Computed independently of this program, in 40-digit arithmetic: stable K_VE up to 20000 N/m by B_VE, the spectral radius of a
+# frame at the spec's own wall, and [re, im] of the admittance and impedance.
+REFERENCES = json.loads((pathlib.Path(__file__).parents[2] / "support" / "references.json").read_text(encoding="utf-8"))
+
+# Hz where the response of the drawn loop is not known: a trapezoidal avatar at an odd multiple of half its rate.
+UNKNOWN = {"random 15": {450.0}}
+
+
+@pytest.mark.sample(12)
+@pytest.mark.slow
+@pytest.mark.parametrize("case", REFERENCES, ids=[case["name"] for case in REFERENCES])
+def test_blocks_give_the_reference_cases(case):
+    values = load(case["spec"]).values
+    gives_the_reference(wavesweep.compile(as_blocks(values)), case, "K_VE", "B_VE")
+
+
+CONTROLLERS = pathlib.Path(__file__).parents[3] / "sweeps" / "recipes" / "controllers"
+DRAWN = {
+    "dc": "ideal",
+    "dc-slow": "dc-slow, no delay",
+    "dc-lm": "power-domain local model",
+    "pmw": "pmw passive: stable without end",
+    "pmw-lm": "Fig. 6, filter bank as inferred",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):
+    case = next(case for case in REFERENCES if case["name"] == DRAWN[kind])
+    text = (CONTROLLERS / f"{kind}.toml").read_text(encoding="utf-8")
+    assert f"\n#     wavesweep zwidth sweeps/recipes/controllers/{kind}.toml\n" in text
+    drawn, built = wavesweep.zwidth(tomllib.loads(text)), wavesweep.compile(load(case["spec"]))
+    own = built.stable_intervals("K_VE", (0.0, 20000.0), B_VE=np.linspace(0, 15, 31))
+    np.testing.assert_allclose(drawn[["B", "low", "high"]], own[["B_VE", "low", "high"]], rtol=1e-10)
+    assert drawn.certified.all()
+    gives_the_reference(wavesweep.compile(tomllib.loads(text)), case, "K", "B")
+
+
+def gives_the_reference(loop, case, stiffness, damping):
+    """All numbers of the case to 1e-10; the wall's numbers have these names."""
+    for value, wanted in case["intervals"].items():
+        found = loop.stable_intervals(stiffness, (0, 20000), **{damping: [float(value)]})
+        np.testing.assert_allclose(ends(found), wanted, rtol=1e-10)
+    power = 20 if case["spec"]["controller"]["kind"] == "dc" else 1  # a frame of the drawn one is one tick
+    assert float(loop.spectral_radius()) ** power == pytest.approx(case["spectral_radius"], rel=1e-10)
+    rows = loop.response(case["frequency_hz"])
+    known = np.isfinite(rows.admittance_abs.to_numpy())
+    assert set(rows.frequency_hz[~known]) <= UNKNOWN.get(case["name"], set())
+    for name in ("admittance", "impedance"):
+        seen = rows[f"{name}_re"].to_numpy() + 1j * rows[f"{name}_im"].to_numpy()
+        np.testing.assert_allclose(seen[known], (np.array(case[name]) @ [1, 1j])[known], rtol=1e-10)
+
+
+def test_a_number_that_is_one_scalar_gain_and_others_agree():
+    """kd acts in every tick: in a wire or in a gain it is cut out; if a second place reads it, panels find the ends."""
+    axis = "along = 'kd'\nkd = { start = 0, stop = 2000 }\n"
+    gain = PD.replace("[wire]", '[block.g]\ntype = "gain"\nk = "3 - 2*kd"\n[wire]\n"g.u" = "m.v/2"')
+    gain = gain.replace("kd*m.v", "1.5*m.v + g.y")
+    twice = PD.replace("[wire]", '[block.h]\ntype = "gain"\n[wire]\n"h.u" = "kd*m.v"')
+    jobs = [job_of(load(tomllib.loads(text + axis))) for text in (PD, gain, twice)]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT, Way.PANELS]
+    tables = [in_memory(job) for job in jobs]
+    for table in tables[1:]:
+        np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
+        np.testing.assert_allclose(table["high"], tables[0]["high"], rtol=1e-9)
+
+
+def test_a_gain_that_runs_once_a_frame_is_cut_out():
+    held = NETWORK.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
+    held = held.replace('"sensor.u" = "x.y"\n', "").replace("[wire]", '[block.g]\ntype = "gain"\nk = "K"\nevery = 20\n[wire]')
+    jobs = [job_of(load(tomllib.loads(text))) for text in (NETWORK, held)]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT]
+    np.testing.assert_allclose(*(in_memory(job)["high"] for job in jobs), rtol=1e-12)
+
+
+SWEEPS = [
+    WALL.replace("num = 5 }", "num = 41 }\nalong = 'K'\nK = { start = 0, stop = 20000 }\nn = [0, 2]"),
+    ARM.replace("kp = [60, 120, 240]", "kp = { start = 0, stop = 300, num = 31 }"),
+]
+
+
+def bytes_of(job, workers=None, folder=None):
+    store = checkpoint_of(job, folder, force=False, warnings=[])
+    compute(job, store, workers or Workers(1, None, None, ""))
+    table = joined(rows_of(job, store))
+    return {name: column.tobytes() if column.dtype.kind != "O" else column.tolist() for name, column in table.items()}
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize("text", SWEEPS)
+def test_results_do_not_depend_on_the_cuts(text, tmp_path):
+    job = job_of(load(tomllib.loads(text)))
+    whole = bytes_of(job)
+    assert bytes_of(cut_otherwise(job, deep=1)) == whole
+    assert bytes_of(cut_otherwise(job, deep=7), folder=tmp_path / "parts") == whole
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"rates.tick_hz": np.array([1000.0, -5.0])}, r"rates\.tick_hz: expected a number > 0, found -5"),
+        ({"numbers.m": -0.2, "numbers.kp": np.array([1.0, 2.0])}, r"block\.m\.mass: expected a number > 0, found -0\.2"),
+        ({"numbers.m": np.array([0.2, -0.2])}, r"block\.m\.mass: expected a number > 0, found -0\.2"),
+    ],
+)
+def test_numbers_of_a_batch_are_refused_whether_they_vary_or_not(changes, said):
+    spec = load(tomllib.loads(PD))
+    with pytest.raises(UsageError, match=said):
+        refuse_unsuitable(spec.drawing, dict(spec.values) | changes)
+
+
+def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed():
+    with pytest.raises(UsageError, match=r"kd = 3 makes no loop: block\.m\.mass: expected a number > 0, found -0\.5"):
+        compiled(
+            PD, ('mass = "m"', 'mass = "m*((kd - 3)**2 - 0.5)"'), ("m = 0.2", "m = 1.0"), ("kd = 3.0", "kd = 5.0")
+        ).stable_intervals("kp", (0, 1), kd=[2, 3.0, 4])
+    with pytest.raises(UsageError, match=r"block\.late\.steps: expected a whole number <= 1000, found 2000"):
+        compiled(WALL).stable_intervals("K", (0, 1), n=[2, 2000])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda loop, a: loop.stable_intervals("kp", (0, 10), a=a),
+        lambda loop, a: loop.response([1.0], a=a),
+        lambda loop, a: loop.passivity(a=a),
+        lambda loop, a: loop.spectral_radius(a=a),
+    ],
+)
+def test_a_swept_first_coefficient_that_is_0_makes_no_loop(call):
+    """Its neighbours on both sides do."""
+    text = PD.replace("[block.m]", 'a = 1.0\n[block.f]\ntype = "tf"\nnum = [1]\nden = ["a", 1]\n[block.m]')
+    text = text.replace('"m.f" = "-kp*m.x', '"f.u" = "m.x"\n"m.f" = "hand - kp*f.y')
+    text = text.replace("[sweep]", '[ports]\nhand = { force = "hand", displacement = "m.x" }\n[sweep]')
+    with pytest.raises(UsageError, match=r"block\.f\.den: expected a first coefficient other than 0, found 0"):
+        call(compiled(text), [-1.0, 0.0, 1.0])
+    assert len(call(compiled(text), [-1.0, 1.0])) >= 2
+
+
+def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
+    """The force reaches it within the tick, through a gain."""
+    text = PD.replace("[block.m]", '[block.g]\ntype = "gain"\n[block.m]').replace("[wire]", '[wire]\n"g.u" = "m.x + hand"')
+    text = text.replace('m.v"', 'm.v + hand"').replace("[sweep]", '[ports]\nhand = { force = "hand", displacement = "g.y" }\n')
+    for ask in (lambda loop: loop.response([1.0]), lambda loop: loop.passivity(), lambda loop: loop.simulate(np.ones(9))):
+        with pytest.raises(SpecError, match=r'ports\.hand\.displacement: expected a position that a plant has .*found "g.y"'):
+            ask(compiled(text))
+
+
+def test_a_range_without_a_loop_in_it_is_refused():
+    refused = (
+        r"between 0 and 90 there is a value without a loop, or at which it is not smooth, since wire\.m\.f divides by zero"
+    )
+    for divisor in ("(1 - kp/50)", "(1 - kp/50)**2", "(kp/50*(kp/50 - 2) + 1)"):  # the others keep their sign
+        loop = compiled(PD, ("kd*m.v", f"kd/{divisor}*m.v"))
+        with pytest.raises(UsageError, match=refused):
+            loop.stable_intervals("kp", (0, 90), kd=[1.0, 2.0])
+        assert loop.stable_intervals("kp", (0, 40)).certified.all()
+    loop = compiled(PD, ("kd*m.v", "kd/((1 - kp/50)**2 + m/1e6)*m.v"))
+    assert len(loop.stable_intervals("kp", (0, 90), m=[0.1, 0.3])) >= 2
+
+
+def test_a_structural_number_is_no_axis_of_intervals():
+    with pytest.raises(UsageError, match="sweep it as values"):
+        compiled(WALL).stable_intervals("n", (0, 10))
+
+
+def test_a_singular_loop_of_direct_terms_is_refused_with_its_blocks():
+    text = PD.replace(
+        "[wire]", '[block.a]\ntype = "gain"\n[block.b]\ntype = "gain"\nk = "kd"\n[wire]\n"a.u" = "b.y/3 + m.x"\n"b.u" = "a.y"'
+    )
+    with pytest.raises(
+        SpecError, match=r"block\.a: expected loops of direct terms that have a solution, found one without, .* through a, b"
+    ):
+        wavesweep.compile(tomllib.loads(text))
+    assert wavesweep.compile(tomllib.loads(text.replace("b.y/3", "b.y/4"))).spectral_radius().shape == ()
+
+
+def test_drift_is_named_and_set_aside():
+    """A mass whose position nothing reads, and waves without position feedback."""
+    loop = compiled(PD, ("kp*m.x", "0.01*kp*m.v"))
+    assert loop.spectral_radius() == pytest.approx(np.exp(-(3 + 1) * T / 0.2), rel=0.02)
+    lines = "\n".join(plan(load(as_blocks(load({"controller": {"kind": "pmw"}}).values))))
+    assert "drift set aside: m position" in lines
+    assert "zwidth: stable intervals along K_VE in (0, 20000)" in lines
+
+
+def test_check_names_schedule_methods_and_refusals():
+    lines = "\n".join(plan(load(tomllib.loads(ARM))))
+    for text in (
+        "valid, a drawn loop of 2 blocks",
+        "frame of 20 ticks of 0.1 ms, 2 ms",
+        "runs in every tick: arm (mass)",
+        "runs every 20 ticks from tick 10: net (delay)",
+        "intervals along kp: exact, one scalar gain of a frame",
+        "intervals along kd, c: by panels",
+        "passivity: hand's port of 3 loops",
+    ):
+        assert text in lines
+    lines = "\n".join(plan(load(tomllib.loads(NETWORK))))
+    assert "bode, passivity, simulate: not possible, [ports] names neither a hand nor inputs" in lines
+
+
+def test_a_response_at_rest_is_that_of_the_springs():
+    low = compiled(ARM).response([1e-3])
+    assert low.admittance_re[0] == pytest.approx(1 / 240, rel=1e-6)
+    assert low.doubt[0] == ""
+    assert low.worst_gain[0] == pytest.approx(1 / 240, rel=1e-5)
+
+
+def test_a_drawing_made_in_python_is_compiled_as_it_is():
+    kp = np.array([5900.0, 6100.0])
+    drawn = MultirateLoop(
+        T, (ScheduledBlock(blocks.mass("m", T, 0.2)),), {"m.f": {"m.x": -kp, "m.v": -3.0, "hand": 1.0}}, ("hand",)
+    )
+    loop = wavesweep.compile(drawn)
+    assert (loop.spectral_radius() < 1).tolist() == [True, False]
+    single = MultirateLoop(T, drawn.placed, {"m.f": {"m.x": -100.0, "m.v": -3.0, "hand": 1.0}}, ("hand",))
+    assert wavesweep.compile(single).response([1e-3], "hand", "m.x").admittance[0].real == pytest.approx(0.01, rel=1e-6)
+    with pytest.raises(UsageError, match="input 'push'"):
+        wavesweep.compile(single).response([1.0], "push", "m.x")
+    run = wavesweep.compile(single).simulate({"hand": np.ones(3000)}, ["m.x", "m.f"])
+    assert run["m.x"].iloc[-1] == pytest.approx(0.01, rel=1e-6)
+    assert (run["m.f"].iloc[0], run.time_s.iloc[-1]) == (1.0, pytest.approx(2.999))
+    for inputs, fault in (({"push": [1.0]}, "found push"), ({"hand": [[1.0]]}, "as many numbers")):
+        with pytest.raises(UsageError, match=fault):
+            wavesweep.compile(single).simulate(inputs, ["m.x"])
+    with pytest.raises(UsageError, match="expected a single loop"):
+        loop.simulate({"hand": [1.0]}, ["m.x"])
+    with pytest.raises(UsageError, match=r"found m\.y"):
+        wavesweep.compile(single).simulate({"hand": [1.0]}, ["m.y"])
+
+
+def test_what_needs_a_controller_is_refused_in_a_sentence():
+    loop = compiled(ARM)
+    with pytest.raises(UsageError, match="option wall: expected a wall in \\[ports\\] whose numbers only multiply signals"):
+        loop.simulate(friction=0.1, wall=0.0)
+    with pytest.raises(UsageError, match="found a drawn loop"):
+        wavesweep.filter_choices(tomllib.loads(ARM))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", [{}, {"environment.delay": 7, "device.velocity": "difference"}])
+def test_a_controller_written_as_blocks_runs_as_its_own_law(kind, changes):
+    """The simulator's laws share nothing with the blocks; the run is noise for half a second."""
+    spec = load(nested({"controller.kind": kind, "controller.Kp": 8.0, **changes}))
+    force = np.random.default_rng(0).normal(size=500)
+    own = wavesweep.compile(spec).simulate(force)
+    drawn = wavesweep.compile(as_blocks(spec.values)).simulate(force)
+    for name in ("time_s", "f_h", "x", "v", "f_m", "f_device", "energy_hand", "energy_device"):
+        assert drawn[name].to_numpy() == pytest.approx(own[name].to_numpy(), rel=1e-10, abs=1e-11 * own[name].abs().max())
+    for name in ("x_hat", "v_hat", "F_s", "u_m", "u_s", "x_s", "v_2", "energy_channel"):
+        if name not in drawn:  # what a drawn loop does not have is no column of it
+            assert own[name].isna().all()
+            continue
+        assert drawn[name].to_numpy() == pytest.approx(own[name].to_numpy(), rel=1e-9, abs=1e-10, nan_ok=True)
+    assert drawn["frame"].tolist() == own["frame"].tolist()
+
+
+@pytest.mark.slow
+def test_a_run_and_its_response_as_tables():
+    tables = tomllib.loads(ARM) | {"simulate": {"settle_s": 4.5, "frequency_hz": [3.0, 20.0], "input": "stepped-sine"}}
+    run, response = wavesweep.simulate(tables)
+    assert (run.frame.max(), run.phase.max(), len(run)) == (len(run) // 20, 19, 116_667)
+    assert response.controller.tolist() == ["drawn"] * 2
+    for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im"):
+        assert response[name].to_numpy() == pytest.approx(response[f"linear_{name}"].to_numpy(), rel=1e-9)
+    assert (response.linear_admittance_error < 1e-9).all()
+    assert response.attrs["facts"]["notices"] == []
+
+
+def test_a_sine_that_is_its_own_image_is_noticed():
+    tables = tomllib.loads(ARM) | {"simulate": {"frequency_hz": 250.0, "duration_s": 3.0}}
+    response = wavesweep.simulate(tables)[1]
+    (notice,) = response.attrs["facts"]["notices"]
+    assert notice.startswith("at 250 Hz, a multiple of half the frame's rate, a sine is its own image")
+    found = response.admittance_re[0] + 1j * response.admittance_im[0]
+    assert abs(found) == pytest.approx(response.linear_admittance_abs[0], rel=0.01)
+    own = wavesweep.simulate({"controller": {"kind": "pmw"}, "simulate": {"frequency_hz": 50.0, "duration_s": 3.0}})[1]
+    assert own.attrs["facts"]["notices"][0].startswith("at 50 Hz, a multiple of half the frame's rate")
+
+
+def test_a_loop_that_diverges_stops_and_says_so():
+    facts = wavesweep.simulate(tomllib.loads(ARM.replace("value = 0.0", "value = 20.0")))[0].attrs["facts"]
+    assert facts["ticks"]["simulated"] < 5000
+    assert facts["ticks"]["stopped"] == "the hand's position exceeds 1000 m"
+    assert facts["linear_loop"]["spectral_radius"] == pytest.approx(1.1517, abs=1e-4)
+    turning = ARM.replace("value = 0.0", "value = 20.0").replace(
+        'displacement = "arm.x"', 'displacement = "arm.x", turns = true'
+    )
+    facts = wavesweep.simulate(tomllib.loads(turning))[0].attrs["facts"]
+    assert facts["ticks"]["stopped"] == "the hand's position exceeds 1000 rad"
+
+
+def test_every_axis_of_a_grid_is_read():
+    spec = load(tomllib.loads(ARM))
+    axis, others = sweep_axes(spec)
+    grid = make_grid(spec, others, axis.path)
+    assert (grid.loops, grid.ignored, job_over(grid, axis).asked.way) == (3, (), Way.PANELS)
+
+
+def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
+    axes = [NETWORK, NETWORK + "d = [1.5, 2.0]\n"]
+    jobs = [job_of(load(tomllib.loads(text))) for text in axes]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.PANELS]
+    highs = [in_memory(job)["high"] for job in jobs]
+    assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)
+
+
+@pytest.mark.parametrize(("text", "stiffness"), [(ARM, 240.0), (WALL, 100.0)])
+def test_the_static_limit_is_that_of_the_springs(text, stiffness):
+    table = compiled(text).response([0.0, 1e-3])
+    assert (table.doubt == "").all()
+    np.testing.assert_allclose(table.impedance_re, stiffness, rtol=1e-6)
+    assert table.impedance_re[0] == pytest.approx(stiffness, rel=1e-11)
+    assert table.impedance_im[0] == 0
+
+
+def arm(read, damping=0.0, lp=None):
+    """A mass whose velocity is taken from differences of what is read of its position."""
+    filtered = {"lp": {"type": "butterworth", "order": 1, "cutoff_hz": 50.0}} if lp else {}
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"kp": 0.1} | ({"q": 2.0} if "q" in f"{read}{lp}" else {}),
+        "block": {"arm": {"type": "mass", "mass": 0.4, "damping": damping}, "df": {"type": "difference"}, **filtered},
+        "wire": {"arm.f": "push - kp*df.y", "df.u": read, **({"lp.u": lp} if lp else {})},
+        "ports": {"hand": {"force": "push", "displacement": "arm.x"}},
+    }
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_position_that_drifts_with_another_state_is_not_at_rest(factor):
+    """A frame of one tick: the worst force is the force itself."""
+    table = wavesweep.compile(arm(f"{factor}*arm.x", damping=1.0)).response([0.0, 1e-3, 1.0])
+    assert np.isnan(table.admittance_abs[0])
+    np.testing.assert_allclose(table.worst_gain[1:], table.admittance_abs[1:], rtol=1e-10)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_bounds_of_responses_know_how_well_algebraic_loops_are_conditioned(gap):
+    a, b, k = 1 / 3, 3 * (1 - gap), 3 * gap
+    damping = float(Fraction(k) * Fraction(a) / (1 - Fraction(a) * Fraction(b)))
+    plant = {"type": "mass", "mass": 0.4, "damping": 1.0, "stiffness": 20.0}
+    ports = {"hand": {"force": "push", "displacement": "arm.x"}}
+    loops = [
+        {
+            "block": {"arm": plant, "g1": {"type": "gain", "k": a}, "g2": {"type": "gain", "k": b}},
+            "wire": {"g1.u": "g2.y + arm.v", "g2.u": "g1.y", "arm.f": f"push - {k!r}*g1.y"},
+        },
+        {"block": {"arm": plant}, "wire": {"arm.f": f"push - {damping!r}*arm.v"}},
+    ]
+    found, exact = (wavesweep.compile({"rates": {"tick_hz": 1000.0}, "ports": ports, **loop}).response([1.2]) for loop in loops)
+    for name, value in (("admittance", "admittance_abs"), ("worst_gain", "worst_gain")):
+        error = abs(found[value][0] / exact[value][0] - 1)
+        assert error <= found[f"{name}_error"][0] + exact[f"{name}_error"][0]
+        assert found[f"{name}_error"][0] < 1e-12 / gap * 1e4
+
+
+FREE = {"type": "mass", "mass": 1.0, "damping": 2.0}
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("blocks", "wire", "reaction", "stiffness"),
+    [
+        ({"a": FREE}, {"a.f": "p"}, "5*a.x", 5.0),
+        ({"a": FREE, "h": {"type": "hold", "every": 5}}, {"a.f": "p", "h.u": "a.x"}, "5*h.y", 5.0),
+        ({"a": FREE, "c": FREE}, {"a.f": "p - 40*(a.x - c.x)", "c.f": "40*(a.x - c.x)"}, "40*c.x", 40.0),
+        ({"a": FREE, "c": FREE}, {"a.f": "p - 40*(a.x - c.x)", "c.f": "40*(a.x - c.x)"}, "40*(a.x - c.x)", 0.0),
+        ({"a": FREE | {"stiffness": 100.0}, "i": {"type": "integrator"}}, {"a.f": "p", "i.u": "a.v"}, "100*i.y", None),
+    ],
+)
+def test_a_force_that_moves_with_a_drift_is_that_of_a_simulation(blocks, wire, reaction, stiffness):
+    """The impedance of random sines in a simulation, which knows no drift, and its limit towards 0 Hz."""
+    hand = {"force": "p", "displacement": "a.x", "reaction": reaction}
+    ports = {"hand": hand}
+    loop = wavesweep.compile({"rates": {"tick_hz": 1000}, "block": blocks, "wire": wire, "ports": ports})
+    ticks, hz = np.arange(20000), 5.0
+    run = loop.simulate(np.sin(2 * np.pi * hz / 1000 * ticks))
+    last = slice(-2000, None)
+    turn = np.exp(-2j * np.pi * hz / 1000 * ticks[last])
+    position, force = ((run[name].to_numpy()[last] - run[name].to_numpy()[last].mean()) @ turn for name in ("x", "f_m"))
+    found = loop.response([0.0, hz])
+    assert found.impedance_re[1] + 1j * found.impedance_im[1] == pytest.approx(force / position, rel=1e-6)
+    if stiffness is not None:
+        assert found.impedance_re[0] == pytest.approx(stiffness, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("integration", "key", "value"), [("implicit", "K", -3000), ("trapezoidal", "K", -6000), ("explicit", "B", -3)]
+)
+def test_a_local_model_that_divides_by_nothing_is_refused_at_its_key(integration, key, value):
+    model = {"type": "local_model", "b": 3.0, "K": 10.0, "B": 0.0, "integration": integration}
+    wire = {"a.f": "-a.x - a.v + 0.1*z.out", "z.in": "a.v"}
+    tables = {"rates": {"tick_hz": 1000}, "block": {"a": FREE, "z": model | {key: value}}, "wire": wire}
+    with pytest.raises(SpecError, match=f"block.z.{key}: expected a number with which b"):
+        load(tables)
+    loop = wavesweep.compile(tables | {"numbers": {"k": 10.0}, "block": {"a": FREE, "z": model | {key: "k"}}})
+    with pytest.raises(SpecError, match=f"block.z.{key}"):
+        loop.spectral_radius(k=[10.0, float(value)])
+    with pytest.raises(UsageError, match="a value without a loop"):
+        loop.stable_intervals("k", (1.1 * value, 10.0))
+    assert loop.stable_intervals("k", (0.9 * value, 10.0)).certified.all()
+
+
+@pytest.mark.parametrize(
+    ("block", "gain", "radii"),
+    [
+        ({"type": "gain"}, 0.3, 0.0),
+        ({"type": "delay", "steps": 3}, 0.0, 0.0),
+        ({"type": "delay", "steps": 3}, 0.001, 0.1),
+        ({"type": "integrator"}, 10.0, 0.0),
+        ({"type": "integrator"}, 9.9, 0.01),
+    ],
+)
+def test_the_radius_of_a_loop_that_forgets_is_known(block, gain, radii):
+    wire = {"p.u": "-K*p.y"}
+    loop = wavesweep.compile({"rates": {"tick_hz": 10}, "numbers": {"K": gain}, "block": {"p": block}, "wire": wire})
+    assert loop.spectral_radius() == pytest.approx(radii, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize(
+    ("hz", "ratio", "seen", "steps"), [(0.0639, 0.005, 10.0, 8), (0.0434, 0.01, 5.0, 7), (0.003, 0.05, 3.0, 4)]
+)
+def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
+    """The loop of a delay sees a slow mode with the other sign: a positive feedback of gain c (seen - 1) at its resonance."""
+    w = 2 * np.pi * hz
+    sway = {"type": "mass", "mass": 1.0, "damping": 2 * ratio * w, "stiffness": w * w}
+    loop = wavesweep.compile(
+        {
+            "rates": {"tick_hz": 10000},
+            "numbers": {"c": 0.05},
+            "block": {"d": {"type": "delay", "steps": steps}, "sway": sway},
+            "wire": {"sway.f": "d.y", "d.u": f"-c*(d.y - {2 * ratio * w * seen!r}*sway.v)"},
+        }
+    )
+    limit = 1 / (seen - 1)
+    near = [(share * limit, end * limit) for share in (0.9997, 0.9998) for end in (3, 1.0002)]
+    for span in ((0, 3 * limit), (0, 1.4 * limit), (0.1 * limit, 3 * limit), *near):
+        found = loop.stable_intervals("c", span)
+        assert found.certified.all()
+        assert found[["low", "high"]].to_numpy() == pytest.approx(np.array([[span[0], limit]]), rel=1e-6)
+        end = found.high[0]
+        assert loop.spectral_radius(c=end * (1 - 1e-6)) < 1 < loop.spectral_radius(c=end * (1 + 1e-6))
+
+
+@pytest.mark.parametrize(
+    ("fast", "ways"), [([10, 20], "panels"), ([1], "polynomial"), ([10, 1], "both"), ([1, 10, 20], "both")]
+)
+def test_the_method_is_that_of_all_loops_of_a_sweep(fast, ways):
+    """Every tick reads the stiffness, which a frame of one tick does once."""
+    recipes = pathlib.Path(__file__).parents[3] / "sweeps" / "recipes"
+    spec = load(recipes / "two-rate-wall.toml", [f"sweep.n={fast}", "sweep.B=[1]"])
+    said = intervals(spec, "K").facts["methods"]["intervals"]
+    assert ("one real polynomial" in said, "Chebyshev panels" in said) == (ways != "panels", ways != "polynomial")
+
+
+def test_values_of_the_axis_of_intervals_are_said_to_be_a_range():
+    spec = load({"controller": {"kind": "pmw"}, "sweep": {"K_VE": [2000, 100], "B_VE": [1]}})
+    assert (
+        "K_VE has values in [sweep]: searched between their ends, from 100 to 2000" in intervals(spec, "K_VE").facts["notices"]
+    )
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize(
+    ("near", "spans"), [(2.5e-7, [(-1000, 1000), (-1e4, 1e4), (-1e6, 1e6)]), (0.5, [(-1, 1e9), (-10, 1e10), (-2, 1e9)])]
+)
+def test_what_crosses_next_to_0_of_a_wide_range_is_not_taken_for_the_drift_that_ends_there(near, spans):
+    """Below `near` a mode of the first mass grows; at 0 nothing holds the second one."""
+    first = {"type": "mass", "mass": 0.466, "stiffness": 70.0}
+    second = {"type": "mass", "mass": 1.53, "damping": 0.0 if near < 0.1 else 5.0}
+    wire = {
+        "a.f": f"-(p - {near})*a.v + 0.0145*hb.y",
+        "b.f": "-p*b.x - 0.0145*ha.y - p*0.0155*b.v",
+        "ha.u": "a.v",
+        "hb.u": "b.v",
+    }
+    blocks = {"a": first, "b": second, "ha": {"type": "hold"}, "hb": {"type": "hold"}}
+    loop = wavesweep.compile({"rates": {"tick_hz": 1000}, "numbers": {"p": 1.0}, "block": blocks, "wire": wire})
+    (narrow,) = loop.stable_intervals("p", (-1, 10)).itertuples()
+    assert narrow.certified
+    assert narrow.low > 0.9 * near
+    for span in spans:
+        for row in loop.stable_intervals("p", span).itertuples():
+            promised = 1e-9 * (narrow.low + 1e-5 * (span[1] - span[0]))
+            assert not row.certified or abs(row.low - narrow.low) <= promised

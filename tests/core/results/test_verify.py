@@ -1,0 +1,333 @@
+"""`wavesweep verify` finds every kind of difference between a folder of results, its packages and new rows."""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavesweep.core import results
+from wavesweep.core.analyses.intervals import job_of, searches_of
+from wavesweep.core.cli import main
+from wavesweep.core.errors import UsageError
+from wavesweep.core.results import publish
+from wavesweep.core.results.verification import verify
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.job import cut_otherwise
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.responses import responses
+from wavesweep.core.tables.table import Table
+from wavesweep.margins.table import margins
+from wavesweep.passive.hands import hands_of
+from wavesweep.passive.table import filter_choices, passivity
+from wavesweep.prove.again import prove_again
+from wavesweep.sensitivity.table import why
+from wavesweep.simulation.table import simulate
+
+SWEEPS = Path(__file__).parents[3] / "sweeps"
+TABLES = {
+    "device": {"velocity": "difference", "damping": 3.0},
+    "operator": {"stiffness": 50.0},
+    "controller": {"kind": "pmw"},
+    "sweep": {
+        "along": "K_VE",
+        "K_VE": {"start": 0, "stop": 20000},
+        "B_VE": [0.5, 1, 2],
+        "Kp": [0, 20],
+        "environment.delay": [0, 3],
+    },
+    "bode": {"frequency_hz": [0, 1, 10], "Kp": [0, 20]},
+    "simulate": {"input": "sine", "frequency_hz": 5, "amplitude": 1, "duration_s": 1},
+}
+
+
+ALONG_B = {"along": "b", "b": {"start": 5, "stop": 50}, "B_VE": [0.5, 1, 2]}
+
+
+def files_of(spec, kind):
+    """The tables of a kind, computed."""
+    hands = hands_of(["passive", "port"])
+    short = replace(spec, name="short")
+    calls = {
+        "zwidth": lambda: [intervals(spec, "K_VE", jobs=1)],
+        "hands": lambda: [
+            replace(
+                intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1),
+                kind="zwidth-hands",
+            )
+        ],
+        "stability-region": lambda: [replace(intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")],
+        "bode": lambda: [responses([short])],
+        "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
+        "passivity": lambda: [passivity(spec, 0.01, jobs=1), filter_choices(spec, 0.01)],
+        "why": lambda: [why(load(TABLES | {"sweep": ALONG_B}))],
+        "margins": lambda: [margins(load(TABLES | {"environment": {"K_VE": 50}}), "avatar.out")],
+        "simulate": lambda: simulate(short.as_simulated()),
+    }
+    return calls[kind]()
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "why", "margins", "simulate"]
+)
+def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
+    tables = files_of(load(TABLES), kind)
+    for table in tables:
+        publish(table, tmp_path)
+    found = verify(tmp_path)
+    assert found.differences == ()
+    assert len([text for text in found.checked if "computed again, equal to " in text]) == len(tables)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("written")
+    publish(intervals(load(TABLES), "K_VE", jobs=1), folder)
+    return folder
+
+
+@pytest.fixture
+def folder(written, tmp_path):
+    return shutil.copytree(written, tmp_path / "o")
+
+
+def package_of(folder):
+    return json.loads((folder / "zwidth.datapackage.json").read_text())
+
+
+def repackaged(folder, **facts):
+    """Write other facts into the package."""
+    package = package_of(folder)
+    package["wavesweep"] |= facts
+    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
+
+
+def flip(folder):
+    content = bytearray((folder / "zwidth.csv").read_bytes())
+    digit = max(at for at, letter in enumerate(content[:-20]) if chr(letter).isdigit())
+    content[digit] ^= 1
+    (folder / "zwidth.csv").write_bytes(content)
+
+
+def cut_off(folder):
+    content = (folder / "zwidth.parquet").read_bytes()
+    (folder / "zwidth.parquet").write_bytes(content[:-30])
+
+
+def lose(folder):
+    (folder / "zwidth.csv").unlink()
+
+
+def tear(folder):
+    (folder / "zwidth.datapackage.json").write_text('{"wave')
+
+
+def change_a_number(folder):
+    """In both files, with the hashes of the changed files in the package."""
+    columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
+    columns["high"] = columns["high"].copy()
+    columns["high"][5] *= 1 - 1e-8
+    publish(Table.of("zwidth", columns, facts), folder)
+
+
+def lose_a_row(folder):
+    columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
+    publish(Table.of("zwidth", {name: column[:-1] for name, column in columns.items()}, facts), folder)
+
+
+def change_the_spec(folder):
+    repackaged(folder, spec=package_of(folder)["wavesweep"]["spec"] | {"device": {"mass": 0.2}})
+
+
+def break_the_spec(folder):
+    repackaged(folder, spec={"device": {"mass": -1}})
+
+
+def lose_the_numbers(folder):
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(folder / "zwidth.parquet")
+    pyarrow.parquet.write_table(table.drop_columns(["interval"]), folder / "zwidth.parquet")
+
+
+def lose_the_schema(folder):
+    flip(folder)
+    package = package_of(folder)
+    del package["resources"][0]["schema"]
+    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
+
+
+def overwrite(folder):
+    (folder / "zwidth.parquet").write_bytes(b"")
+
+
+DAMAGES = {
+    lose_the_numbers: ["zwidth.parquet and zwidth.csv: columns ", "computed again, no column interval"],
+    lose_the_schema: ["zwidth.*: a table cannot be read: 'schema'"],
+    overwrite: ["zwidth.*: a table cannot be read: ", "cannot be held against new ones: "],
+    flip: ["zwidth.csv: ", "in the package", "zwidth.parquet and zwidth.csv: row "],
+    cut_off: ["zwidth.parquet: ", "cannot be read", "cannot be held against new ones"],
+    lose: ["zwidth.csv: No such file"],
+    tear: ["zwidth.datapackage.json: cannot be read as a data package"],
+    change_a_number: ["zwidth.parquet: computed again, row 6, column high: "],
+    lose_a_row: ["computed again, 11 combinations and not 12"],
+    change_the_spec: ["the digest of the spec in it is ", "computed again, "],
+    break_the_spec: ["the spec in it makes no run: "],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_every_kind_of_damage_is_named(folder, damage, capfd):
+    damage(folder)
+    assert main(["verify", str(folder), "--quiet"]) == 1
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert [text for text in DAMAGES[damage] if text not in err] == []
+
+
+def test_a_number_that_was_changed_in_the_csv_is_found_whatever_the_package_says_of_it(folder):
+    lines = (folder / "zwidth.csv").read_text().splitlines(keepends=True)
+    names, cells = lines[0].split(","), lines[3].split(",")
+    cells[names.index("high")] = repr(float(cells[names.index("high")]) * 1.01)
+    lines[3] = ",".join(cells)
+    content = "".join(lines).encode()
+    (folder / "zwidth.csv").write_bytes(content)
+    package = package_of(folder)
+    package["resources"][0] |= {"bytes": len(content), "hash": f"sha256:{hashlib.sha256(content).hexdigest()}"}
+    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
+    (difference,) = verify(folder).differences
+    assert "zwidth.parquet and zwidth.csv: row 3, column high: " in difference
+
+
+def test_a_package_that_asks_for_other_numbers_of_rows_has_none_computed(tmp_path, monkeypatch):
+    """Somebody else's spec may ask for any number of them."""
+    (table,) = files_of(load(TABLES), "bode")
+    publish(table, tmp_path)
+    package = json.loads((tmp_path / "bode.datapackage.json").read_text())
+    package["wavesweep"]["spec"]["bode"]["frequency_hz"] = {"start": 1, "stop": 50, "num": 1_000_000}
+    (tmp_path / "bode.datapackage.json").write_text(json.dumps(package))
+    monkeypatch.setattr("wavesweep.core.tables.responses.responses", lambda *_, **__: pytest.fail("rows were computed"))
+    assert "6 rows and not 2000000" in verify(tmp_path).differences[-1]
+
+
+def test_a_file_of_a_few_bytes_and_many_rows_is_refused_by_its_metadata(folder, monkeypatch):
+    import pyarrow.parquet
+
+    row = pyarrow.parquet.read_table(folder / "zwidth.parquet").slice(0, 1)
+    many = row.take(pyarrow.array(np.zeros(300_000, int)))
+    pyarrow.parquet.write_table(many, folder / "zwidth.parquet", compression="zstd")
+    assert (folder / "zwidth.parquet").stat().st_size < 50_000
+    monkeypatch.setattr(pyarrow.parquet.ParquetFile, "read_row_groups", lambda *_, **__: pytest.fail("rows were read"))
+    said = verify(folder).differences
+    assert len([text for text in said if "expected groups of at most 131072 rows, found one of 300000" in text]) == 2
+    monkeypatch.setattr(pyarrow.parquet.ParquetFile, "read", lambda *_, **__: pytest.fail("rows were read"))
+    monkeypatch.setattr("wavesweep.core.results.files.memory", lambda: 1e7)
+    with pytest.raises(UsageError, match="expected a table that fits into memory, found 300,000 rows"):
+        results.read(folder / "zwidth.parquet")
+
+
+@pytest.mark.parametrize(("change", "differences"), [(1e-12, 0), (1e-6, 1)])
+def test_rows_of_another_numpy_are_compared_with_a_tolerance(folder, change, differences):
+    columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
+    columns["high"], columns["residual"] = columns["high"] * (1 - change), columns["residual"] * 2
+    publish(Table.of("zwidth", columns, facts | {"numpy_version": "2.0.0"}), folder)
+    found = verify(folder)
+    assert len(found.differences) == differences
+    assert differences or "equal to 1e-09, since another version" in found.checked[-1]
+
+
+@pytest.mark.slow
+def test_certified_rows_are_proved_again_and_false_ones_are_refuted(tmp_path, capfd):
+    folder = str(tmp_path)
+    publish(intervals(load(SWEEPS / "paper" / "fig4.toml"), "K_VE", jobs=1), tmp_path)
+    assert main(["verify", folder, "--prove", "--json"]) == 0
+    confirmed = {"table": str(tmp_path / "zwidth.parquet"), "certified": 151, "proved_again": 20, "whole": 20}
+    assert json.loads(capfd.readouterr().out)["proved"] == [confirmed | {"ends": 0, "unsettled": 0, "refuted": 0}]
+    columns, facts = results.read(tmp_path / "zwidth.parquet"), package_of(tmp_path)["wavesweep"]
+    true, factors = columns["high"], np.ones(len(columns["high"]))
+    factors[[0, -1]] = 1.001, 100
+    publish(Table.of("zwidth", columns | {"high": true * factors}, facts), tmp_path)
+    assert main(["verify", folder, "--prove", "7"]) == 1
+    out, err = capfd.readouterr()
+    assert "7 of 151 certified slices proved again in ball arithmetic: 5 confirmed on the whole range" in out
+    refuted = "is certified, but ball arithmetic refutes it"
+    assert f"row 1 {refuted}, high is {str(true[0])[:12]}" in err
+    assert f" and not {true[0].item() * 1.001!r}; unless the file was changed, this is a fault of wavesweep" in err
+    assert f"row 151 {refuted}, its ends are not in order within 0.0 and " in err
+    assert main(["verify", "--prove", folder]) == 2
+    assert "--prove: expected a number of slices from 1 on, or none behind DIR, found " in capfd.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("recipe", "wires", "operations", "change", "verdict"),
+    [
+        ("batch-reactor", {}, 1e8, 1, "whole"),
+        ("batch-reactor", {}, 3e6, 1, "ends"),  # the whole range takes more
+        ("batch-reactor", {}, 3e6, 1.001, "refuted"),
+        ("batch-reactor", {}, 1e4, 1, "unsettled"),
+        ("current-loop", {}, 1e8, 1, "whole"),  # with dead times
+        ("current-loop", {}, 1e8, 1.001, "refuted"),
+        ("current-loop", {"pwm.u": "pi.y - 0.1*motor.y"}, 1e8, 1, "unsettled"),  # a plant that is sampled for itself
+    ],
+)
+def test_a_slice_is_proved_on_the_whole_range_or_about_its_ends(recipe, wires, operations, change, verdict):
+    tables = tomllib.loads((SWEEPS / "recipes" / f"{recipe}.toml").read_text(encoding="utf-8"))
+    job = cut_otherwise(job_of(load(tables | {"wire": tables["wire"] | wires})), deep=1, wide=1)
+    (search,), (row,) = searches_of(job, job.chunks[1]).searches, job.task(job.chunks[1])()
+    claim = row["low"].item(), row["high"].item() * change, row["low_omega"].item(), row["high_omega"].item()
+    assert prove_again(search, [claim], operations).verdict == verdict
+
+
+def test_a_table_whose_package_is_lost_is_a_difference(folder):
+    shutil.copy(folder / "zwidth.csv", folder / "bode.csv")
+    (folder / "notes.csv").write_text("of somebody else")
+    assert verify(folder).differences == (f"{folder / 'bode.csv'}: its data package is missing",)
+
+
+@pytest.mark.parametrize("name", ["ArrowNotImplementedError", "ArrowInvalid", "OSError"])
+def test_whatever_arrow_says_of_a_damaged_file_is_one_sentence(folder, monkeypatch, name):
+    """A byte of the footer decides which error it is; most of them are no ValueErrors."""
+    import pyarrow.parquet
+
+    def fail(*_, **__):
+        raise getattr(pyarrow, name, OSError)("more than 64 bits\nand more")
+
+    cut_off(folder)
+    monkeypatch.setattr(pyarrow.parquet, "read_table", fail)
+    monkeypatch.setattr(pyarrow.parquet, "ParquetFile", fail)
+    with pytest.raises(UsageError, match=r"expected a whole table, .* as one \(more than 64 bits\)$"):
+        results.read(folder / "zwidth.parquet")
+    said = verify(folder).differences
+    assert [text.endswith("as one (more than 64 bits)") for text in said] == [False, True, True]
+    assert "zwidth.parquet: its rows cannot be held against new ones: " in said[-1]
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "device"])
+@pytest.mark.parametrize("name", ["zwidth.datapackage.json", "zwidth.csv", "zwidth.parquet"])
+def test_a_pipe_or_a_device_in_place_of_a_file_is_waited_for_by_no_command(columns, facts, tmp_path, make, name):
+    (tmp_path / "wall.toml").write_text('[controller]\nkind = "dc"\n[sweep]\nB_VE = [1]\n')
+    publish(Table.of("zwidth", columns, facts), tmp_path / "out")
+    (tmp_path / "out" / name).unlink()
+    make(tmp_path / "out" / name)
+    program = "from wavesweep.core.cli import main\n"
+    for words in ("zwidth wall.toml --no-plot --out out", "verify out", f"plot out/{name.replace('datapackage.json', 'csv')}"):
+        program += f"print(main({words.split()}))\n"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout.split("\n")[:1] == ["2"]
+    assert (done.stdout.split()[-1], "Traceback" in done.stderr, "fault of wavesweep" in done.stderr) == ("2", False, False)
+    assert name in done.stdout + done.stderr

@@ -1,0 +1,421 @@
+"""Stable intervals along numbers that enter the loop in any way, held against eigenvalues and against the exact way."""
+
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pandas
+import pytest
+from support.specs import values_of
+
+import wavesweep
+from wavesweep.core.errors import UsageError
+from wavesweep.core.stability.along_any import BENT, stable_along_any
+from wavesweep.core.stability.stable import stable_intervals
+from wavesweep.for_all import guardian_maps
+
+RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
+BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
+SPANS = {
+    "K_LM": (0, 5000),
+    "B_LM": (0, 50),
+    "Kp": (0, 200),
+    "b": (0.5, 200),
+    "device.mass": (0.01, 3),
+    "device.damping": (0, 20),
+    "filters.lp1.cutoff_hz": (1, 100),
+    "operator.stiffness": (0, 2000),
+    "operator.mass": (0, 1),
+    "filters.lp2.cutoff_hz": (1, 200),
+}
+
+
+def margins(loop, axis, values):
+    """Spectral radius less 1 at each value of the axis."""
+    return loop.spectral_radius(**{axis: values}) - 1
+
+
+@pytest.mark.sample(4)
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", SPANS)
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+def test_intervals_are_those_of_a_fine_scan(kind, axis):
+    """Every certified row agrees with the eigenvalues at 400 values, for the axes that the kind reads."""
+    stiffness = 100.0 if kind.startswith("dc") else 1000.0
+    environment = {"integration": "explicit", "K_VE": stiffness}
+    loop = wavesweep.compile({"controller": {"kind": kind, "Kp": 20.0}, "environment": environment})
+    low, high = SPANS[axis]
+    try:
+        table = loop.stable_intervals(along=axis, span=(low, high))
+    except UsageError:
+        assert kind in ("dc-slow", "dc-lm", "pmw")  # a key that this kind does not read
+        return
+    assert table.certified.all()
+    values = np.linspace(low, high, 402)[1:-1]
+    stable = np.zeros(values.size, bool)
+    for row in table.itertuples():
+        stable |= (values > row.low) & (values < row.high)
+    away = np.abs(margins(loop, axis, values)) > 1e-9
+    assert (stable == (margins(loop, axis, values) < 0))[away].all()
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", ["K_LM", "Kp", "b", "device.damping", "filters.lp1.cutoff_hz"])
+def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(axis):
+    """A relative step of 1e-9, which is the accuracy that the documents promise."""
+    loop = wavesweep.compile(BANK)
+    table = loop.stable_intervals(along=axis, span=SPANS[axis], K_VE=[200.0, 500.0, 1000.0, 2000.0])
+    ends = [
+        (row.K_VE, end, side)
+        for row in table.itertuples()
+        if row.intervals
+        for end, omega, side in ((row.low, row.low_omega, 1), (row.high, row.high_omega, -1))
+        if not np.isnan(omega) and end > 0
+    ]
+    assert ends
+    for stiffness, end, side in ends:
+        inside, outside = loop.spectral_radius(**{"K_VE": stiffness, axis: [end * (1 + side * 1e-9), end * (1 - side * 1e-9)]})
+        assert inside < 1 < outside
+
+
+def test_along_the_wall_it_finds_what_the_exact_way_finds():
+    """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
+    from wavesweep.core.analyses.open_loops import wall_cut
+    from wavesweep.core.monodromy.cut import close
+
+    spec = {
+        "controller": {"kind": "pmw"},
+        "environment": {"integration": "explicit"},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+    }
+    loop = wavesweep.compile(spec)
+    cut = wall_cut(loop.spec.values).at(np.newaxis)
+    exact = loop.stable_intervals(span=(1.0, 20000.0))
+    found = stable_along_any(lambda column, K: close(cut.at(column), K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
+    assert found.certified.all()
+    np.testing.assert_allclose(found.low, exact.low, rtol=1e-9)
+    np.testing.assert_allclose(found.high, exact.high, rtol=1e-9)
+    np.testing.assert_allclose(found.high_omega, exact.high_omega, rtol=1e-6)
+
+
+@pytest.mark.parametrize("integration", ["explicit", "trapezoidal"])
+@pytest.mark.parametrize("low", [0.0, 3.0])
+def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
+    """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
+    from wavesweep.core.analyses.open_loops import wall_cut
+    from wavesweep.core.monodromy.cut import close, errors_of_closed
+
+    values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
+    cut, span = wall_cut(values), (low, 20000.0)
+    exact = stable_intervals(cut, "K_VE", span, np.ones((12, 1)))
+
+    def evaluate(column, K):
+        return close(cut.at(column), np.where(K == 0, 1e-300, K), 1.0)
+
+    def errors(column, K):
+        return evaluate(column, K), errors_of_closed(cut.at(column), K, 1.0)
+
+    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), (-np.inf, np.inf), variable=BENT, errors=errors)
+    assert found.certified.all()
+    assert (exact.low[exact.count > 0] == low).any()
+    assert integration == "trapezoidal" or (exact.high < span[1]).all()
+    for name in ("low", "high"):
+        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=1e-9)
+
+
+def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
+    """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
+
+    def evaluate(_, p):
+        E = np.zeros((*p.shape, 2, 2), p.dtype)
+        E[..., 0, 0], E[..., 1, 1] = p - 1, -0.5
+        return E
+
+    found = stable_along_any(evaluate, (0.1, 5.0), 1, np.ones(1))
+    assert found.count.tolist() == [1]
+    assert found.certified.all()
+    np.testing.assert_allclose(found.high, 1.0, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_two_close_crossings_are_both_found():
+    """A pair of eigenvalues that leaves the circle for 1e-6 of the span only."""
+
+    def evaluate(_, p):
+        size = 1 + 1e-4 * (1e-12 - (p - 0.37) ** 2)
+        angle = 0.5
+        E = np.zeros((*p.shape, 2, 2), p.dtype)
+        E[..., 0, 0] = E[..., 1, 1] = size * np.cos(angle) - 1
+        E[..., 0, 1], E[..., 1, 0] = size * np.sin(angle), -size * np.sin(angle)
+        return E
+
+    found = stable_along_any(evaluate, (0.0, 1.0), 1, np.ones(1))
+    if found.certified.all():
+        np.testing.assert_allclose(found.high[0], 0.37 - 1e-6, atol=1e-9)
+        np.testing.assert_allclose(found.low[1], 0.37 + 1e-6, atol=1e-9)
+    assert found.count[0] == 2 or not found.certified.any()
+
+
+FUNCTIONS = (guardian_maps.from_coefficients, guardian_maps.from_eigenvalues)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others(function):
+    E = np.random.default_rng(4).normal(size=(600, 5, 5))
+    together = function(E)
+    for column in (0, 1, 17, 511, 512, 599):
+        alone = function(E[column : column + 1])
+        for one, all_ in zip(alone, together, strict=True):
+            assert np.array_equal(one[:, 0], all_[:, column])
+
+
+def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product():
+    """The determinant that it comes from is beyond the smallest double."""
+    w = 1e-7 * 3.0 ** np.arange(6) * np.exp(1j * np.linspace(1.6, 2.9, 6))
+    E = np.zeros((2, 12, 12))
+    for k, each in enumerate(w):
+        E[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[each.real, -each.imag], [each.imag, each.real]]
+    both = np.concatenate([w, w.conj()])
+    pairs = [-(both[i] + both[j] + both[i] * both[j]) for i in range(12) for j in range(i)]
+    assert np.log(np.abs(pairs)).sum() < -750
+    for function in FUNCTIONS:
+        phase, log, error = (part[guardian_maps.PAIR] for part in function(E))
+        assert guardian_maps.EPS * error.max() < 1e-3
+        assert log == pytest.approx(np.log(np.abs(pairs)).sum(), abs=1e-3)
+        assert phase.real == pytest.approx(np.sign(np.prod([each / abs(each) for each in pairs]).real))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("order", range(1, 13))
+@pytest.mark.parametrize("imaginary", [0.0, 0.3])
+def test_the_critical_functions_are_the_products_that_they_stand_for_within_their_bounds(order, imaginary):
+    random = np.random.default_rng(order)
+    E = (
+        0.4 * random.normal(size=(40, order, order))
+        + imaginary * 1j * random.normal(size=(40, order, order))
+        - 0.5 * np.eye(order)
+    )
+    E = E if imaginary else E.real
+    units = 2.0 ** random.integers(-20, 20, size=(40, order))
+    parts = [function(E / (units[:, None, :] / units[:, :, None]), units) for function in FUNCTIONS]
+    for k in range(0, 40, 20):
+        with mpmath.workdps(50):
+            w, _ = mpmath.eig(mpmath.matrix(E[k].tolist()))
+            pairs = [1 - (1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i)]
+            exact = [mpmath.fprod(pairs), mpmath.fprod(-each for each in w), mpmath.fprod(2 + each for each in w)]
+        for phase, log, error in parts:
+            found = phase[:, k] * np.exp(log[:, k])
+            # A bound to first order, for rounding as it usually is: an order of magnitude is allowed for.
+            off = [abs(complex(one) - other) for one, other in zip(exact, found, strict=True)]
+            assert np.all(off <= 10 * np.finfo(float).eps * (error[:, k] + order) * np.abs(found))
+            assert np.all(error[:, k] < 1e9)
+
+
+def test_states_that_only_some_values_have_are_no_crossings():
+    """Below 0 the frame has a second state; a batch in which it is seen has it for all its values."""
+
+    def evaluate(_, p):
+        order = 2 if np.any(np.real(p) < 0) else 1
+        E = np.zeros((*p.shape, order, order), p.dtype)
+        E[..., 0, 0] = p - 1.5
+        if order == 2:
+            E[..., 1, 1] = -0.7
+        return E
+
+    found = stable_along_any(evaluate, (0.0, 3.0), 1, np.ones(1))
+    assert found.certified.all()
+    np.testing.assert_allclose([found.low, found.high], [[0.0], [1.5]], rtol=1e-12)
+
+
+CHAIN = {  # (g - 3) vanishes in some slices: then a held value is read by nobody
+    "rates": {"tick_hz": 1000.0},
+    "numbers": {"m0": 0.5, "d": 1.0, "k": 50.0, "g0": 2.0, "g1": 1.0},
+    "block": {
+        "m": {"type": "mass", "mass": "m0", "damping": 0.25},
+        "h0": {"type": "delay", "steps": 2, "every": 4},
+        "h1": {"type": "hold", "every": 5, "phase": 2},
+    },
+    "wire": {"h0.u": "m.v", "h1.u": "h0.y + m.x", "m.f": "-d*m.v - k*m.x - (g0 - 3)*h0.y - (g1 - 3)*h1.y"},
+}
+
+
+@pytest.mark.parametrize(("along", "span"), [("k", (0, 1e5)), ("k", (-10, 10)), ("d", (-2, 400))])
+def test_slices_that_forget_other_states_do_not_change_each_other(along, span):
+    loop = wavesweep.compile(CHAIN)
+    together = loop.stable_intervals(along, span, g0=[4.0], g1=[3.0, 5.0])
+    alone = loop.stable_intervals(along, span, g0=[4.0], g1=[3.0])
+    pandas.testing.assert_frame_equal(together[together.g1 == 3.0].reset_index(drop=True), alone)
+
+
+def test_a_span_with_zero_in_its_middle_is_no_overflow():
+    """A zero of the number leaves states of tiny sizes, which say nothing of the units elsewhere."""
+    loop = wavesweep.compile(RECIPES / "teleoperation.toml")
+    rows = [loop.stable_intervals("c", span).iloc[0] for span in ((-4, 4), (-4, 4.1))]
+    assert all(row.certified for row in rows)
+    assert rows[0].high == pytest.approx(rows[1].high, rel=1e-9)
+
+
+def late_spring(hz, mass, k, every):
+    """A mass on a spring that is read late, whose damping d keeps it stable, and about where."""
+    return {
+        "rates": {"tick_hz": hz},
+        "numbers": {"d": 0.5, "k": k},
+        "block": {
+            "m": {"type": "mass", "mass": mass, "damping": "d"},
+            "h": {"type": "hold", "every": every, "phase": 1},
+            "g": {"type": "hold", "every": every},
+        },
+        "wire": {"h.u": "g.y", "g.u": "m.x", "m.f": "-k*h.y"},
+    }, k * (every / 2 + 1) / hz
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hz", "mass", "k", "every"),
+    [(440e3, 11.0, 0.238, 10), (294e3, 4.59, 20.9, 2), (1e3, 0.3, 100.0, 2)],
+)
+def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenvalues(hz, mass, k, every):
+    """A mass on a spring that is read late: in 60 digits the pair leaves the circle where 1 - c2 + c1 c3 - c3^2 vanishes."""
+    spec, about = late_spring(hz, mass, k, every)
+    with mpmath.workdps(60):
+
+        def step(ticks, d):
+            decay = mpmath.e ** (-d / mpmath.mpf(mass) * ticks / mpmath.mpf(hz))
+            A = mpmath.matrix([[1, mass / d * (1 - decay)], [0, decay]])
+            return A, mpmath.matrix([ticks / mpmath.mpf(hz) / d - mass / d**2 * (1 - decay), (1 - decay) / d])
+
+        def leaves(d):
+            (first, early), (rest, late) = step(1, d), step(every - 1, d)
+            through, held = rest * first, rest * early
+            M = mpmath.matrix(3, 3)
+            for i in range(2):
+                M[i, 0], M[i, 1], M[i, 2] = through[i, 0] - k * late[i], through[i, 1], -k * held[i]
+            M[2, 0] = 1
+            c1, c3 = -(M[0, 0] + M[1, 1] + M[2, 2]), -mpmath.det(M)
+            c2 = sum(M[i, i] * M[j, j] - M[i, j] * M[j, i] for j in range(3) for i in range(j))
+            return 1 - c2 + c1 * c3 - c3**2
+
+        exact = mpmath.findroot(leaves, (about * 0.99, about * 1.01), solver="anderson", tol=1e-100, maxsteps=400, verify=False)
+    row = wavesweep.compile(spec).stable_intervals("d", (0, 10 * about)).iloc[0]
+    assert row.certified
+    assert row.low == pytest.approx(float(exact), rel=1e-10, abs=0)
+
+
+def test_a_loop_of_many_states_is_proved_where_it_is_stable_and_where_it_is_not():
+    random = np.random.default_rng(5)
+    turn, _ = np.linalg.qr(random.normal(size=(16, 16)))
+
+    def evaluate(_, p):
+        z = np.zeros((*p.shape, 16), p.dtype)
+        z[..., 0], z[..., 1:] = p, np.linspace(-0.6, 0.6, 15)
+        return turn @ (z[..., None] * turn.T) - np.eye(16)
+
+    for span, highs in (((0.1, 5.0), [1.0]), ((3.0, 5.0), [])):
+        found = stable_along_any(evaluate, span, 1, np.ones(1))
+        assert found.certified.all()
+        np.testing.assert_allclose(found.high[found.count > 0], highs, rtol=1e-9)
+
+
+def turning(size, angle):
+    """A pair of eigenvalues of that size and angle, less identity, `(..., 2, 2)`."""
+    E = np.zeros((*np.shape(size), 2, 2), np.result_type(size, angle))
+    E[..., 0, 0] = E[..., 1, 1] = size * np.cos(angle) - 1
+    E[..., 0, 1], E[..., 1, 0] = size * np.sin(angle), -size * np.sin(angle)
+    return E
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ends_are_those_that_were_put_there(seed):
+    """Pairs and single eigenvalues that cross at known values, seen through an unknown change of coordinates."""
+    random = np.random.default_rng(seed)
+    at, steep = np.sort(random.uniform(1, 9, 3)), random.uniform(0.01, 0.3, 3) * random.choice([-1, 1], 3)
+    angles, T = random.uniform(0.3, 2.8, 2), np.linalg.qr(random.normal(size=(5, 5)))[0]
+
+    def evaluate(_, p):
+        E = np.zeros((*p.shape, 5, 5), p.dtype)
+        for i in range(2):
+            E[..., 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = turning(np.exp(steep[i] * (p - at[i])), angles[i] + 0.02 * p)
+        E[..., 4, 4] = np.exp(steep[2] * (p - at[2])) * (1 if seed % 2 else -1) - 1
+        return T.T @ E @ T
+
+    found = stable_along_any(evaluate, (0.5, 9.5), 1, np.ones(1))
+    low = max([0.5, *at[steep < 0]])
+    high = min([9.5, *at[steep > 0]])
+    assert found.certified.all()
+    if low < high:
+        assert found.low.tolist() == [pytest.approx(low, rel=1e-11)]
+        assert found.high.tolist() == [pytest.approx(high, rel=1e-11)]
+    else:
+        assert found.count.tolist() == [0]
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["(p-0.3)**2/(p+0.1)", "(p-0.3)**2*(1+3*p)"])
+def test_ends_next_to_each_other_keep_their_digits(form):
+    """A hole of a millionth: det A = s (1 - form), so its ends solve `form = 1 - 1/s`; a slope over its width is wrong."""
+    A = [["0.4", "0.9"], [f"(0.4*1.1-s*(1-{form}))/0.9", "1.1"]]
+    block = {"type": "ss", "discrete": True, "A": A, "B": [[0], [0]], "C": [[1, 0]], "outputs": ["y"]}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.5, "s": 1.0}, "block": {"a": block}, "wire": {"a.u": 0}}
+    s = 1 + np.geomspace(1e-6, 1e-4, 160) ** 2
+    found = wavesweep.compile(tables).stable_intervals("p", (0, 1), s=s)
+    known = found[found.certified]
+    assert known.s.nunique() > 100
+    for value, rows in known.groupby("s"):
+        level = (value - 1) / value
+        for side in (-1, 1):
+            end = 0.3
+            for _ in range(50):  # (p - 0.3)^2 is the level over the other factor, which varies slowly
+                factor = 1 / (end + 0.1) if "/" in form else 1 + 3 * end
+                end = 0.3 + side * np.sqrt(level / factor)
+            ends = rows[["low", "high"]].to_numpy().ravel()
+            assert np.abs(ends - end).min() <= 1e-9 * (end + 1e-5)
+
+
+def test_a_pair_that_crosses_at_a_small_angle_is_no_meeting():
+    """Next to z = 1, where nothing else is."""
+    angle = 5e-4
+    pair = f"{float(-2 * np.cos(angle))!r} * (1 + p)"
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"p": 0.1},
+        "block": {"a": {"type": "tf", "discrete": True, "num": [1], "den": [1, pair, "(1 + p)**2"]}},
+        "wire": {"a.u": 0},
+    }
+    (row,) = wavesweep.compile(tables).stable_intervals("p", (-0.3, 0.2)).itertuples()
+    assert row.certified
+    assert row.low == -0.3
+    assert row.high == pytest.approx(0, abs=1e-14)
+    assert row.high_omega == pytest.approx(1000 * angle, rel=1e-6)
+
+
+def test_an_end_next_to_another_eigenvalue_keeps_its_digits():
+    """At z = 1 with a second eigenvalue 0.951; the end solves a quadratic."""
+    rows = [["0", "-(0.94105 + p + p*p)"], ["1", 1.951]]
+    block = {"type": "ss", "discrete": True, "A": rows, "B": [[1.0], [0.0]], "C": [[0.0, 1.0]], "outputs": ["y"]}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.3}, "block": {"a": block}, "wire": {"a.u": 0}}
+    (row,) = wavesweep.compile(tables).stable_intervals("p", (-0.4, 1.6)).itertuples()
+    assert row.certified
+    assert row.low == pytest.approx(0.009852919968102188, rel=1e-13)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("apart", [1e-7, 1e-8, 2e-9, 1e-9])
+def test_an_end_of_one_of_two_pairs_that_nearly_coincide_is_proved(apart):
+    """Coupled to its twin, whose vectors are in its own; the end is where the last entry of its block is -1."""
+    end, angle = 4.3389802407545804e-05, 0.06081193099446768
+    rows = [
+        ["0", f"-(1 - {apart})", "0", "0", 1.303240432101923],
+        ["1", angle, -0.2559611134950909, "0", "0"],
+        ["0", "0", 0.8454375816516613, -0.20601037288640878, -0.3836576922445406],
+        ["0", "0", "0", "0", f"-(1 - 0.08748955721828816*(p - {end!r}))"],
+        ["0", "0", "0", "1", angle],
+    ]
+    block = {"type": "ss", "discrete": True, "A": rows, "B": [[1.0]] * 5, "C": [[1.0] * 5], "outputs": ["y"]}
+    tables = {"rates": {"tick_hz": 1}, "numbers": {"p": 0.7}, "block": {"a": block}, "wire": {"a.u": 0}}
+    (row,) = wavesweep.compile(tables).stable_intervals("p", (-1.0, 1.0)).itertuples()
+    assert row.certified
+    assert abs(row.low - end) < 6e-14

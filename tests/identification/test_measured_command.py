@@ -1,0 +1,56 @@
+"""Measured points at the command line: the lines of `check`, refusals before any work, and figures from stored tables."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.identification.test_points import spec_of
+
+EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
+BENCH = str(EXAMPLES / "bench.toml")
+TRUE = [word for each in ("device.mass=0.09", "device.damping=1.1", "environment.delay=2") for word in ("--set", each)]
+
+
+def test_runs_of_the_simulation_are_on_the_right_side_of_the_boundary_of_the_same_device(wavesweep):
+    found = json.loads(wavesweep("check", BENCH, *TRUE, "--json")[1])["verdict"]["measured"]
+    assert (found["tried"]["count"], found["tried"]["wrong"]) == (42, 0)
+    assert found["response"]["worst"]["ratio"] == pytest.approx(1, abs=1e-3)
+
+
+def test_check_says_that_a_model_does_not_explain_limits(wavesweep, tmp_path):
+    spec_of(tmp_path, "z_width", "B_VE,K_VE\n" + 3 * "0,1000\n0,1200\n2,3500\n")
+    lines = wavesweep("check", str(tmp_path / "mine.toml"), "--all")[1].splitlines()
+    start = next(number for number, line in enumerate(lines) if "measured limits" in line)
+    assert lines[start : start + 3] == [
+        (
+            "  measured limits (points.csv): computed over measured is 2.51 in the median, 3.01 at worst, at B_VE = 0 N*s/m "
+            "(3008 for 1000 N/m)"
+        ),
+        "    of 9 limits the model promises more than was measured, the dangerous side, at 9, by 201 % at most",
+        "    the model does not explain them: 2561 N/m rms, 213 % of their median; repeated limits scatter by 92.6 N/m",
+    ]
+
+
+@pytest.mark.parametrize("command", ["check", "zwidth", "compare", "bode"])
+def test_a_file_that_cannot_be_used_ends_a_command_before_its_work(command, wavesweep, sweep, tmp_path, monkeypatch):
+    spec_of(tmp_path, "response" if command == "bode" else "z_width", "B_VE\n1\n")
+    monkeypatch.chdir(tmp_path)
+    code, out, err = wavesweep(command, "mine.toml")
+    assert (code, out, err.count("\n"), sweep.seen) == (2, "", 1, [])
+    assert err.startswith("Error: points.csv: expected")
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.slow
+def test_a_figure_is_drawn_again_with_the_points_of_its_run(wavesweep, tmp_path, monkeypatch):
+    spec_of(tmp_path, "z_width", "B_VE,K_VE\n0,1000\n2,3500\n")
+    monkeypatch.chdir(tmp_path)
+    sweep = ["--set", "sweep.B_VE={start=0, stop=4, num=9}", "--quiet"]
+    assert wavesweep("zwidth", "mine.toml", *sweep, "--out", "a")[0] == 0
+    assert wavesweep("zwidth", "mine.toml", *sweep, "--out", "none", "--set", "measured=")[0] == 0
+    Path("points.csv").unlink()
+    assert wavesweep("plot", "a/zwidth.csv", "--out", "again.png")[0] == 0
+    assert Path("again.png").read_bytes() == Path("a/zwidth.png").read_bytes() != Path("none/zwidth.png").read_bytes()
+    assert Path("a/zwidth.csv").read_bytes() == Path("none/zwidth.csv").read_bytes()
+    assert wavesweep("verify", "a")[0] == 0

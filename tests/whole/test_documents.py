@@ -1,0 +1,152 @@
+"""The documents cannot rot: what they list is what the program has, their code runs, and all links lead somewhere."""
+
+import json
+import pathlib
+import re
+import sys
+import tomllib
+from importlib import import_module
+
+import jsonschema
+import pytest
+
+import wavesweep
+from wavesweep.core.cli import main
+from wavesweep.core.cli.entry import COMMANDS, WITHOUT_SUMMARY
+
+ROOT = pathlib.Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
+MANUAL = "\n".join(PAGES.values())
+RECIPES = ROOT / "sweeps" / "recipes"
+BESIDE = (
+    *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
+    *("wavesweep/ACCURACY.md", "wavesweep/SAFETY.md", "wavesweep/TABLES.md"),
+)
+TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "sweeps/paper/README.md", *BESIDE)} | {
+    f"docs/{name}": text for name, text in PAGES.items()
+}
+LINKS = [(name, link) for name, text in TEXTS.items() for link in re.findall(r"\]\((?!http)([^)]*)\)", text)]
+
+
+def section(title):
+    """The page of that title."""
+    return next(text for text in PAGES.values() if text.startswith(f"# {title}\n"))
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """The program that makes the reference."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    yield import_module("reference")
+    sys.path.remove(str(ROOT / "docs"))
+
+
+def test_the_pages_have_each_part_that_is_made_from_the_code(reference):
+    marks = [mark[1] for text in PAGES.values() for mark in reference.MARK.finditer(text)]
+    assert set(marks) == set(reference.MADE)
+    assert {*COMMANDS} - OTHERWISE - {*WITHOUT_SUMMARY} == set(reference.SAMPLED)
+
+
+@pytest.mark.slow
+def test_what_commands_print_as_json_fits_the_schema_of_the_documents(reference, capsys):
+    schema = jsonschema.Draft202012Validator(json.loads((ROOT / "docs" / "summary.schema.json").read_text(encoding="utf-8")))
+    printed = {name: each for name, _, each in reference.sampled()}
+    assert set(printed) == set(reference.SAMPLED)
+    for name, each in printed.items():
+        assert [f"{name}: {error.message[:200]}" for error in schema.iter_errors(each)] == []
+    for words in (["zwidth", "missing.toml"], ["zwidth"], ["bode", "missing.toml", "--nothing"]):
+        code = main([*words, "--json"])
+        failed = json.loads(capsys.readouterr().out)
+        schema.validate(failed)
+        assert (code, failed["exit_code"]) == (2, 2)
+        assert failed["error"]
+
+
+PICTURES = re.findall(r"^<!-- from the code: picture ([\w-]+) -->$", PAGES["gallery.md"], re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("name", PICTURES)
+def test_the_commands_of_the_gallery_draw(name, reference):
+    assert len(reference.MADE["picture"](name)) > 10_000
+
+
+OTHERWISE = {
+    "paper",
+    "bench",
+    "keys",
+    "explain",
+}  # the first two take minutes; what `keys` and `explain` print has pages of its own
+
+
+@pytest.mark.slow
+def test_the_drawn_loop_of_the_page_is_a_recipe_with_its_limits():
+    text = section("Draw your own loop")
+    tables = tomllib.loads(re.search(r"```toml\n(.*?)```", text, re.DOTALL).group(1))
+    assert tables == tomllib.loads((RECIPES / "policy.toml").read_text(encoding="utf-8"))
+    found = wavesweep.stability_region(tables)
+    assert found.certified.all()
+    limits = [f"{high:.4f}" for high in found.query("g == 0 and zeta == 2").high]
+    assert limits == list(re.search(r"`f < (\S+) Hz` and `(\S+) Hz`", text).groups())
+
+
+def test_every_recipe_stands_in_the_documents_with_the_numbers_of_its_comment():
+    rows = re.findall(r"^\| \[(\S+)\]\(\.\./sweeps/recipes/\1\.toml\) \| .*? \| (.*?) \|$", MANUAL, re.MULTILINE)
+    assert sorted(name for name, _ in rows) == sorted(path.stem for path in RECIPES.glob("*.toml"))
+    for name, answer in rows:
+        comment = (RECIPES / f"{name}.toml").read_text(encoding="utf-8").split("\n\n[", 1)[0]
+        numbers = re.findall(r"\d+\.\d+|\d{4,}", answer)
+        assert numbers
+        assert [number for number in numbers if number not in comment] == []
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/library.md"])
+def test_the_library_example_runs_as_it_stands(page, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", TEXTS[page], re.DOTALL).group(1), names)  # noqa: S102 - the document's own code
+    assert names["table"].certified.all()
+
+
+@pytest.mark.slow
+def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
+    """As an editor does: the README's example has no fault, and its names have types, so that each misspelling is found."""
+    mypy = pytest.importorskip("mypy.api")
+    example = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
+    slips = ["wavesweep.zwidht(loop.spec)", "wavesweep.zwidth(loop.spec, jbos=3)", "loop.plot_zwith()", "loop.margins(cuts=1)"]
+    (tmp_path / "right.py").write_text(example, encoding="utf-8")
+    (tmp_path / "slips.py").write_text(example + "\n".join(slips), encoding="utf-8")
+    options = ["--python-executable", sys.executable, "--cache-dir", str(tmp_path), "--follow-imports=silent"]
+    depth = sys.getrecursionlimit()
+    said, _, code = mypy.run([*options, *(str(tmp_path / name) for name in ("right.py", "slips.py"))])
+    sys.setrecursionlimit(depth)  # mypy raises it, and other tests are of what recurses too deep
+    first = example.count("\n") + 1
+    faults = [int(line) for line in re.findall(r"^.*slips\.py:(\d+): error", said, re.MULTILINE)]
+    assert (code, "right.py" in said, faults) == (1, False, [*range(first, first + len(slips))]), said
+
+
+@pytest.mark.parametrize(("name", "link"), LINKS)
+def test_links_lead_somewhere(name, link):
+    """To a file that there is and, where the link names one, to a heading in it."""
+    path, _, heading = link.partition("#")
+    target = (ROOT / name).parent / path if path else ROOT / name
+    assert target.exists()
+    if heading:
+        assert heading in [
+            anchor(title) for title in re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+        ]
+
+
+def anchor(title):
+    """What a heading is linked by."""
+    return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_documents_name_files_that_there_are(name):
+    """Files and folders of the project in their prose; code and commands are run by other tests."""
+    prose = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
+    named = re.findall(r"`((?:\.ci|wavesweep|tests|sweeps|benchmarks)/[\w./-]*)`", prose)
+    assert [path for path in named if not (ROOT / path).exists()] == []

@@ -1,0 +1,88 @@
+"""The house without some capabilities: `python -m tests.without NAME...` runs, in a copy, the tests that are left.
+
+`all` leaves the core alone; then the tables of the paper's specs have to be the same bytes as with everything there.
+"""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from wavesweep.capabilities import CAPABILITIES
+
+ROOT = Path(__file__).parents[1]
+NAMES = tuple(each.name for each in CAPABILITIES)
+WHOLE = "whole"  # the folder of the tests that are about everything together
+ASKED = (("zwidth", "fig4"), ("zwidth", "fig5"), ("stability-region", "fig4-b25"), ("bode", "fig6"))
+
+
+def copy_without(names, folder):
+    """Copy the files that git tracks, without the folders, the tests and the lines of some capabilities."""
+    listed = subprocess.run(
+        [shutil.which("git"), "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    gone = tuple(f"{top}/{name}/" for name in names for top in ("wavesweep", "tests"))
+    for name in listed:
+        if not name.startswith((*gone, f"tests/{WHOLE}/")) and (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    listing = folder / "wavesweep" / "capabilities.py"
+    listing.write_text(without_lines(listing.read_text(encoding="utf-8"), names), encoding="utf-8")
+
+
+def without_lines(text, names):
+    """The list of capabilities without some of them."""
+    lines = text.splitlines(keepends=True)
+    calls = (
+        node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call) and ast.unparse(node.func) == "Capability"
+    )
+    for call in sorted(calls, key=lambda each: -each.lineno):
+        if ast.literal_eval(call.args[0]) in names:
+            del lines[call.lineno - 1 : call.end_lineno]
+    return "".join(lines)
+
+
+def run(folder, *arguments):
+    """Run Python in a copy, which it imports the package from."""
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, check=False)
+
+
+def tables_of(folder):
+    """The bytes of the tables of the paper's specs, as the package in a folder writes them."""
+    found = {}
+    for command, name in ASKED:
+        out = folder / "results" / name
+        spec = str(ROOT / "sweeps" / "paper" / f"{name}.toml")
+        run(folder, "-m", "wavesweep", command, spec, "--out", str(out), "--no-plot", "--quiet", "--overwrite")
+        found |= {(command, name, path.suffix): path.read_bytes() for path in sorted(out.glob("*.csv"))}
+    return found
+
+
+def main(arguments):
+    """Take capabilities away in a copy, and return the exit code of the tests that are left."""
+    names = NAMES if arguments == ["all"] else tuple(arguments)
+    if not names or set(names) - set(NAMES):
+        print(f"usage: python -m tests.without all, or names of {', '.join(NAMES)}", file=sys.stderr)
+        return 2
+    with tempfile.TemporaryDirectory() as made:
+        folder, whole = Path(made) / "left", Path(made) / "whole"
+        copy_without(names, folder)
+        code = run(folder, "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider").returncode
+        if names == NAMES:
+            copy_without((), whole)
+            left, there = tables_of(folder), tables_of(whole)
+            different = [key for key in there.keys() | left.keys() if there.get(key) != left.get(key)]
+            print(
+                "tables of the paper's specs:",
+                f"differ: {different}" if different or not there else f"{len(there)} the same bytes",
+            )
+            code = code or int(bool(different) or not there)
+        return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
