@@ -179,7 +179,8 @@ def test_a_design_is_proved_for_all_numbers_of_its_spec():
         "design": {"population": 8, "generations": 2, "vary": {"device.damping": {"start": 1, "stop": 3}}},
     }
     spec["design"]["wish"] = {"z_width": {"B_VE": [1]}}
-    found = design(load(spec), jobs=1).columns
+    table = design(load(spec), jobs=1)
+    found = table.columns
     own = load({name: table for name, table in spec.items() if name not in ("for_all", "design")})
     worst = min(
         compile(own.with_values({"device.mass": mass, "device.damping": found["device.damping"][0]})).stable_intervals().high[0]
@@ -187,6 +188,7 @@ def test_a_design_is_proved_for_all_numbers_of_its_spec():
     )
     assert found["holds"].all()
     assert 0.99 * worst < found["z_width"][0] < worst
+    assert 1 + len(table.facts["runners_up"]) <= table.facts["proved"] < table.facts["slices"]["computed"]
 
 
 def coupled(ticks, K, mass):

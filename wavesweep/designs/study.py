@@ -173,6 +173,7 @@ def design(
         others = np.concatenate([first[: spec.for_all is not None], run.feasible()])  # the search sees little of [for_all]
         genes = np.concatenate([genes, run.next_to(others, genes)])
     job.asked.genes[settings["generations"]] = genes
+    proved = {"proved": len(genes)} if spec.for_all else {}
     genes, records = run.kept(genes, run.records(settings["generations"]))
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
         said = miss(spec, records, job.asked.finest, wish_units(spec))
@@ -190,6 +191,7 @@ def design(
         "own": own_design(spec, job),
         "stop": job.asked.stop,
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
+        **proved,
     }
     facts |= {"scenarios": len(job.asked.scenarios), "checked_scenarios": len(job.asked.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)

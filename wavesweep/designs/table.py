@@ -48,6 +48,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "bounds_hold_between": int(columns["holds"].sum()),
         "searched": facts["slices"]["computed"],
         "scenarios": facts["scenarios"],
+        **({"proved": facts["proved"]} if "proved" in facts else {}),
         "best": values,
         "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
         "own": dict(facts["own"]),
@@ -81,12 +82,14 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
 def _lines(found: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
     over, tried = count(found["scenarios"], "combination"), count(found["searched"], "design")
-    yield f"{tried} evaluated, each at its worst over {over}", False
+    ranked = f", without [for_all]; {found['proved']} of them then for all of [for_all]" if "proved" in found else ""
+    yield f"{tried} evaluated, each at its worst over {over}{ranked}", False
+    tried = f"these {found['proved']}" if ranked else f"{tried} tried"
     if found["designs"] > 1:
         yield f"{count(found['designs'], 'design')} on the front", False
     for names in _alike(found["numbers"]):
         first = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
-        yield f"{first} of {tried} tried: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
+        yield f"{first} of {tried}: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
     yield from _bound_lines(found)
     for each in found["runners_up"]:
         margins = f"; margins: {_shares(each['margins'])}" if each["margins"] else ""
