@@ -3,6 +3,8 @@
 A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, and what it offers to
 others stands in the module of that name, e.g. `on_check.py`. It imports the core and no other capability; the core asks this
 list what there is. A capability is taken away by deleting its folder, its tests and its line.
+
+guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,6 +28,7 @@ class Capability(NamedTuple):
 
 
 CAPABILITIES = (
+    Capability("for_all", tables=("for_all",), offers=("guarantee",)),
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
@@ -48,6 +51,7 @@ CAPABILITIES = (
         "passive",
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
         kinds=("passivity", "passivity-filters", "passivity-ports"),
+        offers=("guarantee",),
     ),
     Capability(
         "sensitivity",
@@ -79,7 +83,6 @@ CAPABILITIES = (
         "explore",
         {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
     ),
-    Capability("for_all", tables=("for_all",)),
     Capability("require"),
     Capability("prove"),
     Capability("picture"),

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.plots.members import HANDS, Member
+from wavesweep.core.plots.members import Member, look_of
 from wavesweep.core.plots.regions import BEYOND, CARET, FELT_LINE, RIGHT, SHADE, UP, handles_of, range_end
 from wavesweep.core.plots.shown import Shown
 from wavesweep.core.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting, paler
 from wavesweep.core.plots.words import unit, valued
 from wavesweep.core.tables.regions import incomplete
-from wavesweep.for_all.keys import GUARANTEES
+from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
 from wavesweep.identification.measured_marks import wall_handles
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
@@ -42,7 +42,7 @@ def entries_of(shown: Shown, panels: Sequence[float]) -> tuple[list[Any], list[A
             for name, member in zip(names, members, strict=True)
         ]
         entries = handles_of(names, [member.look for member in members])
-    if members and members[-1].guarantee in GUARANTEES:
+    if members and members[-1].proved:
         rows, colour = members[-1].rows, members[-1].look.colour
         if layout.x is not None and rows["intervals"].any():
             entries[-1] = Patch(facecolor=paler(colour, SHADE), edgecolor=colour, label=entries[-1].get_label())
@@ -69,7 +69,7 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
     plane, certain = shown.layout.x is not None, all(member.rows["certified"].all() for member in members)
     handles = []
     if plane and shown.felt:
-        alone = HANDS["free"][0].colour if len(members) == 1 else "0.3"
+        alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if shown.best:
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
@@ -98,9 +98,8 @@ def _best_in_words(shown: Shown, sure: str) -> str:
     """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
     best, facts = shown.best, shown.facts
     sure = sure if best["certified"] else ""
-    titles = {"for_all": "largest proved for all", "mean_square": "largest proved in mean square"}
-    title = titles.get(best.get("guarantee"), "largest")
-    over = "over " if np.isnan(best["high_omega"]) and best.get("guarantee") not in GUARANTEES else ""
+    kind = row_kinds()[best.get("guarantee", "")]
+    title, over = kind.largest, "over " if np.isnan(best["high_omega"]) and not kind.proved else ""
     felt = best.get("felt_high", np.nan)
     if shown.along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin

@@ -19,7 +19,6 @@ from wavesweep.core.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figu
 from wavesweep.core.plots.words import assumed, label, printed, symbol, valued, with_unit
 from wavesweep.core.tables.columns import unlike_units
 from wavesweep.core.tables.regions import incomplete, region_of, smooth_axes
-from wavesweep.for_all.keys import GUARANTEES
 from wavesweep.identification.measured_marks import draw_walls, undrawn
 from wavesweep.require.keys import words_of
 
@@ -123,7 +122,7 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
     for name, height in shown.limits_of_walls().items():
         axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
     for place, member in enumerate(members) if layout.x is None else ():
-        if member.guarantee in GUARANTEES:
+        if member.proved:
             draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
 
 
@@ -140,11 +139,11 @@ def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Mem
     for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
         region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
         region = replace(region, unknown=[]) if member.joined else region  # nothing is computed between its dots
-        filled = member.guarantee in GUARANTEES or (len(members) == 1 and shown.whose != "spec")
+        filled = member.proved or (len(members) == 1 and shown.whose != "spec")
         draw_region(axes, region, member.look, filled, shift, len(members))
         if shown.felt:
             draw_felt(axes, region, member.look)
-        if member.guarantee in GUARANTEES:
+        if member.proved:
             draw_for_all(axes, x, member.rows, shown.span)
         for end, limit in zip(("low", "high"), shown.span, strict=True) if member.joined else ():
             far = np.abs(member.rows[end] - limit) > 0.01 * (shown.span[1] - shown.span[0])  # false where it is missing

@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.stability.certificate import FELT_ALIKE
-from wavesweep.for_all.keys import GUARANTEES
+from wavesweep.core.tables.row_kinds import proved_kinds
 
 # What a person can still read in one figure.
 MOST_MEMBERS = 8
@@ -157,7 +157,7 @@ def best_row(columns: Columns) -> dict[str, Any]:
     if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
         known = ~np.isnan(columns["felt_high"])
         merit = np.where(known, columns["felt_high"], merit)
-    ranks = (np.isin(columns.get("guarantee", np.full(rows.size, "")).astype(str), GUARANTEES), columns["certified"], known)
+    ranks = (np.isin(columns.get("guarantee", np.full(rows.size, "")).astype(str), proved_kinds()), columns["certified"], known)
     for better in ranks:
         rows = rows & better if (rows & better).any() else rows
     merit = np.where(rows, merit, -np.inf)

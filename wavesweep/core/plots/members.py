@@ -13,24 +13,9 @@ from wavesweep.core.plots.layout import rows_with, where
 from wavesweep.core.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, paler
 from wavesweep.core.plots.words import shortened, valued
 from wavesweep.core.tables.regions import KNOWN, Curve, View, columns_of, curves_of, open_spans
-from wavesweep.for_all.keys import GUARANTEES
+from wavesweep.core.tables.row_kinds import COMPUTED, RowKind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
-
-# From the one that promises least to the one that promises most; the looks stay the same whichever are there.
-HANDS = {
-    "free": (Look("#0072B2", "-"), "free device"),
-    "operator": (Look("#56B4E9", LINES[1]), "operator"),
-    "box": (Look("#D55E00", LINES[2]), "hands of the box"),
-    "passive": (Look("#009E73", LINES[3]), "every passive hand"),
-    "port": (Look("#CC79A7", LINES[5]), "passive port"),
-    "ports": (Look("#000000", LINES[4]), "absolutely stable"),
-    "channel": (Look("#E69F00", LINES[4]), "passive wave channel"),
-    "spec": (Look("#0072B2", "-"), "nominal numbers"),
-    "for_all": (Look("#D55E00", LINES[2]), "proved for all"),
-    "mean_square": (Look("#D55E00", LINES[2]), "proved in mean square"),
-}
-_COMPUTED = ("free", "operator", "spec")  # intervals of one loop; the others are searched for, at the swept values alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +35,12 @@ class Member:
     @property
     def joined(self) -> bool:
         """Whether its intervals are known at the swept values alone, which lines join."""
-        return self.guarantee not in ("", *_COMPUTED)
+        return self.guarantee not in ("", *COMPUTED)
+
+    @property
+    def proved(self) -> bool:
+        """Whether its intervals are what is proved."""
+        return row_kinds()[self.guarantee].proved
 
 
 def members_of(
@@ -70,14 +60,16 @@ def members_of(
             if len(rows[name]["spec"])
         ]
     if whose:
-        rows = {hand: where(columns, columns[whose] == hand) for hand in HANDS}
+        rows = {hand: where(columns, columns[whose] == hand) for hand in row_kinds()}
         present = {hand: as_drawn(hand, each) for hand, each in rows.items() if len(each["along"])}
-        names = {hand: HANDS[hand][1] for hand in present}
-        if {"operator", "port"} <= set(names):
-            names["port"] += " (operator)"  # it is that of the spec's own loop
-        if "settled" in columns and "box" in names:
-            names["box"] += " (settled)" if present["box"]["settled"].all() else " (searched)"
-        return [Member(names[hand], HANDS[hand][0], each, facts, hand) for hand, each in present.items()]
+        members = []
+        for hand, each in present.items():
+            kind = row_kinds()[hand]
+            name = kind.legend + " (operator)" * (kind.of_operator and "operator" in present)
+            if kind.searched and "settled" in columns:
+                name += " (settled)" if each["settled"].all() else " (searched)"
+            members.append(Member(name, look_of(kind), each, facts, hand))
+        return members
     members = []
     for look, values in zip(family_looks(len(bars)), bars, strict=True):
         name = ", ".join(valued(name, value, facts) for name, value in values.items())
@@ -86,13 +78,18 @@ def members_of(
     return members
 
 
+def look_of(kind: RowKind) -> Look:
+    """The look of the rows of a kind, the same whichever are there."""
+    return Look(kind.colour, LINES[kind.line])
+
+
 def as_drawn(hand: str, rows: Columns) -> Columns:
     """The rows of a hand. What is proved for all has an end wherever a counterexample or nothing is known beyond it; the
     certainty of a guarantee for hands is in the legend, not in the style of its line.
     """
-    if hand in _COMPUTED:
+    if hand in COMPUTED:
         return rows
-    if hand not in GUARANTEES:
+    if not row_kinds()[hand].proved:
         return {**rows, "certified": np.ones(len(rows["along"]), bool)}
     ends = {
         omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
@@ -166,7 +163,7 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
                 axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3})
         if not stable.size:
             nothing = "nothing known to be stable" if unknown else "nowhere stable"
-            said = "nothing proved" if member.guarantee in GUARANTEES else nothing
+            said = "nothing proved" if member.proved else nothing
             axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
         for row in stable.tolist():
             low, high = rows["low"][row], rows["high"][row]

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,37 +13,13 @@ from wavesweep.core.spec import find_key
 from wavesweep.core.stability.certificate import FELT_ALIKE
 from wavesweep.core.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.core.tables.kind import Line, Numbers, count
-from wavesweep.for_all.keys import GUARANTEES
+from wavesweep.core.tables.row_kinds import row_kinds
 from wavesweep.require.keys import BOUNDED, words_of
 
 Axes = Mapping[str, Sequence[float]]
 
-
-class Hand(NamedTuple):
-    """Words for the rows of a hand: title of their line, adjective of their intervals, and the sentence without one."""
-
-    title: str = ""
-    good: str = "stable"
-    nowhere: str = "no {such} anywhere"
-
-
-HANDS = {
-    "": Hand(),
-    "free": Hand("free device"),
-    "operator": Hand("with the spec's operator"),
-    "passive": Hand("stable with every passive hand", nowhere="nowhere stable with every passive hand"),
-    "box": Hand("stable with every hand of the box", nowhere="nowhere stable with every hand of the box"),
-    "port": Hand("hand's port passive, forces held over a tick", "passive", "nowhere passive"),
-    "ports": Hand("absolutely stable at both ports", "absolutely stable", "nowhere absolutely stable"),
-    "channel": Hand("wave channel passive to within the tolerance", "passive", "nowhere passive"),
-    "spec": Hand("the spec's own numbers"),
-    "for_all": Hand("proved for all numbers of [for_all]", "proved", "nothing proved for all numbers of [for_all]"),
-    "mean_square": Hand("proved in mean square, with messages lost at random", "proved", "nothing proved in mean square"),
-}
 STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
-# Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
-SEARCHED = ("box",)
 NEXT = 2e-3  # of the largest value, up to where what is proved begins next to 0
 ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}
 
@@ -85,7 +61,7 @@ class IntervalTally:
     """
 
     def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
-        self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
+        self.kind, self._hand, self._axes, self._facts = row_kinds()[hand], hand, axes or {}, facts or {}
         self._rows = self._intervals = self._split = self._open = 0
         self._doubts: Counter[str] = Counter()
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
@@ -173,7 +149,7 @@ class IntervalTally:
         row, ended = first.row, "stability"
         if not row:
             return None
-        if self._hand in (*SEARCHED, *GUARANTEES):
+        if self.kind.searched or self.kind.proved:
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["open_high"] > row["high"] else "range"
@@ -192,7 +168,7 @@ class IntervalTally:
         found = self._extreme(self._least)
         if not found or -self._least.value <= self._range[0]:
             return None
-        if self._hand in GUARANTEES and -self._least.value <= NEXT * self._largest.value:
+        if self.kind.proved and -self._least.value <= NEXT * self._largest.value:
             return None  # what is proved begins there, next to 0
         largest = self._largest_numbers()
         upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
@@ -229,11 +205,11 @@ class Words:
     """The sentences about the rows of one loop, from its numbers; hand: the word of its rows, empty if there is none."""
 
     def __init__(self, found: Numbers, hand: str = "") -> None:
-        self._found, self._hand, self._along = found, hand, found["along"]
+        self._found, self._hand, self._kind, self._along = found, hand, row_kinds()[hand], found["along"]
         self._unit = self._unit_of(self._along)
         required = found["required"]
-        self._good = f"with {required}" if required else HANDS[hand].good
-        self._such = f"{self._along} with {required}" if required else f"{HANDS[hand].good} {self._along}"
+        self._good = f"with {required}" if required else self._kind.good
+        self._such = f"{self._along} with {required}" if required else f"{self._kind.good} {self._along}"
 
     def counts(self, slices: Mapping[str, int]) -> str:
         """The numbers of slices and of intervals."""
@@ -272,11 +248,11 @@ class Words:
     def _largest(self) -> str:
         """The largest stable value and its place."""
         largest, found = self._found["largest"], self._found
-        if largest is None and found["doubts"] and self._hand not in SEARCHED:
+        if largest is None and found["doubts"] and not self._kind.searched:
             bounded = f"; {BOUNDED}" if found["drawn"] and not found["required"] else ""
             return f"no {self._such} found, but part of the swept range could not be decided{bounded}"
         if largest is None:
-            return HANDS[self._hand].nowhere.format(such=self._such) + " in the swept range"
+            return self._kind.nowhere.format(such=self._such) + " in the swept range"
         ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")
         if "refuted_from" in largest:
             ended += f", refuted at {largest['refuted_from']:.6g} by {largest['refuted_by']}"
@@ -329,20 +305,20 @@ class Words:
         # With direct coupling the stiffest wall and the stiffest felt are the same.
         same = self._hand and felt and largest and np.isclose(felt["value"], largest["value"], rtol=1e-9)
         # Of rows that are searched none is certified by design: those of a box are proved or not.
-        known = "" if self._hand in SEARCHED else self.certified()[0]
+        known = "" if self._kind.searched else self.certified()[0]
         parts = [*self.extremes(), "" if same else self.stiffest_felt(), known]
         return "; ".join(part for part in parts if part)
 
     def _doubtful(self, each: Numbers) -> str:
-        return "" if each["certified"] or self._hand in SEARCHED else ", not certified"
+        return "" if each["certified"] or self._kind.searched else ", not certified"
 
     def _gap(self, low: float, open_: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
 
         open_: its open places, which are named too.
         """
-        start, begins = self._found["range"][0], "so" if self._found["required"] else HANDS[self._hand].good
-        beside = self._hand in GUARANTEES and low <= NEXT * self._found["largest"]["value"]
+        start, begins = self._found["range"][0], "so" if self._found["required"] else self._kind.good
+        beside = self._kind.proved and low <= NEXT * self._found["largest"]["value"]
         said = [] if beside or low <= (-np.inf if start is None else start) else [f"{begins} from {low:.6g} on"]
         said += [open_in_words(open_, self._unit)] if open_ else []
         return f" ({', '.join(said)})" if said else ""
@@ -387,9 +363,11 @@ class Tallies:
                 axes = {name: np.unique(rows[name]).tolist() for name in axes_of(rows)}
                 specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
                 self._tallies[word] = IntervalTally(axes=axes, facts={"spec": specs[word]})
-            tally = self._tallies.setdefault(word, IntervalTally(word, self._axes, self._facts))
+            elif word not in self._tallies:
+                self._tallies[word] = IntervalTally(word, self._axes, self._facts)
+            tally = self._tallies[word]
             tally.add(rows)
-            if "settled" in rows and word in ("box", *GUARANTEES):
+            if "settled" in rows and (tally.kind.searched or tally.kind.proved):
                 self._unsettled += int((~rows["settled"]).sum())
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -420,12 +398,13 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])
     hands = found.get("guarantees") or found.get("hands", {})
     for hand, numbers in hands.items():
-        yield f"{HANDS[hand].title} ({hand}): {Words(numbers, hand).one_line()}", False
+        yield f"{row_kinds()[hand].title} ({hand}): {Words(numbers, hand).one_line()}", False
     if unsettled := found.get("rows_not_settled"):
         between = "between what is proved and what is refuted more than 1 % is not known"
-        yield f"{count(unsettled, 'row')} of {' and '.join(hands.keys() & {*GUARANTEES})} not settled: {between}", True
+        proved = " and ".join(word for word in hands if row_kinds()[word].proved)
+        yield f"{count(unsettled, 'row')} of {proved} not settled: {between}", True
     if unproved := found.get("rows_of_the_box_not_proved"):
         missed = "a hand that the search missed may be unstable"
         yield f"{count(unproved, 'row')} of the box not proved (settled 0): {missed}", True
-    elif "box" in hands:
+    elif any(row_kinds()[word].searched for word in hands):
         yield "every row of the box is proved (settled 1)", False

@@ -18,7 +18,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns, whose_column
 from wavesweep.core.doubts import INCOMPLETE
-from wavesweep.for_all.keys import GUARANTEES
+from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
 
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
@@ -93,7 +93,8 @@ class View:
 def incomplete(columns: Columns) -> np.ndarray:
     """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
-    searched = False if whose is None else np.isin(whose.astype(str), ("box", *GUARANTEES))
+    known = [word for word, kind in row_kinds().items() if kind.searched or kind.proved]
+    searched = False if whose is None else np.isin(whose.astype(str), known)
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 
@@ -274,7 +275,7 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     """
     spec, rows = spec_of(facts), members[0]
     hand = str(rows[whose][0]) if (whose := whose_column(rows)) not in ("", "spec") else ""
-    if spec is None or hand not in ("", "free", "operator", "spec"):
+    if spec is None or hand not in ("", *COMPUTED):
         return None
     from wavesweep.core.analyses.intervals import Way, cost_of
     from wavesweep.core.spec import sweep_axes

@@ -1,0 +1,52 @@
+"""Kinds of rows of a table of stable intervals, the words in its columns `hand` and `guarantee`, and how each is shown.
+
+Those of single loops stand here; a capability offers more in the mapping `ROWS` of its module `guarantee`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from wavesweep.capabilities import modules
+
+
+@dataclass(frozen=True, slots=True)
+class RowKind:
+    """Words and look of the rows of one kind.
+
+    title: of their line in a summary. legend, colour, line: in a figure; line: place in `style.LINES`. good: adjective of their
+    intervals. nowhere: the sentence without any. largest: title of the largest value in a figure. proved: whether they are what
+    is proved, with columns of what refutes more. searched: whether some are not proved, and no counterexample is found.
+    of_operator: whether they are of the spec's own loop, which its operator holds.
+    """
+
+    title: str = ""
+    legend: str = ""
+    colour: str = "#0072B2"
+    line: int = 0
+    good: str = "stable"
+    nowhere: str = "no {such} anywhere"
+    largest: str = "largest"
+    proved: bool = False
+    searched: bool = False
+    of_operator: bool = False
+
+
+COMPUTED: Mapping[str, RowKind] = {
+    "free": RowKind("free device", "free device"),
+    "operator": RowKind("with the spec's operator", "operator", "#56B4E9", 1),
+    "spec": RowKind("the spec's own numbers", "nominal numbers"),
+}
+"""Intervals of one loop; the others are searched for, at the swept values alone."""
+
+
+@cache
+def row_kinds() -> Mapping[str, RowKind]:
+    """All kinds by their words, from the one that promises least to the one that promises most; "" of a table without words."""
+    offered = {word: kind for module in modules("guarantee") for word, kind in module.ROWS.items()}
+    return {"": RowKind(), **COMPUTED, **offered}
+
+
+def proved_kinds() -> tuple[str, ...]:
+    """The words of rows that are what is proved."""
+    return tuple(word for word, kind in row_kinds().items() if kind.proved)
