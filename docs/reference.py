@@ -24,6 +24,7 @@ from pathlib import Path
 import click
 
 import wavesweep
+from wavesweep.capabilities import library_names, of_library
 from wavesweep.core.cli import main
 from wavesweep.core.cli.entry import COMMANDS, group
 from wavesweep.core.cli.words import MESSAGES, TERMS
@@ -279,7 +280,7 @@ def library() -> str:
     for name, each in ({"Loop": found.pop("Loop"), "DrawnLoop": DrawnLoop} | found).items():
         if inspect.isclass(each):
             parts += [f"## wavesweep.{name}".replace(".DrawnLoop", ".compile of a MultirateLoop"), _plain(inspect.getdoc(each))]
-            parts += [part for method in _methods(each) for part in _call(f"### {name}.", method, getattr(each, method))]
+            parts += [part for method, call in _methods(each) for part in _call(f"### {name}.", method, call)]
         elif inspect.ismodule(each):
             parts += [part for inner in OF_FILES for part in _call(f"## wavesweep.{name}.", inner, getattr(each, inner))]
         elif callable(each):
@@ -288,9 +289,11 @@ def library() -> str:
 
 
 def _methods(kind):
-    """Names of the public methods of a compiled loop; a spec is made by `load`, and its methods are for the program."""
-    loops = [name for name, each in vars(kind).items() if inspect.isfunction(each) and not name.startswith("_")]
-    return loops if "Loop" in kind.__name__ and not issubclass(kind, Exception) else []
+    """The public methods of a compiled loop by name; a spec is made by `load`, and its methods are for the program."""
+    if kind.__name__ not in ("Loop", "DrawnLoop"):
+        return []
+    own = [(name, each) for name, each in vars(kind).items() if inspect.isfunction(each) and not name.startswith("_")]
+    return own + [(name, of_library(f"{kind.__name__}.{name}")) for name in library_names(kind.__name__)]
 
 
 def _call(before, name, function):

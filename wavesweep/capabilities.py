@@ -8,22 +8,25 @@ guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see
 """
 
 from collections.abc import Iterator, Mapping
+from functools import reduce
 from importlib import import_module
 from types import MappingProxyType, ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Capability(NamedTuple):
     """One capability.
 
     name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
-    offers: modules of the folder that the core or others may ask for, see `offered`.
+    library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins".
+    offers: modules of the folder that the core or others may ask for, see `modules`.
     """
 
     name: str
     commands: Mapping[str, str] = MappingProxyType({})
     tables: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
+    library: tuple[str, ...] = ()
     offers: tuple[str, ...] = ()
 
 
@@ -32,6 +35,7 @@ CAPABILITIES = (
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
+        library=("verdict",),
     ),
     Capability(
         "compare",
@@ -46,38 +50,45 @@ CAPABILITIES = (
         },
         tables=("simulate",),
         kinds=("simulate", "simulate-response"),
+        library=("simulate", "Loop.simulate", "Loop.plot_simulate", "DrawnLoop.simulate"),
     ),
     Capability(
         "passive",
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
         kinds=("passivity", "passivity-filters", "passivity-ports"),
+        library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
         offers=("guarantee",),
     ),
     Capability(
         "sensitivity",
         {"why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number."},
         kinds=("why",),
+        library=("why", "Loop.sensitivity"),
     ),
     Capability(
         "margins",
         {"margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal."},
         kinds=("margins",),
+        library=("Loop.poles", "Loop.margins", "Loop.plot_root_locus", "Loop.plot_margins"),
     ),
     Capability(
         "designs",
         {"design": "Search for designs that meet a wish, for all devices and hands that they have to hold for."},
         tables=("design",),
         kinds=("design",),
+        library=("design",),
     ),
     Capability(
         "reports",
         {"report": "Write a report of a spec for a design review: one HTML file."},
+        library=("report",),
     ),
     Capability(
         "identification",
         {"identify": "Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec."},
         tables=("measured",),
         kinds=("identify", "identify-response"),
+        library=("identify",),
     ),
     Capability(
         "explore",
@@ -85,7 +96,7 @@ CAPABILITIES = (
     ),
     Capability("require"),
     Capability("prove"),
-    Capability("picture"),
+    Capability("picture", library=("Loop.plot_diagram",)),
 )
 
 
@@ -99,3 +110,17 @@ def modules(name: str) -> Iterator[ModuleType]:
     for each in CAPABILITIES:
         if name in each.offers:
             yield import_module(f"wavesweep.{each.name}.{name}")
+
+
+def library_names(of: str = "") -> list[str]:
+    """The functions that capabilities add to the library, or the methods that they add to a class `of` it."""
+    return [name.rpartition(".")[2] for each in CAPABILITIES for name in each.library if name.rpartition(".")[0] == of]
+
+
+def of_library(name: str) -> Any:
+    """Import what a capability has for the library under this name, e.g. `why` or `Loop.margins`; AttributeError without it."""
+    for each in CAPABILITIES:
+        if name in each.library:
+            return reduce(getattr, name.split("."), import_module(f"wavesweep.{each.name}.library"))
+    there = ", ".join(each.name for each in CAPABILITIES if each.library)
+    raise AttributeError(f"wavesweep has no {name}, nor have the capabilities that are there: {there}")

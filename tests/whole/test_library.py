@@ -3,6 +3,8 @@
 import re
 import tomllib
 from fractions import Fraction
+from importlib import import_module
+from inspect import isclass, isfunction
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
+from wavesweep.capabilities import CAPABILITIES
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.reproducibility import one_thread
@@ -32,6 +35,27 @@ WISHED = {
     "controller": {"kind": "pmw"},
     "design": {"vary": VARIED, "wish": {"z_width": {}}, "population": 8, "generations": 1},
 }
+
+
+def test_what_capabilities_have_for_the_library_is_in_their_lines_and_in_the_stub():
+    for each in CAPABILITIES:
+        if each.library:
+            home = import_module(f"wavesweep.{each.name}.library")
+            own = [value for value in vars(home).values() if getattr(value, "__module__", "") == home.__name__]
+            methods = {f"{kind.__name__}.{name}" for kind in own if isclass(kind) for name in vars(kind) if name[0] != "_"}
+            assert {value.__name__ for value in own if isfunction(value)} | methods == set(each.library)
+    stub = Path(wavesweep.__file__).with_suffix(".pyi").read_text("utf-8")
+    assert {name for name in wavesweep.__all__ if not re.search(rf"\b{name}\b", stub)} == set()
+
+
+def test_a_name_of_a_capability_that_is_not_there_says_which_ones_are(monkeypatch):
+    loop, some = wavesweep.compile(SPEC), [each for each in CAPABILITIES if each.name == "check"]
+    monkeypatch.setattr(wavesweep.capabilities, "CAPABILITIES", some)
+    assert "why" not in dir(wavesweep)
+    assert "sensitivity" not in dir(loop)
+    for call in (lambda: wavesweep.why, lambda: loop.sensitivity):
+        with pytest.raises(AttributeError, match=r"the capabilities that are there: check$"):
+            call()
 
 
 def test_the_spec_s_own_sweep_is_a_table_with_units_and_facts():

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import count, product
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, Unpack, overload
 
 import numpy as np
 
+from wavesweep.capabilities import library_names, of_library
 from wavesweep.core.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
 from wavesweep.core.analyses.loops import drift_of, refuse_singular
 from wavesweep.core.columns import Columns, joined
@@ -26,11 +27,6 @@ from wavesweep.core.sweep.running import Options
 from wavesweep.core.tables import intervals, kind_named, responses
 from wavesweep.core.tables.columns import fields_of
 from wavesweep.core.tables.frame import frame, framed
-from wavesweep.identification import table as of_identify
-from wavesweep.margins import table as of_margins
-from wavesweep.passive import table as of_passivity
-from wavesweep.sensitivity import table as of_why
-from wavesweep.simulation import table as simulation
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -52,10 +48,7 @@ def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
         source.refuse_wrong_names()
         refuse_infinite(source)
         return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
-    return _compiled(_spec(source))
-
-
-def _compiled(spec: Spec) -> Loop:
+    spec = spec_of(source)
     refuse_singular(spec, own_loop(spec).drawing)
     return Loop(spec, keys_of(spec))
 
@@ -68,11 +61,19 @@ class Loop:
     symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
     `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop these are also the keys of blocks that
     are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the spec. If only the
-    wall (K_VE, B_VE) changes, nothing is compiled again.
+    wall (K_VE, B_VE) changes, nothing is compiled again. Capabilities have more methods, see `wavesweep.capabilities`.
     """
 
     spec: Spec
     read: frozenset[str]
+
+    if not TYPE_CHECKING:  # which reads the methods of capabilities in wavesweep/__init__.pyi
+
+        def __getattr__(self, name):
+            return of_library(f"Loop.{name}").__get__(self)
+
+        def __dir__(self):
+            return [*object.__dir__(self), *library_names("Loop")]
 
     def __repr__(self) -> str:
         """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
@@ -100,10 +101,11 @@ class Loop:
         svg = picture.getvalue().partition("<svg")
         return f"<p>{escape(question)}</p>{self.stable_intervals().to_html(index=False)}<p>{svg[1]}{svg[2]}</p>"
 
-    def with_(self, **values: float | str) -> Loop:
+    def with_(self, **values: float | str) -> Self:
         """The loop with other numbers: `loop.with_(b=30, **{"device.mass": 0.2})`. Errors: as for a spec's own numbers."""
         spec = self.spec.with_values({key_named(self.spec, name).path: value for name, value in values.items()})
-        return _compiled(spec)
+        refuse_singular(spec, own_loop(spec).drawing)
+        return type(self)(spec, keys_of(spec))
 
     @property
     def _usual(self) -> str:
@@ -137,19 +139,6 @@ class Loop:
         job = job_over(grid, axis, require=None if require is None else Require.of(require))
         return self._frame("zwidth", intervals.of_calls(job))
 
-    def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
-        """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
-
-        along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
-        and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
-        implicit function theorem. Errors: UsageError if a spec would not accept a name or a value.
-        Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
-        """
-        from wavesweep.sensitivity.table import sensitivities
-
-        grid, axis = self._asked(along, span, axes)
-        return self._frame("why", sensitivities(grid, axis))
-
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
 
@@ -162,18 +151,6 @@ class Loop:
         asked = axes_asked(spec, axes)
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
         return radius_over(spec, asked).reshape(shape)
-
-    def poles(self) -> DataFrame:
-        """The closed-loop poles of the loop's own numbers: a DataFrame, a row per pole, the slowest first, without what drifts.
-
-        Columns: `z_re` and `z_im` per frame and their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s = log(z)/T`, T the period
-        of the frame; `frequency_hz`, `damping_ratio` and `time_constant_s` of s; `states`, the states that take part most,
-        by participation factors. A frame shows only an image of a frequency above half its rate.
-        Accuracy: that of eigenvalues in double precision; intervals and the spectral radius say when rounding hides them.
-        """
-        from wavesweep.margins.poles import UNITS, poles
-
-        return frame(poles(self.spec), UNITS, self.spec.for_all)
 
     def response(
         self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
@@ -196,37 +173,6 @@ class Loop:
         found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])
         return self._frame("bode-ports" if routes[0] else "bode", found)
 
-    def passivity(self, **axes: Numbers) -> DataFrame:
-        """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
-
-        axes: see `Loop`. Accuracy: see ACCURACY.md.
-        """
-        from wavesweep.passive.table import in_memory
-
-        spec = naming(self.spec, axes)
-        return self._frame("passivity", in_memory(spec, axes_asked(spec, axes)))
-
-    def margins(self, cut: str = "") -> DataFrame:
-        """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
-
-        cut: an output of a block that a wire reads, "block.port"; by default the only one that acts on the plant. Errors:
-        UsageError for another signal, or if the loop is not stable. Accuracy: every row has a bound on its relative error, or
-        a reason of doubt.
-        """
-        return framed(of_margins.margins(self.spec, cut))
-
-    def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
-        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
-
-        force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
-        the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
-        Errors: as for a spec.
-        """
-        from wavesweep.simulation.experiment import simulation_of
-        from wavesweep.simulation.record import recorded
-
-        return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
-
     def plot_zwidth(
         self, along: str | None = None, span: Span | None = None, *, ax: Axes | None = None, **axes: Numbers
     ) -> Figure:
@@ -239,7 +185,7 @@ class Loop:
         columns = self.stable_intervals(along, span, require=None, **axes)
         axis = axis_along(naming(self.spec, [along]), along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
-        return _figure(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
+        return figure_from(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
 
     def plot_bode(
         self,
@@ -255,62 +201,7 @@ class Loop:
         frequency_hz, from_, to, axes: as for `response`.
         """
         found = self.response(frequency_hz, from_=from_, to=to, **axes)
-        return _figure(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec)
-
-    def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
-        """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
-
-        axes: as for `passivity`.
-        """
-        return _figure(ax, "passivity", self.passivity(**axes), self.spec)
-
-    def plot_simulate(self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None) -> Figure:
-        """The figure of a simulation, as `wavesweep simulate` draws it: a matplotlib `Figure`.
-
-        force, options: as for `simulate`.
-        """
-        tables = self.spec.as_simulated().tables()
-        off = [name for name, value in options.items() if value is None]
-        keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
-        used = load(tables | {"simulate": keys}).as_simulated()
-        return _figure(ax, "simulate", self.simulate(force, **options), used)
-
-    def plot_root_locus(self, number: str, values: Numbers | None = None, *, ax: Axes | None = None) -> Figure:
-        """The poles per frame over a number: a matplotlib `Figure`, with the unit circle and the ends of stable intervals.
-
-        number: named as an axis, see `Loop`. values: by default 300 over the span that the spec's [sweep] has for it. Ends,
-        which are certified or marked as not certified, are those between the least and the largest value; a number that
-        decides how the loop is built has none. Errors: UsageError if a spec would not accept a name or a value.
-        """
-        from wavesweep.core.plots import drawn_into
-        from wavesweep.margins.locus import LOCUS, locus_of
-
-        spec = naming(self.spec, [number])
-        if values is None:
-            span = axis_along(spec, number, None)
-            values = np.linspace(span.start, span.stop, LOCUS)
-        (axis,) = axes_asked(spec, {number: values})
-        return drawn_into(ax, lambda: locus_of(spec, axis))
-
-    def plot_margins(self, cut: str, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
-        """Nyquist curve, open-loop Bode plot and step response with the margins, as `wavesweep margins` draws them.
-
-        cut: as for `margins`. axes: numbers with several values each (see `Loop`); each combination has a curve in each panel.
-        By default these are the ends of the ranges of [for_all]. Errors: as for `margins`.
-        """
-        from wavesweep.core.plots import drawn_into
-        from wavesweep.margins.figure import margins, named_specs
-
-        asked, table = axes_asked(self.spec, axes), of_margins.margins(self.spec, cut)
-        places = [dict(zip(axes, each, strict=True)) for each in product(*(axis.values for axis in asked)) if each]
-        family = named_specs(self.spec, places)
-        return drawn_into(ax, lambda: margins(table.columns, table.facts, family))
-
-    def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
-        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
-        from wavesweep.core.plots import diagram, drawn_into
-
-        return drawn_into(ax, lambda: diagram(self.spec))
+        return figure_from(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec)
 
     def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
         """The closed loop over a frame as a `control.StateSpace`, dt of the frame.
@@ -372,7 +263,7 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
     return {each.name: each.unit for each in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
 
 
-def _figure(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
+def figure_from(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
     from wavesweep.core.analyses.assumptions import assumes
     from wavesweep.core.plots import drawn_into, figure_of
@@ -397,7 +288,7 @@ def zwidth(
     """
     from wavesweep.passive.hands import hands_of
 
-    return framed(intervals.intervals(_spec(source), along, hands_of(for_hands), **work))
+    return framed(intervals.intervals(spec_of(source), along, hands_of(for_hands), **work))
 
 
 def stability_region(
@@ -418,7 +309,7 @@ def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
     sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
     column `spec`. work: as for `zwidth`.
     """
-    return framed(responses.responses(_numbered([_spec(source) for source in sources]), **work))
+    return framed(responses.responses(_numbered([spec_of(source) for source in sources]), **work))
 
 
 def _numbered(specs: list[Spec]) -> list[Spec]:
@@ -430,83 +321,6 @@ def _numbered(specs: list[Spec]) -> list[Spec]:
     return [replace(spec, name=name) for spec, name in zip(specs, names, strict=True)]
 
 
-def design(source: Source, **work: Unpack[Options]) -> DataFrame:
-    """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
-
-    source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
-    """
-    from wavesweep.designs.study import design as search
-
-    return framed(search(_spec(source).as_designed(), **work))
-
-
-def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
-    """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
-
-    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
-    """
-    return framed(of_passivity.passivity(_spec(source), tolerance, **work))
-
-
-def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
-    """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
-
-    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
-    """
-    return framed(of_passivity.filter_choices(_spec(source), tolerance))
-
-
-def simulate(source: Source) -> list[DataFrame]:
-    """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
-    return [framed(table) for table in simulation.simulate(_spec(source).as_simulated())]
-
-
-def verdict(source: Source) -> dict[str, Any]:
-    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.check.verdict`."""
-    from wavesweep.check.verdict import verdict as found
-
-    return found(_spec(source))
-
-
-def report(source: Source, path: str | Path | None = None, cut: str = "", for_hands: str | Iterable[str] = ()) -> str:
-    """The report of `source` as `wavesweep report` writes it: the text of an HTML file, which is written to `path` too.
-
-    source: a spec, a path, or nested tables. path: of the file; an earlier one is replaced. cut: the signal for the margins,
-    "block.port"; by default the one that acts on the plant. for_hands: words for guarantees, as for `zwidth`. What the spec
-    does not allow is named in the report. Errors: UsageError for other words, OSError for a file that cannot be written.
-    """
-    from wavesweep.core.atomic_files import write_file
-    from wavesweep.reports.content import Request
-    from wavesweep.reports.content import report as written
-
-    text = written(_spec(source), Request(cut, (for_hands,) if isinstance(for_hands, str) else tuple(for_hands)))
-    if path is not None:
-        write_file(Path(path), text.encode())
-    return text
-
-
-def why(source: Source, along: str | None = None) -> DataFrame:
-    """Elasticities and slopes of each limit of the own design of `source`, as `wavesweep why` computes them.
-
-    source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
-    """
-    return framed(of_why.why(_spec(source), along))
-
-
-def identify(log: str | Path, **asked: Unpack[of_identify.Asked]) -> DataFrame:
-    """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
-
-    log: a CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an acceleration; or torque
-    (N*m) and angle (rad), speed or angular_acceleration. columns, scales: names in the file and factors to these units, by
-    name: `columns={"position": "enc"}, scales={"position": 2e-5}`. motor_constant: bounds, (low, high), in N/A or N*m/A, for a
-    current. resolution: step of the readings, by default the one that they show. spring, friction: fit some. two_masses: fit a
-    load on a spring. delay: in ticks, None to fit it.
-    rate_hz: the file is a frequency response, whose force was held at this rate.
-    The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
-    is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
-    """
-    return framed(of_identify.identify(str(log), **asked))
-
-
-def _spec(source: Source) -> Spec:
+def spec_of(source: Source) -> Spec:
+    """The spec, loaded if `source` is a path or nested tables."""
     return source if isinstance(source, Spec) else load(source)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.capabilities import library_names, of_library
 from wavesweep.core.analyses.loops import named_loops
 from wavesweep.core.arguments import real_numbers
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.core.monodromy.drift import TickDrift, drift_of_drawn, telling_frame
 from wavesweep.core.response.lifted import Lifted
 from wavesweep.core.response.port import Ports, port_of
 from wavesweep.core.response.steady import respond
@@ -30,6 +30,14 @@ class DrawnLoop:
     drawn: MultirateLoop
     drift: TickDrift
 
+    if not TYPE_CHECKING:  # which reads the methods of capabilities in wavesweep/__init__.pyi
+
+        def __getattr__(self, name):
+            return of_library(f"DrawnLoop.{name}").__get__(self)
+
+        def __dir__(self):
+            return [*object.__dir__(self), *library_names("DrawnLoop")]
+
     def spectral_radius(self) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift, over the batch: infinite after overflow, NaN if rounding hides
         it."""
@@ -46,7 +54,7 @@ class DrawnLoop:
         from pandas import DataFrame
 
         drawn = self.drawn
-        if force not in drawn.inputs or _is_batch(drawn):
+        if force not in drawn.inputs or is_batch(drawn):
             raise UsageError(
                 f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
             )
@@ -64,32 +72,6 @@ class DrawnLoop:
         found = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
         return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
 
-    def simulate(self, inputs: Mapping[str, ArrayLike], signals: Iterable[str]) -> DataFrame:
-        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
-
-        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
-        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
-        """
-        from pandas import DataFrame
-
-        from wavesweep.simulation.march import run_drawn
-
-        drawn, rows = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
-        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
-        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
-        if _is_batch(drawn):
-            raise UsageError("simulate: expected a single loop, found a batch")
-        if unknown or sorted(rows) != sorted(drawn.inputs):
-            found = ", ".join(unknown or rows) or "none"
-            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
-        if any(row is None or row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
-            raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
-        with named_loops(drawn):
-            closed_frame(drawn, self.drift)
-        seen = run_drawn(drawn, {name: row.astype(float) for name, row in rows.items()}, tuple(signals))
-        count = len(next(iter(seen.values()), ()))
-        return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
-
 
 def refuse_infinite(drawn: MultirateLoop) -> None:
     """Raise UsageError for a block or a wire of a drawing with a number that is missing or not finite."""
@@ -104,6 +86,7 @@ def refuse_infinite(drawn: MultirateLoop) -> None:
                 raise UsageError(f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}")
 
 
-def _is_batch(drawn):
+def is_batch(drawn: MultirateLoop) -> bool:
+    """Whether a block or a gain has an array of values, for a batch of loops."""
     gains = (gain for terms in drawn.sums.values() for gain in terms.values())
     return any(each.block.batch for each in drawn.placed) or any(np.ndim(gain) for gain in gains)

@@ -68,7 +68,7 @@ class IntervalTally:
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
-        self._slices: list[Numbers] = []  # axes' values, intervals and open places of the first few
+        self._slices: list[dict[str, Any]] = []  # axes' values, intervals and open places of the first few
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""
@@ -153,7 +153,11 @@ class IntervalTally:
             ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["open_high"] > row["high"] else "range"
-        more = {"from": row["low"], "ended_by": ended, "open": open_places({name: [each] for name, each in row.items()}, 0)}
+        more = {
+            "from": row["low"],
+            "ended_by": ended,
+            "open": open_places({name: np.array([each]) for name, each in row.items()}, 0),
+        }
         hand = {part: row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")}
         # Where numbers refute both ends, each end is named.
         by = "" if np.isnan(row.get("fails_from", np.nan)) else str(row.get("counterexample", "")).rpartition("from: ")[2]

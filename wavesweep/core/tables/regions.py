@@ -139,7 +139,8 @@ def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
     whole = incomplete(rows) & (places == 0) & (rows["interval"] == 0)
     ends = ("open_low", -np.inf), ("open_high", np.inf)
     low, high = (np.where(whole, end, rows.get(name, np.nan)).tolist() for name, end in ends)
-    return [(span,) if some else () for some, *span in zip((whole | (places > 0)).tolist(), low, high, strict=True)]
+    some = (whole | (places > 0)).tolist()
+    return [((first, last),) if each else () for each, first, last in zip(some, low, high, strict=True)]
 
 
 def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) -> None:

@@ -1,0 +1,21 @@
+"""The search for designs, as a call."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Unpack
+
+from wavesweep.core.api import Source, spec_of
+from wavesweep.core.sweep.running import Options
+from wavesweep.core.tables.frame import framed
+from wavesweep.designs import study
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def design(source: Source, **work: Unpack[Options]) -> DataFrame:
+    """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
+
+    source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
+    """
+    return framed(study.design(spec_of(source).as_designed(), **work))

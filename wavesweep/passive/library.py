@@ -1,0 +1,53 @@
+"""Passivity, as calls."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Unpack
+
+from wavesweep.core import api
+from wavesweep.core.analyses.asked import Numbers, axes_asked
+from wavesweep.core.api import Source, figure_from, spec_of
+from wavesweep.core.spec.loading import naming
+from wavesweep.core.sweep.running import Options
+from wavesweep.core.tables.frame import framed
+from wavesweep.passive import table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+class Loop(api.Loop):
+    """Methods of a compiled loop."""
+
+    def passivity(self, **axes: Numbers) -> DataFrame:
+        """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
+
+        axes: see `Loop`. Accuracy: see ACCURACY.md.
+        """
+        spec = naming(self.spec, axes)
+        return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))
+
+    def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+        """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
+
+        axes: as for `passivity`.
+        """
+        return figure_from(ax, "passivity", self.passivity(**axes), self.spec)
+
+
+def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
+    """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
+
+    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
+    """
+    return framed(table.passivity(spec_of(source), tolerance, **work))
+
+
+def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
+    """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
+
+    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
+    """
+    return framed(table.filter_choices(spec_of(source), tolerance))

@@ -1,0 +1,21 @@
+"""The picture, as a method of a loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wavesweep.core import api
+from wavesweep.core.plots.style import drawn_into
+from wavesweep.picture.figure import diagram
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+class Loop(api.Loop):
+    """Methods of a compiled loop."""
+
+    def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
+        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
+        return drawn_into(ax, lambda: diagram(self.spec))

@@ -1,0 +1,37 @@
+"""Elasticities of limits, as calls."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wavesweep.core import api
+from wavesweep.core.analyses.asked import Numbers
+from wavesweep.core.api import Source, Span, spec_of
+from wavesweep.core.tables.frame import framed
+from wavesweep.sensitivity import table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+class Loop(api.Loop):
+    """Methods of a compiled loop."""
+
+    def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
+        """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
+
+        along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
+        and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
+        implicit function theorem. Errors: UsageError if a spec would not accept a name or a value.
+        Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
+        """
+        grid, axis = self._asked(along, span, axes)
+        return self._frame("why", table.sensitivities(grid, axis))
+
+
+def why(source: Source, along: str | None = None) -> DataFrame:
+    """Elasticities and slopes of each limit of the own design of `source`, as `wavesweep why` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
+    """
+    return framed(table.why(spec_of(source), along))

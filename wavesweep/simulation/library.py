@@ -1,0 +1,86 @@
+"""Simulations, as calls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.core import api, drawn_loop
+from wavesweep.core.analyses.asked import Numbers
+from wavesweep.core.analyses.loops import named_loops
+from wavesweep.core.api import Source, figure_from, spec_of
+from wavesweep.core.arguments import real_numbers
+from wavesweep.core.errors import UsageError
+from wavesweep.core.monodromy.drift import closed_frame
+from wavesweep.core.spec import load
+from wavesweep.core.tables.frame import framed
+from wavesweep.simulation import table
+from wavesweep.simulation.experiment import simulation_of
+from wavesweep.simulation.march import run_drawn
+from wavesweep.simulation.record import recorded
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
+
+
+class Loop(api.Loop):
+    """Methods of a compiled loop."""
+
+    def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
+        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+
+        force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
+        the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
+        Errors: as for a spec.
+        """
+        return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
+
+    def plot_simulate(self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None) -> Figure:
+        """The figure of a simulation, as `wavesweep simulate` draws it: a matplotlib `Figure`.
+
+        force, options: as for `simulate`.
+        """
+        tables = self.spec.as_simulated().tables()
+        off = [name for name, value in options.items() if value is None]
+        keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
+        used = load(tables | {"simulate": keys}).as_simulated()
+        return figure_from(ax, "simulate", self.simulate(force, **options), used)
+
+
+class DrawnLoop(drawn_loop.DrawnLoop):
+    """Methods of a loop drawn in Python."""
+
+    def simulate(self, inputs: Mapping[str, ArrayLike], signals: Iterable[str]) -> DataFrame:
+        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
+
+        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
+        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
+        """
+        from pandas import DataFrame
+
+        drawn, given = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
+        rows = {name: row.astype(float) for name, row in given.items() if row is not None and row.ndim == 1}
+        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
+        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
+        if drawn_loop.is_batch(drawn):
+            raise UsageError("simulate: expected a single loop, found a batch")
+        if unknown or sorted(given) != sorted(drawn.inputs):
+            found = ", ".join(unknown or given) or "none"
+            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
+        if len(rows) < len(given) or len({row.size for row in rows.values()}) > 1:
+            raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
+        with named_loops(drawn):
+            closed_frame(drawn, self.drift)
+        seen = run_drawn(drawn, rows, tuple(signals))
+        count = len(next(iter(seen.values()), ()))
+        return DataFrame({"time_s": np.arange(count) * float(np.asarray(drawn.period))} | seen)
+
+
+def simulate(source: Source) -> list[DataFrame]:
+    """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
+    return [framed(each) for each in table.simulate(spec_of(source).as_simulated())]
