@@ -8,7 +8,7 @@ from typing import TypeVar
 from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.drawing.drawing import RATE
 from wavesweep.core.drawing.drawn_block import DrawnBlock, keys_of_block
-from wavesweep.core.drawing.expressions import Fault, Tree, check_extent, extent, linear, names_in, remembered, with_trees
+from wavesweep.core.drawing.expressions import ONE, Fault, Tree, check_extent, extent, linear, names_in, remembered, with_trees
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.errors import Mistake
 from wavesweep.core.reading.checking import Mistakes, Rejected, check, expectation, nearest, show
@@ -28,10 +28,10 @@ class KeyReader:
 
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
     value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, those from outside and the names in [signals].
-    meanings, extents: of names that stand for expressions, the trees and their extents. broken: blocks that have a mistake
-    themselves. needed: inputs of these that they have whatever their keys are. registers: the outputs of those that `prev(...)`
-    reads, and the signal that each remembers. tick_hz: the rate of the tick. period: what `dt`
-    stands for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
+    meanings, extents: of names that stand for expressions, the trees and their extents. ports: inputs and outputs of each
+    block, also of one that has mistakes, unless these hide them; None then. registers: the outputs of those that `prev(...)`
+    reads, and the signal that each remembers. tick_hz: the rate of the tick. periods: of blocks, s. period: what `dt` stands
+    for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
     """
 
     def __init__(self, source: Place, axes: frozenset[str]) -> None:
@@ -45,10 +45,10 @@ class KeyReader:
         self.signals: set[str] = set()
         self.meanings: dict[str, Tree] = {}
         self.extents: dict[str, tuple[int, int]] = {}
-        self.broken: set[str] = set()
-        self.needed: list[str] = []
+        self.ports: dict[str, tuple[tuple[str, ...], tuple[str, ...]] | None] = {}
         self.registers: dict[str, str] = {}
         self.tick_hz: Tree = ("name", RATE, 0)
+        self.periods: dict[str, Tree] = {}
         self.period: Tree | None = None
         self.refuse = self.mistakes.refuse
 
@@ -100,7 +100,7 @@ class KeyReader:
             known.add(PERIOD)
         for name, at in names_in(tree):
             block = name.rpartition(".")[0]
-            if name in known or (signals and block in self.broken):
+            if name in known or (signals and self.is_hidden(block)):
                 continue
             own = [each for each in sorted(self.signals) if block and signals and each.startswith(f"{block}.")]
             expected = f"an output of {block}: {' or '.join(own)}" if own else NAMES_OF[signals]
@@ -116,9 +116,13 @@ class KeyReader:
         self.signals |= {*registers}
         return tree
 
+    def is_hidden(self, block: str) -> bool:
+        """Whether a block has mistakes that hide its ports."""
+        return self.ports.get(block, ()) is None
+
     def signals_of(self, tree: Tree) -> set[str]:
-        """The signals, among them those in the tree of blocks that have a mistake themselves."""
-        return self.signals | {name for name, _ in names_in(tree) if name.rpartition(".")[0] in self.broken}
+        """The signals, among them those in the tree of blocks whose ports are not known."""
+        return self.signals | {name for name, _ in names_in(tree) if self.is_hidden(name.rpartition(".")[0])}
 
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
@@ -161,7 +165,7 @@ class KeyReader:
             return self.fault(path, leaf, fault)
 
     def read_block(self, name: str, given: Mapping[str, Leaf]) -> DrawnBlock | None:
-        path, before = f"block.{name}", len(self.mistakes)
+        path, before, self.ports[name] = f"block.{name}", len(self.mistakes), None
         if "" in given and given[""].value != {}:
             return self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
         if not is_dotted(name):
@@ -174,15 +178,15 @@ class KeyReader:
         keys = keys_of_block(kind)
         given = self.as_meant(path, given, keys)
         every = self.read_key(f"{path}.every", keys.pop("every"), given.get("every"))
-        self.period = every and ("/", every, self.tick_hz, 0)
+        self.period = self.periods[name] = ("/", every or ONE, self.tick_hz, 0)
         if kind == "delay" and "seconds" in given and "steps" not in given:
             del keys["steps"]  # whose default is for a delay of steps
         read = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
         self.period = None
+        by, named = TYPES[kind].by, TYPES[kind].ports is None
+        if not (named and None in (read["inputs"], read["outputs"])) and not (by and read[by] is None):
+            self.ports[name] = TYPES[kind].ports_of(read)
         if len(self.mistakes) > before:
-            if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
-                ports = TYPES[kind].ports[0][: 1 if kind == "spring" else None]  # whose others may rest
-                self.needed += [f"{name}.{port}" for port in ports]
             return None
         phase = read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself

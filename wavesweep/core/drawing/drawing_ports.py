@@ -126,7 +126,7 @@ class PortReader(KeyReader):
             if name in given["outputs"]:
                 continue
             if block and name in wires:
-                self.period = ("/", block.every, self.tick_hz, 0)
+                self.period = self.periods[block.name]
                 terms = self.read_terms(f"wire.{name}", wires[name])
                 self.period = None
             elif block and name in self.signals:

@@ -135,8 +135,7 @@ class _TableReader(PortReader):
         blocks = self.read_blocks(tables)
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
-        periods = {block.name: ("/", block.every, self.tick_hz, 0) for block in blocks}
-        read = {port: self.read_wire(port, leaf, plants, periods) for port, leaf in tables["wire"].items()}
+        read = {port: self.read_wire(port, leaf, plants) for port, leaf in tables["wire"].items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
         hand, wall, inputs, outputs = self.read_ports(ports)
@@ -192,22 +191,22 @@ class _TableReader(PortReader):
     def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
         """Read the blocks, and what wires can read and have to feed."""
         read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
-        self.broken = {name for name, block in read.items() if block is None}
         blocks = tuple(block for block in read.values() if block is not None)
         if not read:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
-        self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
-        springs = {block.name: dict(block.keys)["d"] for block in blocks if block.type == "spring"}
-        bare = [name for name, damping in springs.items() if damping[:2] == ("number", 0.0)]
+        known = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}
+        self.inputs, outputs = ([f"{name}.{port}" for name in known for port in self.ports[name][side]] for side in (0, 1))
+        springs = {name: read[name] and dict(read[name].keys)["d"] for name, kind in known.items() if kind == "spring"}
+        bare = [name for name, damping in springs.items() if damping is None or damping[:2] == ("number", 0.0)]
         self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
         for name in springs:  # to the ground
             second = [f"{name}.{port}" for port in ("x2", "v2")]
             self.optional += [] if {*second} & {*tables["wire"]} else second
-        self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]} | self.outside
-        for block in blocks:
-            for port, text in TYPES[block.type].moments:  # which stand for expressions in outputs that are held
-                name = f"{block.name}.{port}"
-                self.meanings[name] = parse(text.format(name=block.name))
+        self.signals = {*outputs} | self.outside
+        for block, kind in known.items():
+            for port, text in TYPES[kind].moments:  # which stand for expressions in outputs that are held
+                name = f"{block}.{port}"
+                self.meanings[name] = parse(text.format(name=block))
                 self.extents[name] = extent(self.meanings[name], {})
                 self.signals.add(name)
         return blocks
@@ -234,17 +233,14 @@ class _TableReader(PortReader):
                 self.refuse(leaf, f"rates.{name}", expected, "an unknown key", "rates.tick_hz")
         return self.read_key(RATE, TICK_HZ, table.get("tick_hz"))
 
-    def read_wire(
-        self, port: str, leaf: Leaf, plants: Mapping[str, str], periods: Mapping[str, Tree]
-    ) -> tuple[Terms, Terms] | None:
+    def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
         """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
-        path = f"wire.{port}"
-        if port not in self.inputs and port.rpartition(".")[0] not in self.broken:
+        path, own = f"wire.{port}", port.rpartition(".")[0]
+        if port not in self.inputs and not self.is_hidden(own):
             terms = "an output of a block" if port in self.signals else "an unknown port"
             expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
             self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
-        own = port.rpartition(".")[0]
-        self.period = periods.get(own)
+        self.period = self.periods.get(own, ONE)
         terms = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
         self.period = None
         return terms
@@ -268,7 +264,7 @@ class _TableReader(PortReader):
 
     def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
         """Refuse inputs without a wire, and numbers and names of signals that no expression reads."""
-        for port in (*self.inputs, *self.needed):
+        for port in self.inputs:
             if port not in tables["wire"] and port not in self.optional:
                 expected = f'a wire to this input, "{port}" = "..." in [wire]'
                 self.refuse(
