@@ -5,6 +5,8 @@ others stands in the module of that name, e.g. `on_check.py`. It imports the cor
 list what there is. A capability is taken away by deleting its folder, its tests and its line.
 
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
+bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
+prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 """
 
 from collections.abc import Iterator, Mapping
@@ -94,8 +96,8 @@ CAPABILITIES = (
         "explore",
         {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
     ),
-    Capability("require"),
-    Capability("prove"),
+    Capability("require", offers=("bound",)),
+    Capability("prove", offers=("prover",)),
     Capability("picture", library=("Loop.plot_diagram",)),
 )
 

@@ -109,7 +109,7 @@ def distance(limit: Facts) -> float:
 
 def _stability(spec: Spec, found: Facts) -> Iterator[str]:
     """Whether the design is stable."""
-    from wavesweep.require.keys import BOUNDED
+    from wavesweep.core.analyses.bound import where_nothing_decides
 
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
@@ -119,8 +119,8 @@ def _stability(spec: Spec, found: Facts) -> Iterator[str]:
     if radius is not None:
         why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
-    if spec.drawing and found.get("only_oscillates"):
-        yield f"  {BOUNDED}"
+    if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
+        yield f"  {hint}"
 
 
 def _bounded(limit: Facts) -> bool:

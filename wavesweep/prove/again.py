@@ -1,10 +1,9 @@
 """Certified slices of a table proved again on demand, in ball arithmetic, whatever certified them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import isnan, nan
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.dead_time import in_whole_ticks
 from wavesweep.core.sweep.grid import Loops
+from wavesweep.core.tables.kind import ProvedAgain
 
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search
@@ -21,20 +21,6 @@ CLOSE = 1e-9  # relative difference that two proofs of an end may have
 LEAST = 1e-5  # share of the range: ends that are nearer to 0 are compared as if they were there
 NEAR = 1e-6  # of an end, the distance to both sides in which it is proved alone
 Claim = tuple[float, float, float, float]  # an interval: low, high, low_omega, high_omega
-Verdict = Literal["whole", "ends", "refuted", "unsettled"]
-
-
-@dataclass(frozen=True, slots=True)
-class ProvedAgain:
-    """What ball arithmetic says of a certified slice.
-
-    verdict: "whole" if it proves the same intervals on the whole range; "ends" if that takes too many operations, and it proves
-    each end and one value between two ends; "refuted" if it proves something else; otherwise "unsettled". why: in words, of the
-    last two.
-    """
-
-    verdict: Verdict
-    why: str = ""
 
 
 def prove_again(search: "Search", claims: Sequence[Claim], operations: float = OPERATIONS) -> ProvedAgain:

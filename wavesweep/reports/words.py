@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.errors import SpecError, WavesweepError
 from wavesweep.core.spec import sweep_axes
 from wavesweep.core.tables.columns import fields_of
 from wavesweep.core.tables.interval_tally import open_in_words
-from wavesweep.require.keys import words_of
 
 if TYPE_CHECKING:
     from wavesweep.core.spec import Axis, Spec
@@ -36,7 +36,7 @@ def question(spec: Spec) -> str:
         along, others = sweep_axes(spec)
     except WavesweepError:  # a drawn loop without an axis to look along
         return "Is the loop stable, and how far may each of its numbers go?"
-    what = f"is {words_of(spec.require.written())}" if spec.require else "is the loop stable"
+    what = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
     text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {what}"
     if others:
         text += f", for each {' and '.join(_values(spec, axis) for axis in others)}"

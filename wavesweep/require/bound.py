@@ -1,21 +1,27 @@
 """Where eigenvalues have to be: as [sweep] requires, in place of the unit circle."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import Require
+from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.spectrum import GONE
 from wavesweep.require.keys import SETTLED
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
+BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
+DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
+BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
     SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`.
+
+    The protocol is that of `core.analyses.bound`.
     """
 
     radius: float = 1.0
@@ -23,15 +29,20 @@ class Bound:
     damping_ratio: float = 0.0
     bounded: bool = False
 
-    @classmethod
-    def of(cls, require: Require) -> "Bound":
-        """What a spec requires of the frames of a drawing."""
-        return cls(require.radius or 1.0, require.settling or np.inf, require.damping_ratio or 0.0, require.bounded)
+    @property
+    def cost(self) -> float:
+        """Seconds per slice by discs; 0 of bounds on the size alone."""
+        return BY_DISCS if self.damping_ratio or self.bounded else 0.0
 
     @property
     def of_size(self) -> "Bound | None":
         """The bounds on the size alone; None if there are none."""
         return replace(self, damping_ratio=0.0) if self.radius < 1 or self.settling < np.inf else None
+
+    @property
+    def on_circle(self) -> bool:
+        """Whether a mode that meets its bound is on a circle."""
+        return not self.damping_ratio
 
     def over(self, frames: int) -> "Bound":
         """The same for so many frames in place of one."""
@@ -52,3 +63,33 @@ class Bound:
         return (
             np.stack([np.log(self.radius_of(period)), np.maximum(spiral, np.log(GONE))], -1) + 1j * (omega * period)[..., None]
         )
+
+    def intervals(self, frames, errors, span, columns: int, period, bounds) -> Intervals:
+        """The intervals in which every mode has the damping ratio, or is bounded in a loop that conserves."""
+        from wavesweep.require.by_discs import along_by_discs
+        from wavesweep.require.discs import Circle, Spiral
+
+        place = Circle() if self.bounded else Spiral(self.damping_ratio)
+        return along_by_discs(frames, errors, span, columns, period, bounds, place)
+
+    def method(self, of_size: str) -> str:
+        """How the intervals are found, in a line; of_size: how those of the unit circle are."""
+        found = f"{of_size}; of frames over the required radius, whose unit circle is its circle" if self.of_size else ""
+        discs = DISCS.format("each other and the unit circle" if self.bounded else "the spiral of the damping ratio")
+        return "; and ".join(filter(None, [discs if self.cost else "", found]))
+
+    def refuse_rates(self, name: str) -> None:
+        """Raise UsageError for a time to settle, along a number that changes the time of a frame."""
+        if self.settling < np.inf:
+            raise UsageError(f"{name} changes the time of a frame: require radius along it, and not settling")
+
+
+def words_of(written: Mapping[str, object]) -> str:
+    """What is required, in words; written: see `Require.written`."""
+    words = {
+        "radius": "within {:g} per frame",
+        "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
+        "damping_ratio": "of a damping ratio of at least {:g}",
+        "bounded": "on the unit circle",
+    }
+    return f"every mode {' and '.join(text.format(written[name]) for name, text in words.items() if name in written)}"

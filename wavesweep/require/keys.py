@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from math import inf
+from typing import TYPE_CHECKING
 
 from wavesweep.core.errors import SpecError
 from wavesweep.core.reading.checking import Mistakes, show
 from wavesweep.core.reading.keys import REQUIRE_KEYS
 from wavesweep.core.reading.reading import Leaf, Place
 
+if TYPE_CHECKING:
+    from wavesweep.require.bound import Bound
+
 SETTLED = 0.02  # share of its size to which a mode has decayed when it has settled
 TABLE = "sweep.require"
-BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 KEYS_BY_NAME = {path.rpartition(".")[2]: key for path, key in REQUIRE_KEYS.items()}
 
 
@@ -42,6 +46,13 @@ class Require:
         """Return the table as a spec could give it."""
         return {name: value for name, value in asdict(self).items() if value}
 
+    @property
+    def bound(self) -> Bound:
+        """The same for the search: bounds on the eigenvalues of the frames of a drawing."""
+        from wavesweep.require.bound import Bound
+
+        return Bound(self.radius or 1.0, self.settling or inf, self.damping_ratio or 0.0, self.bounded)
+
 
 def build_require(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> Require | None:
     """Return the requirement and add its mistakes; None if nothing is required.
@@ -55,14 +66,3 @@ def build_require(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> Require | N
     if numbers.get("bounded") and len(numbers) > 1:
         mistakes.refuse(leaves["bounded"], f"{TABLE}.bounded", "true alone", "other requirements as well", of_key=False)
     return Require(**numbers) if any(numbers.values()) else None
-
-
-def words_of(written: Mapping[str, float]) -> str:
-    """What is required, in words; written: see `Require.written`."""
-    words = {
-        "radius": "within {:g} per frame",
-        "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
-        "damping_ratio": "of a damping ratio of at least {:g}",
-        "bounded": "on the unit circle",
-    }
-    return f"every mode {' and '.join(text.format(written[name]) for name, text in words.items() if name in written)}"

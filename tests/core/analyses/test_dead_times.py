@@ -10,7 +10,7 @@ from wavesweep.core.loops.from_drawing import assembled
 from wavesweep.core.monodromy.periodic import ticks_of
 from wavesweep.core.spec import load
 from wavesweep.core.sweep.grid import loops_of
-from wavesweep.prove.stretches import ball_prover
+from wavesweep.prove.prover import ball_prover
 from wavesweep.simulation.export.source import exported
 
 T = 1e-3

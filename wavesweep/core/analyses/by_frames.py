@@ -1,4 +1,4 @@
-"""Stable intervals of loops from their frames at values of a number: by dominance, by long dead times, and by discs."""
+"""Stable intervals of loops from their frames at values of a number: by dominance, and by long dead times."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.analyses.interval_records import TINY
 from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.analyses.open_loops import in_place
@@ -26,7 +27,6 @@ from wavesweep.core.stability.crossings import SLIVER
 from wavesweep.core.stability.frames import Frames
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.sweep.grid import Loops, distinct_rows
-from wavesweep.prove.stretches import ball_prover
 
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search
@@ -38,7 +38,8 @@ def by_dominance(search: "Search", loops: Loops, size: int) -> Intervals:
     batch = replace(batch, radius=search.bound and search.bound.radius_of(period))
     variable = FROM_ZERO if search.span[0] == 0 and bends_at_zero(loops.drawing, search.along) else ""
     variable = BENT if search.along in WALL and search.span[0] >= 0 else variable
-    balls = ball_prover(loops, search.along, period, search.prove) if search.prove and not search.bound else None
+    provers = modules("prover") if search.prove and not search.bound else ()
+    balls = next((each.ball_prover(loops, search.along, period) for each in provers), None)
     found = stable_along_any(batch.frames, search.span, size, period, bounds, variable, batch.errors, balls)
     if search.span[0] <= 0 <= search.span[1]:
         found = _meeting_one_at_zero(search, found, loops)
@@ -59,14 +60,10 @@ def by_lines(search: "Search", loops: Loops, size: int) -> Intervals:
     return in_place(found, others, by_dominance(search, loops.some(others), others.size)) if others.size else found
 
 
-def by_discs(search: "Search", loops: Loops, size: int) -> Intervals:
-    """The intervals in which every mode has the damping ratio that is required, or is bounded in a loop that conserves."""
-    from wavesweep.require.by_discs import along_by_discs
-    from wavesweep.require.discs import Circle, Spiral
-
+def by_bound(search: "Search", loops: Loops, size: int) -> Intervals:
+    """The intervals in which a bound holds that has a search of its own."""
     period, batch, bounds = _asked(search, loops, size)
-    place = Circle() if search.bound.bounded else Spiral(search.bound.damping_ratio)
-    found = along_by_discs(batch.frames, batch.errors, search.span, size, period, bounds, place)
+    found = search.bound.intervals(batch.frames, batch.errors, search.span, size, period, bounds)
     return _in_own_time(search, found, loops)
 
 

@@ -15,7 +15,6 @@ from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, see
 from wavesweep.core.response.resting import Resting, resting
 from wavesweep.core.stability.intervals import Intervals, in_rows
 from wavesweep.core.sweep.grid import Loops
-from wavesweep.require.bound import Bound
 
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search
@@ -146,12 +145,12 @@ def _resting(search, loops) -> Resting | None:
 
 def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
     """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
-    few, bound = 1 if search.in_pieces else BATCH, search.bound or Bound()
+    few, bound = 1 if search.in_pieces else BATCH, search.bound
     ends, omegas = (np.stack([records[name] for name in pair]) for pair in (("low", "high"), ("low_omega", "high_omega")))
     end, rows = np.nonzero(~np.isnan(omegas) & np.isin(records["slice"], members))
     p, omega = ends[end, rows], omegas[end, rows]
     at, found = np.searchsorted(members, records["slice"][rows]), omega / (2 * np.pi)
-    if opened and opened.loops.cut and not bound.damping_ratio:
+    if opened and opened.loops.cut and (bound is None or bound.on_circle):
         found = strongest_in_cut(loops.drawing, opened, at, omega, bound)
     else:
         for part in (slice(first, first + few) for first in range(0, rows.size, few)):
@@ -161,7 +160,8 @@ def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, lo
                 drawn = varied.drawn()
                 period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[part].shape)
                 if drawn.ticks > 1:
-                    found[part] = lines_in_loops(varied, bound.logarithms(period, omega[part]))[:, 0]
+                    s = bound.logarithms(period, omega[part]) if bound else 1j * (omega[part] * period)[:, None]
+                    found[part] = lines_in_loops(varied, s)[:, 0]
     for name, own in zip(LINES, (end == 0, end == 1), strict=True):
         records[name][rows[own]] = found[own]
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.interval_records import FELT, LINES, fill_in_felt, fill_in_lines, records_of
 from wavesweep.core.analyses.loops import drift_of, feels
 from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside, with_intervals
@@ -18,7 +19,6 @@ from wavesweep.core.monodromy.cut import with_batch
 from wavesweep.core.stability.certificate import NONE
 from wavesweep.core.stability.intervals import Intervals, joined, without_seams
 from wavesweep.core.sweep.grid import Loops, distinct_rows
-from wavesweep.require.bound import Bound
 
 LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms
 
@@ -31,7 +31,7 @@ class Search:
 
     groups: of the loops, which the members of all of them number. If the number is one scalar gain of a frame, it is cut out;
     otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the ends too. checked: whether
-    the numbers are known to make loops. prove: operations of ball arithmetic that each column in doubt may take. bound: on the
+    the numbers are known to make loops. prove: whether a prover is asked about columns in doubt, if there is one. bound: on the
     eigenvalues of a frame, in place of the unit circle.
     """
 
@@ -40,7 +40,7 @@ class Search:
     groups: Groups
     felt: bool = True
     checked: bool = False
-    prove: float = 0.0
+    prove: bool = False
     bound: Bound | None = None
 
     def records(self) -> np.ndarray:
@@ -186,7 +186,7 @@ class Search:
 
         Columns in which the search along the circle leaves a doubt are searched by dominance.
         """
-        if opened is None or opened.loops.cut is None or (self.bound and (self.bound.damping_ratio or self.bound.bounded)):
+        if opened is None or opened.loops.cut is None or (self.bound and self.bound.cost):
             return self._from_frames(loops, size, opened)
         found = opened.known
         if found is None:
@@ -205,10 +205,10 @@ class Search:
         return found
 
     def _from_frames(self, loops, size, opened) -> Intervals:
-        from wavesweep.core.analyses.by_frames import by_discs, by_dominance, by_lines
+        from wavesweep.core.analyses.by_frames import by_bound, by_dominance, by_lines
 
-        if self.bound and (self.bound.damping_ratio or self.bound.bounded):
-            found, of_size = by_discs(self, loops, size), self.bound.of_size
+        if self.bound and self.bound.cost:
+            found, of_size = by_bound(self, loops, size), self.bound.of_size
             return common([found, replace(self, bound=of_size).connected(loops, size, opened)]) if of_size else found
         return (by_lines if self.in_pieces else by_dominance)(self, loops, size)
 

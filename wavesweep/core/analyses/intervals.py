@@ -21,8 +21,6 @@ from wavesweep.core.spec import Axis, Require, Spec, no_axis, sweep_axes
 from wavesweep.core.stability.certificate import words
 from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
 from wavesweep.core.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
-from wavesweep.prove.stretches import OPERATIONS
-from wavesweep.require.bound import Bound
 
 if TYPE_CHECKING:
     from wavesweep.for_all.rows import ForAllGuarantee
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
 # Seconds per slice and squared order, measured: one polynomial per slice; panels, along any
 # parameter but the wall, and for crowded poles of high order.
 BY_POLYNOMIAL, BY_PANELS = 0.2e-6, 15e-6
-BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
@@ -92,7 +89,7 @@ def _task(job, chunk):
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
     changes, known = job.loop_values(chunk), job.grid.loops <= CHECKED
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=OPERATIONS)
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=True)
 
 
 def _columns(job, combination, records):
@@ -121,7 +118,7 @@ INTERVALS = Kind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
 def _searches(
-    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=0.0
+    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=False
 ) -> Searches:
     """The searches for the intervals of `size` loops of the spec.
 
@@ -131,7 +128,7 @@ def _searches(
     parts: dict = {}
     path, require = asked.axis.path, asked.require
     for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=path):
-        bound = require and Bound.of(require).over(frames_of(loops))
+        bound = require and require.bound.over(frames_of(loops))
         parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
     for (drawing, bound), alike in parts.items():
@@ -163,12 +160,12 @@ def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
     changes = grid.loop_values(index)
     parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path)]
     for loops in parts:
-        if require and require.settling and name_of(axis.path) in loops.drawing.rating:
-            raise UsageError(f"{axis.name} changes the time of a frame: require radius along it, and not settling")
+        if require and name_of(axis.path) in loops.drawing.rating:
+            require.bound.refuse_rates(axis.name)
         domain(*loops, axis.path, asked.span)
     orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
-    cost = BY_DISCS if _takes_discs(require) else expected_cost(orders[0], ways[0])
+    cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
     order = max(orders) if len(orders) > 1 and way is Way.CUT and not require and grid.loops <= FEW else 0
     return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way, order=order))
 
@@ -240,7 +237,6 @@ def at_points(
 
 
 CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
-DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 PANELS = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
 
 
@@ -251,14 +247,4 @@ def method(asked: Along) -> str:
         Way.PANELS: PANELS,
         Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others",
     }[asked.way]
-    of_size = asked.require and Bound.of(asked.require).of_size
-    if of_size:
-        found += "; of frames over the required radius, whose unit circle is its circle"
-    if not _takes_discs(asked.require):
-        return found
-    discs = DISCS.format("each other and the unit circle" if asked.require.bounded else "the spiral of the damping ratio")
-    return f"{discs}; and {found}" if of_size else discs
-
-
-def _takes_discs(require):
-    return bool(require and (require.damping_ratio or require.bounded))
+    return asked.require.bound.method(found) if asked.require else found

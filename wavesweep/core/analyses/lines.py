@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.analyses.open_loops import Opened
 from wavesweep.core.drawing.drawing import Drawing
@@ -16,7 +17,6 @@ from wavesweep.core.stability.boundary import times
 from wavesweep.core.stability.lines import lines_of, share_of_first
 from wavesweep.core.stability.spectrum import eigenvalues
 from wavesweep.core.sweep.grid import Loops
-from wavesweep.require.bound import Bound
 
 MOST = 2**18  # numbers of states that are followed at once
 BESIDE, ROUNDED = 1e-10, 4  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
@@ -83,7 +83,7 @@ def _in_ticks(kinds, changes, state, rows):
             state += added
 
 
-def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) -> np.ndarray:
+def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound | None) -> np.ndarray:
     """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices `at` of loops that are cut at a number.
 
     A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `Search`.
@@ -94,7 +94,7 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound) 
     if len(kinds) == 1:
         return found
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[which]
-    s = np.log(bound.radius_of(period)) + 1j * omega * period
+    s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
     kept, force = np.array([ticks.states.index(name) for name in cut.states]), loops.drawn.inputs.index(PRODUCT)
     rows, shown = _shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept))
 

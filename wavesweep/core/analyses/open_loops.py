@@ -7,6 +7,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.loops import drift_of, feels, hand_of, named_loops
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import name_of, path_of
@@ -25,7 +26,6 @@ from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.stable import stable_intervals
 from wavesweep.core.stability.together import each_in_one_call, may_join
 from wavesweep.core.sweep.grid import Loops, distinct, distinct_rows
-from wavesweep.require.bound import Bound
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 

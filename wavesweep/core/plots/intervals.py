@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
 from wavesweep.core.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
@@ -20,7 +21,6 @@ from wavesweep.core.plots.words import assumed, label, printed, symbol, valued, 
 from wavesweep.core.tables.columns import unlike_units
 from wavesweep.core.tables.regions import incomplete, region_of, smooth_axes
 from wavesweep.identification.measured_marks import draw_walls, undrawn
-from wavesweep.require.keys import words_of
 
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 1.6  # points between thin bars of two members
@@ -164,7 +164,7 @@ def _name_axes(shown: Shown, canvas: Any) -> None:
         along = "stiffness of the wall"
     if units := unlike_units(facts).get("high"):
         along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
-    required = f"stable here: {words_of(facts['require'])}" if "require" in facts else ""
+    required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
     unmarked, (said, _, _) = undrawn(facts, layout.x, shown.along), assumed(facts).partition(":")  # usual engines follow
     kind = facts.get("spec", {}).get("controller", {}).get("kind")
     one = f"{kind}, {said}" if said and kind and shown.whose != "spec" else ""  # controller, wall, delay and velocity

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.columns import Columns
 from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.reproducibility import versions
@@ -43,8 +44,10 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED, prove: int
     responses, passivity and simulation are computed again as a whole. seed: of the draw. prove:
     of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic.
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
-    Raises UsageError if the folder has no data package of this program.
+    Raises UsageError if the folder has no data package of this program, or if there is nothing that proves.
     """
+    if prove and not any(modules("prover")):
+        raise UsageError("prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing")
     packages = sorted(Path(directory).glob(f"*{PACKAGE}"))
     if not packages:
         raise UsageError(f"{directory}: expected results with their data package, found none")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.core.analyses.bound import required_in_words, where_nothing_decides
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.doubts import DOUBTS
@@ -14,7 +15,6 @@ from wavesweep.core.stability.certificate import FELT_ALIKE
 from wavesweep.core.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.core.tables.kind import Line, Numbers, count
 from wavesweep.core.tables.row_kinds import row_kinds
-from wavesweep.require.keys import BOUNDED, words_of
 
 Axes = Mapping[str, Sequence[float]]
 
@@ -118,7 +118,7 @@ class IntervalTally:
             "unit": self._unit(self._along),
             "units": {name: self._unit(name) for name in dict.fromkeys(names)},
             "range": [end if np.isfinite(end) else None for end in self._range],
-            "required": words_of(require) if require else "",
+            "required": required_in_words(require) if require else "",
             "drawn": bool(numbers_of(self._facts)),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
@@ -253,8 +253,8 @@ class Words:
         """The largest stable value and its place."""
         largest, found = self._found["largest"], self._found
         if largest is None and found["doubts"] and not self._kind.searched:
-            bounded = f"; {BOUNDED}" if found["drawn"] and not found["required"] else ""
-            return f"no {self._such} found, but part of the swept range could not be decided{bounded}"
+            hint = where_nothing_decides() if found["drawn"] and not found["required"] else ""
+            return "; ".join(filter(None, [f"no {self._such} found, but part of the swept range could not be decided", hint]))
         if largest is None:
             return self._kind.nowhere.format(such=self._such) + " in the swept range"
         ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.analyses.assumptions import notices_of
+from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
 from wavesweep.core.tables.fields import ABOUT_ENDS, FOR_ALL, LEFT_OPEN
 from wavesweep.core.tables.interval_tally import Tallies, interval_lines
-from wavesweep.core.tables.kind import Again, Kind
+from wavesweep.core.tables.kind import Again, Kind, ProvedAgain
 from wavesweep.core.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from wavesweep.for_all.rows import ForAllGuarantee
     from wavesweep.passive.every_hand import EveryHandGuarantee
     from wavesweep.passive.hands import Guarantee, Hands
-    from wavesweep.prove.again import ProvedAgain
 
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 
@@ -149,13 +150,12 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
     """Yield what ball arithmetic says of some combinations of a table without hands; claims: their numbers and their rows."""
     from wavesweep.core.analyses.intervals import searches_of
     from wavesweep.core.sweep.job import cut_otherwise
-    from wavesweep.prove.again import prove_again
 
-    single = cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
+    (prover,), single = modules("prover"), cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
     for number, rows in claims:
         (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
         columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
-        yield prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
+        yield prover.prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
 
 
 def _completed(block, word, hands, several, for_all) -> Columns:
@@ -179,11 +179,9 @@ def _finished(block, word, hands, several, for_all) -> Columns:
 
 def _notices(spec, own, hands) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
-    from wavesweep.require.keys import words_of
-
     axis, required = own.asked.axis, own.asked.require
     if required:
-        yield f"[sweep] require: the intervals, here and in the figure, are those with {words_of(required.written())}"
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {required_in_words(required.written())}"
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
     if axis.values:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 from wavesweep.core.errors import UsageError
 from wavesweep.core.tables.fields import COLUMNS, Field
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from wavesweep.core.columns import Columns
     from wavesweep.core.tables.table import Table
-    from wavesweep.prove.again import ProvedAgain
 
 Line = tuple[str, bool]  # a line of a summary, and whether it is a warning
 Numbers = Mapping[str, Any]  # of a summary, JSON-able
@@ -29,6 +28,18 @@ class Tally(Protocol):
 
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         """The summary as numbers and words that JSON can hold."""
+
+
+class ProvedAgain(NamedTuple):
+    """What ball arithmetic says of a certified slice.
+
+    verdict: "whole" if it proves the same intervals on the whole range; "ends" if that takes too many operations, and it proves
+    each end and one value between two ends; "refuted" if it proves something else; otherwise "unsettled". why: in words, of the
+    last two.
+    """
+
+    verdict: Literal["whole", "ends", "refuted", "unsettled"]
+    why: str = ""
 
 
 @dataclass(frozen=True)

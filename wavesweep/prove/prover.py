@@ -1,4 +1,4 @@
-"""Stretches of a number that doubles leave in doubt, proved in ball arithmetic."""
+"""What a search asks for: stretches in doubt proved in ball arithmetic, and certified slices proved again."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -11,6 +11,9 @@ from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.dead_time import in_whole_ticks
 from wavesweep.core.loops.from_drawing import rate_of
 from wavesweep.core.sweep.grid import Loops
+from wavesweep.prove.again import prove_again
+
+__all__ = ["ball_prover", "prove_again"]
 
 OPERATIONS = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
 MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its other side
@@ -18,10 +21,10 @@ MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its o
 BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
 
 
-def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float) -> BallProver:
+def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float = OPERATIONS) -> BallProver:
     """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one of their numbers.
 
-    period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop.
+    period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop, at most.
     """
     budgets = {}
 
