@@ -18,7 +18,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.reproducibility import one_thread
 from wavesweep.core.spec import load
-from wavesweep.core.tables import kind as tables_kind
+from wavesweep.core.tables import fields as tables_fields
 from wavesweep.core.tables.fields import COLUMNS, Field
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.core.tables.responses import responses
@@ -236,7 +236,7 @@ def test_calls_compute_with_one_thread_and_give_the_others_back(monkeypatch):
 def test_a_derived_column_needs_only_its_field(monkeypatch):
     """The same column comes with a command's table and with the library's."""
     width = Field("width", "number", "N/m", "high - low", derived=lambda columns: columns["high"] - columns["low"])
-    monkeypatch.setattr(tables_kind, "COLUMNS", {**COLUMNS, "zwidth": (*COLUMNS["zwidth"], width)})
+    monkeypatch.setattr(tables_fields, "COLUMNS", {**COLUMNS, "zwidth": (*COLUMNS["zwidth"], width)})
     spec = {"controller": {"kind": "dc"}, "sweep": {"K_VE": {"start": 0, "stop": 9000}, "B_VE": [1.0, 2.0]}}
     rows = wavesweep.compile(load(spec)).stable_intervals("K_VE", B_VE=[1.0, 2.0])
     assert rows["width"].tolist() == (rows["high"] - rows["low"]).tolist()

@@ -8,8 +8,9 @@ import numpy as np
 from wavesweep.core.columns import Columns
 from wavesweep.core.spec import Spec
 from wavesweep.core.tables.columns import fields
-from wavesweep.core.tables.fields import DESIGN, Field
+from wavesweep.core.tables.fields import Field
 from wavesweep.core.tables.kind import Line, Numbers, count, plain, whole_kind
+from wavesweep.designs.columns import DESIGN
 from wavesweep.designs.wish_keys import WISHES, Wish
 
 THIN = 0.01  # of a bound, within which a design is near it

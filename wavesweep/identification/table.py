@@ -16,9 +16,10 @@ from wavesweep.core.csv_files import LEAST, MOST
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.keys import TURNED
 from wavesweep.core.reproducibility import versions
-from wavesweep.core.tables.fields import COLUMNS, Field
+from wavesweep.core.tables.fields import Field
 from wavesweep.core.tables.kind import Line, Numbers, whole_kind
 from wavesweep.core.tables.table import Table
+from wavesweep.identification.columns import COLUMNS
 from wavesweep.identification.device_spec import PATHS, negative, spoken, whole
 
 METHOD = (

@@ -14,9 +14,9 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.tables.fields import TICKS
 from wavesweep.core.tables.kind import Again, Line, Numbers, plain, whole_kind
 from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.simulation.columns import TICKS
 
 if TYPE_CHECKING:
     from wavesweep.core.spec import Spec

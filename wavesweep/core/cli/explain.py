@@ -18,8 +18,7 @@ from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import nearest
 from wavesweep.core.spec import find_key
-from wavesweep.core.tables.fields import COLUMNS, DESIGN, OF_ALONG, OF_WALL, Field
-from wavesweep.designs.wish_keys import WISHES
+from wavesweep.core.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
 
 MANY = 4  # tables that have a column
 GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}
@@ -77,9 +76,7 @@ def entries() -> tuple[Entry, ...]:
 def _columns() -> dict[Field, list[str]]:
     """Each column with the tables that have it; the same column of several tables is one."""
     found: dict[Field, list[str]] = {}
-    wishes = (Field(name, "number", each.unit, f"{each.description}, at its worst") for name, each in WISHES.items())
-    scenarios = (Field(f"{name}_scenario", "string", "", f"what sets the worst {name}") for name in WISHES)
-    for table, fields in (COLUMNS | {"design": (*wishes, *scenarios, *DESIGN)}).items():
+    for table, fields in all_columns().items():
         for each in fields:
             found.setdefault(replace(each, optional=False), []).append(table)
     return found

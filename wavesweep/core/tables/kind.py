@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 from wavesweep.core.errors import UsageError
-from wavesweep.core.tables.fields import COLUMNS, Field
+from wavesweep.core.tables.fields import Field, columns_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -82,7 +82,7 @@ class Kind:
     @property
     def fields(self) -> tuple[Field, ...]:
         """Its columns behind those of the axes, in order; none if they follow from a spec."""
-        return COLUMNS.get(self.name, ())
+        return columns_of(self.name)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,0 +1,10 @@
+"""The columns of the table `design` beside those that a spec varies and wishes."""
+
+from wavesweep.core.tables.fields import Field, columns_beside
+from wavesweep.designs.wish_keys import WISHES
+
+COLUMNS = {}  # of the kind: they follow from the spec
+DESIGN = columns_beside(__file__)["design"]
+_WORST = (Field(name, "number", each.unit, f"{each.description}, at its worst") for name, each in WISHES.items())
+_SCENARIOS = (Field(f"{name}_scenario", "string", "", f"what sets the worst {name}") for name in WISHES)
+EXPLAINED = {"design": (*_WORST, *_SCENARIOS, *DESIGN)}

@@ -1,0 +1,11 @@
+"""The columns of the tables of `passivity`."""
+
+from wavesweep.core.tables.fields import columns_beside
+
+COLUMNS = columns_beside(
+    __file__,
+    derived={
+        "excess": lambda columns: columns["channel_norm"] - 1,
+        "energy_gain": lambda columns: columns["channel_norm"] ** 2 - 1,
+    },
+)
