@@ -11,12 +11,14 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
+from wavesweep.check.verdict_lines import verdict_lines
 from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.spec import load
 from wavesweep.core.sweep.grid import distinct, loops_of
 from wavesweep.core.tables import kind_named
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import rows as for_all_module
+from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frames import Slow
 from wavesweep.for_all.rows import text_of_part
 from wavesweep.for_all.unknown import Part
@@ -292,6 +294,33 @@ def test_check_says_whether_the_design_holds_for_all():
     assert good == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
     bad = wavesweep.verdict(PD | {"for_all": {"kd": {"start": 0.2, "stop": 5}}})["for_all"]
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2")
+
+
+def test_check_says_that_its_own_numbers_are_not_among_those_of_the_table():
+    for values, without in (([2, 3], ", without the spec's own n = 5"), ([2, 5], "")):
+        spec = load(PD | {"for_all": {"n": {"values": values}, "kd": {"start": 3, "stop": 5}}})
+        lines = [line for _, line in verdict_lines(spec, wavesweep.verdict(spec))]
+        assert lines[0] == f"  for all of [for_all]: proved stable{without}"
+
+
+def test_an_end_that_is_not_known_is_no_counterexample(monkeypatch):
+    """An interval of one of the loops ends at an open place: what is beyond it is not refuted."""
+
+    class Open(unknown_module.Search):
+        def records(self):
+            records = super().records()
+            records["open_places"], records["open_low"], records["open_high"] = 1, 700.0, 900.0
+            records["high"], records["certified"] = 700.0, False
+            return records
+
+    _, (row,) = for_all(PD, kd={"start": 3, "stop": 5})
+    assert (row["fails_from"], row["settled"]) == (pytest.approx(1200), True)
+    monkeypatch.setattr(unknown_module, "Search", Open)
+    _, (row,) = for_all(PD, kd={"start": 3, "stop": 5})
+    assert np.isnan(row["fails_from"])
+    assert not row["counterexample"]
+    assert not row["settled"]
+    assert row["high"] <= 700
 
 
 SAMPLED = {

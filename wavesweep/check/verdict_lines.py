@@ -45,7 +45,9 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     from wavesweep.passive.margin import LONGEST
 
     if found.get("for_all"):
-        yield 1, f"  {in_words(found['for_all'])}"
+        apart = spec.for_all.apart(spec.values) if spec.for_all else []
+        without = f", without the spec's own {' and '.join(apart)}" if apart else ""
+        yield 1, f"  {in_words(found['for_all'])}{without}"
         if of_hands := found.get("every_hand"):
             yield 1.5, f"  {_every_hand(of_hands)}"
         yield 1, f"  {BELOW[found['for_all']['kind'] == 'for_all']}"

@@ -38,6 +38,15 @@ class ForAll:
         """The numbers that are constant."""
         return tuple(axis for axis in self.axes if axis not in self.changing)
 
+    def apart(self, values: Mapping[str, object]) -> list[str]:
+        """The numbers of a spec with these values that the table leaves out, each with its value, as texts."""
+        own = ((axis, values[axis.path]) for axis in self.axes)
+        return [
+            f"{axis.name} = {value:g}"
+            for axis, value in own
+            if (value not in axis.values if axis.values else not axis.start <= value <= axis.stop)
+        ]
+
     def ends(self, design: Design) -> tuple[Axis, ...]:
         """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
 

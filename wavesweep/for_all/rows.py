@@ -187,7 +187,16 @@ class _Loop:
     def intervals(self) -> list[Row]:
         """The rows of loops whose numbers are constant."""
         found = proofs(self.cases, self.span, NEAR)
-        return [_row(part, *proved) for part, proved in found if proved]
+        return [self._near(part, *proved) for part, proved in found if proved]
+
+    def _near(self, part, low, high) -> Row:
+        """The proof reaches over this much of a part, which is settled if that is near to its ends, and these are known."""
+        near = [is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), is_near(high, part.high)]
+        known = [
+            by is not None or end == edge
+            for by, end, edge in zip((part.low_by, part.high_by), (part.low, part.high), self.span, strict=True)
+        ]
+        return Row(low, high, part, all(near + known), text_of_part(part))
 
     def varying(self) -> list[Row]:
         """The rows of loops whose frames vary."""
@@ -244,12 +253,6 @@ class _Loop:
         names = [self.along, *(axis.path for axis in case.ranges)]
         places = (f"{name_of(path)} {a:.4g} to {b:.4g}" for path, a, b in zip(names, low, high, strict=True))
         return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
-
-
-def _row(part, low, high) -> Row:
-    """The proof reaches over this much of a part, which is settled if that is near to its ends."""
-    near = [is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), is_near(high, part.high)]
-    return Row(low, high, part, all(near), text_of_part(part))
 
 
 def is_near(one: float, other: float) -> bool:

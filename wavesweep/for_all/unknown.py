@@ -165,14 +165,20 @@ class Case:
         for point, found in zip(points, self._exact(points), strict=True):
             by = self.named(point)
             own = [
-                Part(low, high, by if low > self.span[0] else None, by if high < self.span[1] else None, *omegas)
-                for low, high, *omegas in found
+                Part(
+                    low,
+                    high,
+                    by if known[0] and low > self.span[0] else None,
+                    by if known[1] and high < self.span[1] else None,
+                    *omegas,
+                )
+                for low, high, known, *omegas in found
             ]
             parts = shared(parts, own)
         return list(parts)
 
     def _exact(self, points):
-        """The stable intervals at each point."""
+        """The stable intervals at each point, with whether what lies below and above is known to be unstable."""
         found = [[] for _ in points]
         for some in distinct(list((points == 0).T), len(points)):
             arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
@@ -181,8 +187,9 @@ class Case:
             self.certified &= bool(records["certified"].all())
             self.vouched |= bool(records["certified"].any())
             for record in records[records["intervals"] > 0]:
-                ends = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
-                found[some[record["slice"]]].append(tuple(ends))
+                low, high, *omegas = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
+                known = not record["open_low"] < low, not record["open_high"] > high
+                found[some[record["slice"]]].append((low, high, known, *omegas))
         return found
 
     def cover(self, low=0.0, high=0.0) -> Cover:
