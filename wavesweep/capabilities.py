@@ -9,11 +9,15 @@ bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 """
 
+import sys
 from collections.abc import Iterator, Mapping
 from functools import reduce
 from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
+
+GROUP = "wavesweep.capabilities"  # of entry points
 
 
 class Capability(NamedTuple):
@@ -21,7 +25,8 @@ class Capability(NamedTuple):
 
     name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
     library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins".
-    offers: modules of the folder that the core or others may ask for, see `modules`.
+    offers: modules of the folder that the core or others may ask for, see `modules`. package: that has its modules, its folder
+    here by default.
     """
 
     name: str
@@ -30,6 +35,27 @@ class Capability(NamedTuple):
     kinds: tuple[str, ...] = ()
     library: tuple[str, ...] = ()
     offers: tuple[str, ...] = ()
+    package: str = ""
+
+    def name_of(self, module: str) -> str:
+        """The whole name of one of its modules."""
+        return f"{self.package or f'wavesweep.{self.name}'}.{module}"
+
+    def module(self, name: str) -> ModuleType:
+        """Import one of its modules."""
+        return import_module(self.name_of(name))
+
+
+def _published() -> Iterator[Capability]:
+    """The capabilities of other packages: entry points `wavesweep.capabilities` of what is installed.
+
+    The files are read here, because importlib.metadata alone would take 30 ms to import.
+    """
+    for path in (each for folder in dict.fromkeys(sys.path) for each in Path(folder).glob("*.dist-info/entry_points.txt")):
+        own = path.read_text(encoding="utf-8").partition(f"[{GROUP}]")[2].partition("[")[0]
+        for line in filter(str.strip, own.splitlines()):
+            module, _, name = line.partition("=")[2].strip().partition(":")
+            yield getattr(import_module(module), name)
 
 
 CAPABILITIES = (
@@ -99,6 +125,7 @@ CAPABILITIES = (
     Capability("require", offers=("bound",)),
     Capability("prove", offers=("prover",)),
     Capability("picture", library=("Loop.plot_diagram",)),
+    *_published(),
 )
 
 
@@ -111,7 +138,7 @@ def modules(name: str) -> Iterator[ModuleType]:
     """Import the module of this name of every capability that offers it."""
     for each in CAPABILITIES:
         if name in each.offers:
-            yield import_module(f"wavesweep.{each.name}.{name}")
+            yield each.module(name)
 
 
 def library_names(of: str = "") -> list[str]:
@@ -123,6 +150,6 @@ def of_library(name: str) -> Any:
     """Import what a capability has for the library under this name, e.g. `why` or `Loop.margins`; AttributeError without it."""
     for each in CAPABILITIES:
         if name in each.library:
-            return reduce(getattr, name.split("."), import_module(f"wavesweep.{each.name}.library"))
+            return reduce(getattr, name.split("."), each.module("library"))
     there = ", ".join(each.name for each in CAPABILITIES if each.library)
     raise AttributeError(f"wavesweep has no {name}, nor have the capabilities that are there: {there}")

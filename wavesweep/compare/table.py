@@ -70,6 +70,6 @@ def _facts(specs, tables, swept):
 
 
 KINDS = (
-    interval_kind("compare", figure="core.plots.intervals.compare", before=1),
-    Kind("compare-bode", lambda _: BodeTally(), bode_lines, figure="core.plots.responses.bode", study="bode"),
+    interval_kind("compare", figure="wavesweep.core.plots.intervals.compare", before=1),
+    Kind("compare-bode", lambda _: BodeTally(), bode_lines, figure="wavesweep.core.plots.responses.bode", study="bode"),
 )

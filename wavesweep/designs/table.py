@@ -155,4 +155,4 @@ def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())
 
 
-KINDS = (whole_kind("design", _numbers, _lines, "designs.figure.design"),)
+KINDS = (whole_kind("design", _numbers, _lines, "wavesweep.designs.figure.design"),)

@@ -356,6 +356,6 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 
 KINDS = (
-    whole_kind("identify", _numbers, _lines, "identification.figure.identify"),
-    whole_kind("identify-response", _response_numbers, _response_lines, "identification.figure.identify_response"),
+    whole_kind("identify", _numbers, _lines, "wavesweep.identification.figure.identify"),
+    whole_kind("identify-response", _response_numbers, _response_lines, "wavesweep.identification.figure.identify_response"),
 )

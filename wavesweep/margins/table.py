@@ -146,4 +146,8 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
     return f"{SAID[name]} {margin['value']:.6g}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
 
 
-KINDS = (Kind("margins", lambda _: Whole(_numbers), _lines, figure="margins.figure.margins", again=from_spec(margins, "cut")),)
+KINDS = (
+    Kind(
+        "margins", lambda _: Whole(_numbers), _lines, figure="wavesweep.margins.figure.margins", again=from_spec(margins, "cut")
+    ),
+)

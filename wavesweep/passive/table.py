@@ -262,7 +262,7 @@ KINDS = (
         "passivity",
         lambda table: PassivityTally(table.facts),
         _lines,
-        figure="passive.figure.passivity",
+        figure="wavesweep.passive.figure.passivity",
         again=from_spec(
             partial(passivity, jobs=1), "tolerance", rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep)
         ),
@@ -271,14 +271,14 @@ KINDS = (
         "passivity-filters",
         lambda _: Whole(_filter_numbers),
         _filter_lines,
-        figure="passive.figure.passivity_filters",
+        figure="wavesweep.passive.figure.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
     ),
     Kind(
         "passivity-ports",
         lambda _: Whole(_index_numbers),
         _index_lines,
-        figure="passive.figure.passivity_ports",
+        figure="wavesweep.passive.figure.passivity_ports",
         again=from_spec(over_frequency),
     ),
 )

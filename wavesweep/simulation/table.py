@@ -292,7 +292,7 @@ KINDS = (
         "simulate",
         _run_numbers,
         _run_lines,
-        "simulation.figure.simulate",
+        "wavesweep.simulation.figure.simulate",
         again=partial(_again, 0),
         before=len(TICKS),
     ),
@@ -300,7 +300,7 @@ KINDS = (
         "simulate-response",
         _response_numbers,
         _response_lines,
-        "simulation.figure.simulate_response",
+        "wavesweep.simulation.figure.simulate_response",
         again=partial(_again, 1),
     ),
 )

@@ -67,7 +67,7 @@ def command_of(name: str) -> click.Command:
     """Import the command of that name."""
     own = name.replace("-", "_")
     if capability := home_of(name):
-        return getattr(import_module(f"wavesweep.{capability.name}.command"), own)
+        return getattr(capability.module("command"), own)
     for home, names in (("studies", STUDIES), ("programs", PROGRAMS)):
         if name in names:
             return getattr(import_module(f"wavesweep.core.cli.{home}"), own)

@@ -24,7 +24,7 @@ class Equations(NamedTuple):
     D: Rows
 
 
-def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations:  # noqa: C901, PLR0911 - a table
+def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations:
     """Return what a block does in a run. T: its own period (s).
 
     Errors: KeyError for a type that is not defined here.
@@ -81,7 +81,7 @@ def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
     return Equations(tuple(f"x{i}" for i in range(len(A))), A, B, C or [[] for _ in D], D)
 
 
-def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] | None:  # noqa: C901, PLR0911 - the same
+def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] | None:
     """Return what a block does while nothing changes, `0 = E x + B u`, `y = C x + D u`, without rounding.
 
     D alone if y follows u whatever the states are. None: what it does in a run is all that is known. For example, a wave comes

@@ -38,7 +38,7 @@ def figure_of(kind: str) -> Callable[..., Any]:
     if kind == "bench":
         return program("benchmarks/bench").draw
     home, _, name = kind_named(kind).figure.rpartition(".")
-    return import_module(f"wavesweep.{home}").__dict__[name]
+    return import_module(home).__dict__[name]
 
 
 def refuse_settings() -> None:

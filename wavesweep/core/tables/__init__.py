@@ -17,7 +17,7 @@ HOMES: Mapping[str, str] = MappingProxyType(
     {
         **dict.fromkeys(_OF_INTERVALS, f"{__name__}.intervals"),
         **dict.fromkeys(("bode", "bode-ports"), f"{__name__}.responses"),
-        **{kind: f"wavesweep.{each.name}.table" for each in CAPABILITIES for kind in each.kinds},
+        **{kind: each.name_of("table") for each in CAPABILITIES for kind in each.kinds},
     }
 )
 

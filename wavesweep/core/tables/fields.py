@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -100,13 +99,12 @@ COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
 
 def columns_of(kind: str) -> tuple[Field, ...]:
     """The columns of a kind of table behind those of its axes; those of a capability stand in its `columns.py`."""
-    home = next((each.name for each in CAPABILITIES if kind in each.kinds), "")
-    known = import_module(f"wavesweep.{home}.columns").COLUMNS if home else COLUMNS
-    return known.get(kind, ())
+    home = next((each for each in CAPABILITIES if kind in each.kinds), None)
+    return (home.module("columns").COLUMNS if home else COLUMNS).get(kind, ())
 
 
 def all_columns() -> dict[str, tuple[Field, ...]]:
     """The columns of all kinds of tables, and those that a design study can have."""
-    homes = (import_module(f"wavesweep.{each.name}.columns") for each in CAPABILITIES if each.kinds)
+    homes = (each.module("columns") for each in CAPABILITIES if each.kinds)
     of_capabilities = [getattr(home, "EXPLAINED", home.COLUMNS) for home in homes]
     return {kind: fields for known in (COLUMNS, *of_capabilities) for kind, fields in known.items()}

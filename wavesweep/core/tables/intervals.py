@@ -228,7 +228,9 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
 
 def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
     """A kind of table of stable intervals; along: the axis (None: the spec's own) of one whose rows can be computed again."""
-    more = {"figure": "core.plots.intervals.zwidth"} | more | ({} if along == "" else {"again": partial(_again, along)})
+    more = (
+        {"figure": "wavesweep.core.plots.intervals.zwidth"} | more | ({} if along == "" else {"again": partial(_again, along)})
+    )
     return Kind(name, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
 
 

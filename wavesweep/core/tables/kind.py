@@ -66,7 +66,7 @@ class Kind:
 
     name: of the table and its files. tally: makes the summary of a
     table as numbers. lines: the same numbers in words, each line with a flag that is true for a warning. figure: the function
-    that draws it, as "module.function" below `wavesweep`. again: a function of the facts of a table, and of one that gives
+    that draws it, as "package.module.function". again: a function of the facts of a table, and of one that gives
     the name of its spec, that says how to compute its rows again; None if that is impossible. study: the table of the spec
     that has its axes. before: number of its own columns that stand before those of the axes.
     """

@@ -184,6 +184,6 @@ def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
 
 
 KINDS = (
-    Kind("bode", lambda _: BodeTally(), bode_lines, "core.plots.responses.bode", _again, study="bode"),
-    Kind("bode-ports", lambda _: BodeTally(), bode_lines, "core.plots.responses.bode_ports", _again, study="bode"),
+    Kind("bode", lambda _: BodeTally(), bode_lines, "wavesweep.core.plots.responses.bode", _again, study="bode"),
+    Kind("bode-ports", lambda _: BodeTally(), bode_lines, "wavesweep.core.plots.responses.bode_ports", _again, study="bode"),
 )
