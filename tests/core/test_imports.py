@@ -71,7 +71,8 @@ def imports_of(source):
         elif isinstance(node, ast.ImportFrom):
             found.add(f"relative import in {source.name}")
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and MODULE.fullmatch(node.value):
-            found.add(node.value)
+            place = PACKAGE.parent / node.value.replace(".", "/")
+            found |= {node.value} if place.is_dir() or place.with_suffix(".py").is_file() else set()
     return {name for name in found if name.split(".")[0] == "wavesweep" or name.startswith("relative")}
 
 
