@@ -7,6 +7,7 @@ list what there is. A capability is taken away by deleting its folder, its tests
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
+wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
 
 import sys
@@ -85,7 +86,7 @@ CAPABILITIES = (
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
         kinds=("passivity", "passivity-filters", "passivity-ports"),
         library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
-        offers=("guarantee",),
+        offers=("guarantee", "wish"),
     ),
     Capability(
         "sensitivity",

@@ -137,16 +137,16 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
 
 def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
-    from wavesweep.core.analyses.loops import loop_at_hand
+    from wavesweep.core.analyses.loops import loop_at_hand, radii_of
     from wavesweep.core.response.steady import respond
-    from wavesweep.simulation.experiment import radius_of
+    from wavesweep.core.sweep.grid import own_loop
 
     frequency = np.array([each for each in spec.frequency_hz if each > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):
         values = {spec.names.find(each).path: numbers[each] for each in varied if name != "nominal"}
         whole = {path for path in values if isinstance(spec.values.get(path), int)}
         one = spec.with_values({path: int(value) if path in whole else float(value) for path, value in values.items()})
-        admittance, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), radius_of(one) < 1
+        admittance, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), bool(radii_of(own_loop(one)) < 1)
         colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
         axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
     axes.set_xlabel("frequency (Hz)")

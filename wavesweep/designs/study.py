@@ -28,8 +28,6 @@ from wavesweep.designs.search import Judged, designs_of, differing, generations,
 from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
-from wavesweep.for_all.rows import refuse_unsuitable_ranges
-from wavesweep.for_all.varying import Rules
 from wavesweep.passive.hand import HandBox
 from wavesweep.passive.hands import Guarantee
 
@@ -84,8 +82,8 @@ def _task(job, chunk):
 def _evaluation(job, scenarios, designs, count: int, last: bool):
     """What computes the records of designs; last: whether they are of the front, for which more is checked."""
     spec = job.grid.spec
-    box, rules = (job.asked.box, _rules_of(spec)) if last else (None, None)
-    return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, rules)
+    box, proof = (job.asked.box, _proof_of(spec)) if last else (None, None)
+    return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, proof)
 
 
 def evaluated(
@@ -96,15 +94,15 @@ def evaluated(
     stop: float,
     dtype: np.dtype,
     box: HandBox | None = None,
-    rules: Rules | None = None,
+    proof: Any = None,
 ) -> np.ndarray:
     """A record for each design: its wishes, at their worst over the scenarios.
 
-    count: number of designs, which may be 0. box: of hands to check them for. rules: what they have to be proved for.
+    count: number of designs, which may be 0. box: of hands to check them for. proof: of [for_all].
     """
     records = np.zeros(count, dtype)
     records["slice"] = np.arange(count)
-    found = evaluate(spec, spec.design.wishes, scenarios, designs, stop, rules) if count else {}
+    found = evaluate(spec, spec.design.wishes, scenarios, designs, stop, proof) if count else {}
     for name, worst in found.items():
         records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
         records[f"{name}_certified"] = worst.certified
@@ -197,10 +195,9 @@ def design(
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
 
 
-def _rules_of(spec):
-    """What designs have to be proved for: [for_all] and the values of [design.for_all]; None without [for_all]."""
-    rules = Rules.of(spec) if spec.for_all else None
-    return rules and replace(rules, for_all=rules.for_all.beside(spec.design))
+def _proof_of(spec):
+    """The proof of designs for all of [for_all], and the values of [design.for_all]; None without [for_all]."""
+    return spec.for_all and spec.for_all.proof(spec)
 
 
 def plan(spec: Spec) -> list[str]:
@@ -241,7 +238,9 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
         if asked.ratios or for_hands == "box":
             found = "--for-hands box" if for_hands == "box" else "a ratio"
             raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {found}")
-        refuse_unsuitable_ranges(spec, spec.wall[0] if {wish.name for wish in asked.wishes} & {"z_width", "felt"} else "")
+        _proof_of(spec).refuse_unsuitable(
+            spec, spec.wall[0] if {wish.name for wish in asked.wishes} & {"z_width", "felt"} else ""
+        )
     grid, settings = make_grid(spec.as_designed(), ()), asked.settings
     axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
@@ -413,21 +412,21 @@ def _seconds(job):
 def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
     own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    found = evaluate(spec, spec.design.wishes, job.asked.finest, own, job.asked.stop, rules := _rules_of(spec))
-    known = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not rules) for name, worst in found.items()}
+    found = evaluate(spec, spec.design.wishes, job.asked.finest, own, job.asked.stop, proof := _proof_of(spec))
+    known = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not proof) for name, worst in found.items()}
     return {name: float(worst.value[0]) if known[name] else None for name, worst in found.items()}
 
 
 def _columns(spec, job, genes, records):
     """Return the columns of the table, and the records."""
-    values, columns, constant = designs_of(spec.design.vary, genes), {}, not (spec.for_all and Rules.of(spec).vary)
+    values, columns, constant = designs_of(spec.design.vary, genes), {}, not (spec.for_all and _proof_of(spec).vary)
     for axis in spec.design.vary:
         columns[axis.name] = values[axis.path]
     flags = [records[f"{wish.name}_certified"] for wish in spec.design.wishes]
     objectives, violation = judged(spec.design, records)
     for wish in spec.design.wishes:
         columns[wish.name] = records[wish.name]
-        at_rate = "" if constant or wish.name in ("z_width", "channel") else " at a constant rate"
+        at_rate = "" if constant or wish.name == "z_width" or wish.kind.reads else " at a constant rate"
         numbers = records[f"{wish.name}_scenario"].tolist()
         texts = [(described(job.asked.finest, at) or "the spec's own") + at_rate for at in numbers]
         columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
@@ -451,14 +450,15 @@ def _notices(job):
     if job.grid.spec.for_all:
         names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}
         names |= {"z_width": "z_width", "felt": "the wall of felt"}
-        said = [names[wish.name] for wish in job.grid.spec.design.wishes if wish.name != "channel"]
+        said = [names[wish.name] for wish in job.grid.spec.design.wishes if not wish.kind.reads]
         yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
-        if Rules.of(job.grid.spec).vary:
+        if _proof_of(job.grid.spec).vary:
             yield "all wishes but z_width are of the spec's own constant rate"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
-    if {wish.name for wish in job.grid.spec.design.wishes} == {"channel"}:
-        yield "channel depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
+    if all(wish.kind.reads for wish in job.grid.spec.design.wishes):
+        alone = " and ".join(wish.name for wish in job.grid.spec.design.wishes)
+        yield f"{alone} depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
     unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
     if unread:
         yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"

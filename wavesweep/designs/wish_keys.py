@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from wavesweep.capabilities import modules
 from wavesweep.core.reading.keys import KEYS, SIMULATE_KEYS, Key, number
 from wavesweep.core.reading.reading import Place
 
@@ -23,7 +24,9 @@ OF_DEVICE = {name: SIMULATE_KEYS[f"simulate.{name}"] for name in ("resolution", 
 class WishKind:
     """A quantity that may be wished for. more: whether more of it is better. title: its name in figures.
 
-    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it.
+    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it. reads: how the paths begin of all
+    numbers that it reads; empty if it reads the whole loop. measure: of one that a capability offers, from the loops of a batch
+    and their number to the value of each, and whether that is certified.
     """
 
     unit: str
@@ -32,11 +35,20 @@ class WishKind:
     description: str
     options: Mapping[str, tuple[Key, int | None]]
     ports: tuple[str, ...] | None = None
+    reads: tuple[str, ...] = ()
+    measure: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
 
     @property
     def bound(self) -> str:
         """The key of its bound."""
         return "at_least" if self.more else "at_most"
+
+
+def _offered() -> Iterator[tuple[str, WishKind]]:
+    """Yield what capabilities offer by name; what reads the whole loop is looked at with walls."""
+    for module in modules("wish"):
+        for name, about in module.WISHES.items():
+            yield name, WishKind(**about, options={} if about.get("reads") else _WALLS)
 
 
 WISHES = MappingProxyType(
@@ -72,10 +84,7 @@ WISHES = MappingProxyType(
             "root mean square over the band of |ln(H/H_dc)|, H the transmitted admittance and H_dc that of direct coupling",
             {"band_hz": (_BAND, 2), **_WALLS},
         ),
-        "channel": WishKind("1", False, "norm of the wave channel", "norm of the wave channel", {}),
-        "port": WishKind(
-            "m/N", True, "margin of the hand's port", "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)
-        ),
+        **dict(_offered()),
         "damping_ratio": WishKind(
             "1",
             True,

@@ -3,15 +3,16 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
 from wavesweep.core.analyses.hardware import peaks_of
 from wavesweep.core.analyses.intervals import at_points
-from wavesweep.core.analyses.loops import felt_of, held_loop, radii_of, responses_of, telling_frames
+from wavesweep.core.analyses.loops import felt_of, radii_of, responses_of, telling_frames
 from wavesweep.core.columns import Rows
 from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.core.loops.controllers import keys_of_page, loop_drawing
+from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.loops.domain import refuse_unsuitable
 from wavesweep.core.response.steady import GOOD
 from wavesweep.core.spec import Axis, Spec
@@ -20,8 +21,6 @@ from wavesweep.core.stability.spectrum import eigenvalues, least_damping, radius
 from wavesweep.core.sweep.grid import distinct_rows, drawn_groups
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
-from wavesweep.for_all import rows as for_all
-from wavesweep.for_all.varying import Rules
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 PIECES = (1, 4, 16, 64)  # of a band, tried in turn
@@ -49,13 +48,13 @@ def evaluate(
     scenarios: Sequence[Scenario],
     designs: Mapping[str, np.ndarray],
     stop: float,
-    rules: Rules | None = None,
+    proof: Any = None,
 ) -> dict[str, Worst]:
     """Return the worst values of designs: wish -> `Worst`. The designs need not be the product of some axes.
 
     spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
-    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m. rules: if given, walls are those that are proved
-    for all of them, and other values are missing where a loop is refuted, and not certified where it is not proved.
+    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m. proof: if given, walls are those that are proved
+    for all of it, and other values are missing where a loop is refuted, and not certified where it is not proved.
     Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
     """
     found, known = {}, {}
@@ -66,7 +65,7 @@ def evaluate(
             if key not in known:
                 felt = any(wish.name == "felt" for wish in wishes)
                 points = points_of(spec.values, designs, scenarios, walls)
-                known[key] = points, _stiffest(spec, points, (*designs,), stop, felt, rules)
+                known[key] = points, _stiffest(spec, points, (*designs,), stop, felt, proof)
             points, stiffest = known[key]
             value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
             if "band_hz" in wish.options:
@@ -77,10 +76,11 @@ def evaluate(
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
-        points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
-        value, certified = _where_solvable(spec, points, partial(_MEASURES[wish.name], spec, wish), *_unknown(points.size))
-        if rules and wish.name != "channel":  # which does not depend on the loop
-            said = _of_each(points, lambda own: for_all.verdict(spec.with_values(own), rules)["verdict"], (*designs, *walls))
+        points = points_of(spec.values, designs, scenarios, {} if wish.kind.reads else walls)
+        measure = _offered if wish.kind.measure else _MEASURES[wish.name]
+        value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *_unknown(points.size))
+        if proof and not wish.kind.reads:  # all of the loop
+            said = _of_each(points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls))
             value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
         found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
     return found
@@ -126,7 +126,7 @@ def _of_each(points, of, paths):
 class _Stiffest:
     """Of each point the stiffest wall up to which every wall is stable, and the stiffness felt of it, if both are certified.
 
-    of_all: whether the wall is less than that of the scenarios, as what is proved for all of some rules is.
+    of_all: whether the wall is less than that of the scenarios, as what is proved for all of [for_all] is.
     """
 
     wall: np.ndarray
@@ -135,7 +135,7 @@ class _Stiffest:
     of_all: np.ndarray
 
 
-def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
+def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
     axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
 
@@ -154,10 +154,10 @@ def _stiffest(spec, points: Points, designs, stop, wished, rules) -> _Stiffest:
     once, back = distinct_rows(points.changes, points.size)
     blank = np.full(once.size, np.nan), *_unknown(once.size)
     value, felt, certified = (each[back] for each in _where_solvable(spec, points.some(once), stiffest_of, *blank))
-    if not rules:
+    if not proof:
         return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
     paths = [path for path in points.changes if path in designs or path in spec.wall]
-    proved = _of_each(points, lambda own: for_all.proved_from_zero(spec.with_values(own), axis.path, stop, rules), paths)
+    proved = _of_each(points, lambda own: proof.stiffest(spec.with_values(own), axis.path, stop), paths)
     wall = np.minimum(value, proved)
     there = replace(points, changes={**points.changes, axis.path: wall})
     for members, loops in _batches(spec, there) if wished else ():
@@ -316,22 +316,18 @@ def _ideal(spec, points, frequency):
     return value[back], error[back]
 
 
-def _channel(spec, wish, points):
-    """Norm of the wave channel; 0 without waves.
-
-    It depends on filters and rates alone; repeated values are computed once.
-    """
-    from wavesweep.passive.channel import channel_norm
-
-    del wish
-    read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
-    first, back = distinct_rows(read, points.size)
-    norms, sure = np.zeros(first.size), np.ones(first.size, bool)
-    for members, loops in _batches(spec, Points(read, (), points.shape).some(first)):
-        norm = channel_norm(loop_drawing(loops.values), loops.values)
-        if norm is not None:
-            norms[members], sure[members] = norm.norm, norm.certified
-    return norms[back], sure[back]
+def _offered(spec, wish, points):
+    """What a capability measures. Of points that differ only in numbers that it does not read, it is computed once."""
+    reads, value, certified = wish.kind.reads, *_unknown(points.size)
+    if reads:
+        read = {path: column for path, column in points.changes.items() if path.startswith(reads)}
+        first, back = distinct_rows(read, points.size)
+        points = Points(read, (), points.shape).some(first)
+    for members, loops in _batches(spec, points):
+        if spec.drawing:
+            refuse_unsuitable(*loops)
+        value[members], certified[members] = wish.kind.measure(loops, members.size)
+    return (value[back], certified[back]) if reads else (value, certified)
 
 
 def _delay_margin(spec, wish, points):
@@ -350,20 +346,6 @@ def _delay_margin(spec, wish, points):
         open_ = open_[radius < 1]
         value[open_] = more
     return value, known
-
-
-def _port(spec, wish, loops, size):
-    """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
-
-    The map of an unstable loop may have a positive real part on the whole circle.
-    """
-    from wavesweep.passive.margin import port_margin
-
-    del wish, size
-    if spec.drawing:
-        refuse_unsuitable(*loops)
-    found = port_margin(held_loop(loops))
-    return np.where(found.stable, found.margin, np.nan), found.certified
 
 
 def _damping_ratio(spec, wish, loops, size):
@@ -423,7 +405,6 @@ def _batched(measure):
 _MEASURES = {
     "transparency": _transparency,
     "free_motion": _free_motion,
-    "channel": _channel,
     "delay_margin": _delay_margin,
-    **{each.__name__.lstrip("_"): _batched(each) for each in (_port, _damping_ratio, _settling, _chatter, _depth)},
+    **{each.__name__.lstrip("_"): _batched(each) for each in (_damping_ratio, _settling, _chatter, _depth)},
 }

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis
 from wavesweep.core.reading.checking import Mistakes, show
 from wavesweep.core.reading.keys import BUILT_IN, Names, whole
 from wavesweep.core.reading.reading import Leaf
-from wavesweep.designs.keys import Design
+
+if TYPE_CHECKING:
+    from wavesweep.for_all.design_proof import DesignProof
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
 GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
@@ -47,7 +50,7 @@ class ForAll:
             if (value not in axis.values if axis.values else not axis.start <= value <= axis.stop)
         ]
 
-    def ends(self, design: Design) -> tuple[Axis, ...]:
+    def ends(self, design: Any) -> tuple[Axis, ...]:
         """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
 
         Numbers that the design varies, or already has to hold for, are left out.
@@ -56,13 +59,19 @@ class ForAll:
         others = (axis for axis in self.unknown if axis.path not in known)
         return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
 
-    def beside(self, design: Design) -> ForAll:
+    def beside(self, design: Any) -> ForAll:
         """Return the table with the values of [design.for_all] for the numbers that it does not have itself."""
         known = {axis.path for axis in self.axes}
         hand = ((f"operator.{part}", values) for part, values in design.hand.items())
         axes = [axis for axis in design.for_all if axis.path not in known]
         axes += [Axis(path, path, values, min(values), max(values), False) for path, values in hand if path not in known]
         return replace(self, axes=(*self.axes, *axes))
+
+    def proof(self, spec: Any) -> DesignProof:
+        """What proves the designs of a spec with this table."""
+        from wavesweep.for_all.design_proof import DesignProof
+
+        return DesignProof.of(spec)
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
