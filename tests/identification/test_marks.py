@@ -8,7 +8,7 @@ from tests.identification.test_points import spec_of
 from wavesweep.compare.table import compare
 from wavesweep.core import plots
 from wavesweep.core.plots.style import distinct_colour
-from wavesweep.identification.points import facts_of_points
+from wavesweep.identification.marks import facts_of
 
 SWEEP = {"B_VE": [0.0, 1.0, 2.0, 3.0, 4.0]}
 WALLS = "B_VE,K_VE,stable\n0,1000,1\n2,3500,0\n2,3000,1\n9,100,1\n"
@@ -69,7 +69,7 @@ def test_models_of_one_measurement_share_its_points_in_a_comparison(tmp_path):
         specs.append(wavesweep.load(tmp_path / f"{name}.toml", [*own, f"measured.z_width={other}"]))
     assert spec.measured == specs[0].measured
     walls, responses = compare(specs)
-    figure = plots.compare(walls.columns, {**walls.facts, **facts_of_points(specs, "compare")}, responses.columns)
+    figure = plots.compare(walls.columns, {**walls.facts, **facts_of(specs, "compare")}, responses.columns)
     panel = figure.axes[0]
     assert [points for points in points_of(panel, "o", "white") if [2, 3500] in points] == [[[2, 3500]]]
     (limit,) = [line for line in panel.lines if line.get_marker() == "D" and line.get_linestyle() == "None"]

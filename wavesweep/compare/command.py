@@ -25,19 +25,19 @@ def compare(specs: tuple[str, ...], options: Options) -> None:
     """
     from wavesweep.compare import table as comparison
     from wavesweep.core.cli.output import produce
-    from wavesweep.identification.points import facts_of_points
+    from wavesweep.core.plots.marks import facts_of_marks
 
     refuse_equal_names(specs)
 
     def compute(loaded, **work):
-        measured = facts_of_points(loaded, "compare")
+        marks = facts_of_marks(loaded, "compare")
         walls, responses = comparison.compare(loaded, **work)
         if not options.formats:
             return [walls, responses]
         from wavesweep.core import plots
 
         draw = partial(
-            plots.compare, walls.columns, {**walls.facts, **measured}, responses=responses.columns, of_responses=responses.facts
+            plots.compare, walls.columns, {**walls.facts, **marks}, responses=responses.columns, of_responses=responses.facts
         )
         return [plots.with_figure(walls, draw), responses]
 

@@ -267,11 +267,11 @@ def figure_from(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept:
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
     from wavesweep.core.analyses.assumptions import assumes
     from wavesweep.core.plots import drawn_into, figure_of
-    from wavesweep.identification.points import facts_of_points
+    from wavesweep.core.plots.marks import facts_of_marks
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
     varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
-    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied), **facts_of_points([spec], kind)}
+    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied), **facts_of_marks([spec], kind)}
     columns = {str(name): table[name].to_numpy() for name in table}
     return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
 

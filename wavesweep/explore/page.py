@@ -15,6 +15,7 @@ import numpy as np
 
 from wavesweep.core.controllers import WALL
 from wavesweep.core.errors import SpecError, WavesweepError
+from wavesweep.core.plots.marks import facts_of_marks
 from wavesweep.core.spec import Spec
 from wavesweep.explore.answers import (
     Plane,
@@ -30,7 +31,6 @@ from wavesweep.explore.answers import (
 from wavesweep.explore.behaviour import behaviour, choices, proved_margins
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
-from wavesweep.identification.points import facts_of_points
 
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
 PREVIEW_S = 0.02  # that a preview by cells may take
@@ -222,7 +222,7 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
         report(done, total)
         try:
             table = make(spec)
-            tables.append(_table(title, replace(table, facts={**table.facts, **facts_of_points([spec], table.kind)})))
+            tables.append(_table(title, replace(table, facts={**table.facts, **facts_of_marks([spec], table.kind)})))
         except WavesweepError as error:
             text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves its folder
             tables.append({"title": title, "error": _sentence(text)})

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -124,29 +123,3 @@ def _points(spec, name, read):
     if count > MOST_POINTS:
         raise UsageError(f"{path}: expected at most {MOST_POINTS} points, found {count}")
     return found
-
-
-def facts_of_points(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
-    """The measured points for the figure of a table of that kind, as the fact `measured` of the run, if there are any.
-
-    They are stored with the table, so that `plot` draws the points of the run. Errors: UsageError for a file that cannot be
-    used.
-    """
-    found: dict[str, Mapping[str, Any]] = {}
-    for spec in specs if kind in OF_WALLS or kind in OF_RESPONSES else ():
-        walls = walls_of(spec) if kind in OF_WALLS else None
-        response = response_of(spec) if kind in OF_RESPONSES else None
-        each: dict[str, Any] = {}
-        if walls:
-            each["z_width"] = {"B_VE": walls.B_VE.tolist(), "K_VE": walls.K_VE.tolist(), "sha256": walls.sha256}
-            each["z_width"] |= {} if walls.stable is None else {"stable": walls.stable.tolist()}
-        if response:
-            parts = {"re": response.admittance.real.tolist(), "im": response.admittance.imag.tolist()}
-            each["response"] = {"frequency_hz": response.frequency_hz.tolist(), **parts, "sha256": response.sha256}
-        if each:
-            found[spec.name] = each
-    return {"measured": found} if found else {}
-
-
-OF_WALLS = ("zwidth", "zwidth-hands", "stability-region", "stability-region-hands", "compare")
-OF_RESPONSES = ("bode", "compare", "compare-bode")

@@ -59,11 +59,11 @@ def produce(
         from wavesweep.core import plots
 
         plots.refuse_settings()
-    measured = {}
+    marks = {}
     if any(each.measured for each in specs):
-        from wavesweep.identification.points import facts_of_points
+        from wavesweep.core.plots.marks import facts_of_marks
 
-        measured = facts_of_points(specs, kinds[0])
+        marks = facts_of_marks(specs, kinds[0])
     with alone(kinds, directory, options):
         # Before the work as well as after it: a refusal should not cost a long run.
         for kind in kinds if options.to_folder and not options.overwrite else ():
@@ -74,7 +74,7 @@ def produce(
             tables = compute(specs, **options.work, progress=report, checkpoint=kept)
         before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
         run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}
-        tables = [replace(table, facts={**table.facts, "spec_place": place, **measured, **run}) for table in tables]
+        tables = [replace(table, facts={**table.facts, "spec_place": place, **marks, **run}) for table in tables]
         try:
             finished = _written(tables, directory, options)
         except BaseException as error:

@@ -12,7 +12,6 @@ from wavesweep.core.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting, pal
 from wavesweep.core.plots.words import unit, valued
 from wavesweep.core.tables.regions import incomplete
 from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
-from wavesweep.identification.measured_marks import wall_handles
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
@@ -86,11 +85,8 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
         handles.append(Patch(**BEYOND, label="beyond the swept range"))
     limits = [LIMITS[name] for name in shown.limits_of_walls()]
     handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
-    if shown.walls:
-        kinds = dict.fromkeys(kind for walls, _ in shown.walls for kind in walls)
-        walls = {kind: np.hstack([each[kind] for each, _ in shown.walls if kind in each]) for kind in kinds}
-        colour = shown.walls[0][1] if len(shown.walls) == 1 else "0.4"
-        handles += wall_handles(walls, (shown.layout.points[0], shown.layout.points[-1]), shown.view, colour)
+    for each in shown.walls:
+        handles += each.handles(shown.layout.points, shown.view)
     return handles
 
 

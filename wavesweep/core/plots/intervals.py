@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
@@ -20,7 +21,6 @@ from wavesweep.core.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figu
 from wavesweep.core.plots.words import assumed, label, printed, symbol, valued, with_unit
 from wavesweep.core.tables.columns import unlike_units
 from wavesweep.core.tables.regions import incomplete, region_of, smooth_axes
-from wavesweep.identification.measured_marks import draw_walls, undrawn
 
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 1.6  # points between thin bars of two members
@@ -98,8 +98,8 @@ def _draw(shown: Shown) -> Any:
         for number, axes in enumerate(grid.flat[: len(panels)]):
             axes.tick_params(labelbottom=number + across >= len(panels))
             mark_range(axes, shown.columns, bars=layout.x is None)
-            for walls, colour in shown.walls:
-                draw_walls(axes, walls, colour)
+            for walls in shown.walls:
+                walls.draw(axes)
         _name_axes(shown, canvas)
         draw_legends(canvas, grid, members, marks, beside)
     return canvas
@@ -165,10 +165,11 @@ def _name_axes(shown: Shown, canvas: Any) -> None:
     if units := unlike_units(facts).get("high"):
         along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
     required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
-    unmarked, (said, _, _) = undrawn(facts, layout.x, shown.along), assumed(facts).partition(":")  # usual engines follow
+    unmarked = [each.undrawn(facts, layout.x, shown.along) for each in modules("marks")]
+    said, _, _ = assumed(facts).partition(":")  # usual engines follow
     kind = facts.get("spec", {}).get("controller", {}).get("kind")
     one = f"{kind}, {said}" if said and kind and shown.whose != "spec" else ""  # controller, wall, delay and velocity
-    note_below(canvas, required, layout.left_out, unmarked, one, axis=along if bars else label(layout.x, facts))
+    note_below(canvas, required, layout.left_out, *unmarked, one, axis=along if bars else label(layout.x, facts))
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.columns import Columns, axes_of
 from wavesweep.core.plots.layout import where
 from wavesweep.core.plots.sampling import Blocks, shown_curves
@@ -16,7 +17,6 @@ from wavesweep.core.plots.style import (
     IDEAL,
     LINES,
     TWO_COLUMNS,
-    distinct_colour,
     distinct_look,
     family_looks,
     family_map,
@@ -29,7 +29,6 @@ from wavesweep.core.plots.style import (
 )
 from wavesweep.core.plots.words import assumption, at_hand, label, printed, shortened, valued, with_unit
 from wavesweep.core.stability.certificate import SPARED
-from wavesweep.identification.measured_marks import coloured, draw_responses
 
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
@@ -119,9 +118,9 @@ def draw_curves(
     scale: of the colours of many curves, and the axis that it is for.
     """
     specs = dict.fromkeys(each for curve in curves for each in curve.rows["spec"].tolist())
-    measured = {spec: distinct_colour(number) for number, spec in enumerate(specs if x == "frequency_hz" else ())}
+    marks = [each.responses(facts, specs if x == "frequency_hz" else ()) for each in modules("marks")]
     named = [curve.label for curve in curves if curve.label]
-    words = [*named, *coloured(facts, "response", measured), NYQUIST.format(1e3) if x == "frequency_hz" else ""]
+    words = [*named, *(spec for each in marks for spec in each.colours), NYQUIST.format(1e3) if x == "frequency_hz" else ""]
     in_a_row = fitting(words, wide(TWO_COLUMNS))
     across = 1 if is_narrow() else min(2, len(quantities))
     shape = 2 * -(-len(quantities) // across), across
@@ -134,7 +133,7 @@ def draw_curves(
             own = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
             for axes, part, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
                 name = f"{quantity.stem}_{part}"
-                _draw_panel(axes, own, name, x, draw_responses(axes, facts, name, measured))
+                _draw_panel(axes, own, name, x, [each.draw(axes, name) for each in marks])
                 axes.set_ylabel(title)
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
@@ -160,11 +159,11 @@ def _swept(columns: Columns) -> list[str]:
     return sorted((name for name in count if count[name] > 1), key=lambda name: -count[name])
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, measured: np.ndarray) -> None:
-    """measured: places along the figure of what was measured, and is drawn already."""
+def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray]) -> None:
+    """marked: places along the figure of what capabilities have marked in it."""
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = goes_by_factors(everywhere[everywhere > 0])
-    everywhere = np.append(everywhere, measured)
+    everywhere = np.concatenate([everywhere, *marked])
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     for curve in curves:
         rows, quantity = where(curve.rows, np.argsort(curve.rows[x], kind="stable")), name.partition("_")[0]

@@ -5,14 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.columns import Columns, whose_column
 from wavesweep.core.plots.layout import Layout
-from wavesweep.core.plots.members import Member, damping_of, members_of, specs_of
+from wavesweep.core.plots.members import Member, members_of, specs_of
 from wavesweep.core.plots.regions import felt_differs, range_end
-from wavesweep.core.plots.style import distinct_colour
 from wavesweep.core.tables.columns import swept_range
 from wavesweep.core.tables.regions import spec_of
-from wavesweep.identification.measured_marks import coloured, walls_by_kind, walls_in_plane
 
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
 
@@ -21,8 +20,8 @@ class Shown:
     """The rows of a table that its figure shows, with the roles of its axes and the best design.
 
     along: the number of the intervals. whose: the column that says for whom a row is. swept: the range in which they were
-    searched. by_factors, view: the scale of the axis along them, and its ends. span: the part of `swept` in these. walls: what
-    was measured, with its colour. felt: whether the hand feels other stiffnesses at the limits, and some are shown.
+    searched. by_factors, view: the scale of the axis along them, and its ends. span: the part of `swept` in these. walls:
+    points that capabilities mark. felt: whether the hand feels other stiffnesses at the limits, and some are shown.
     """
 
     def __init__(self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> None:
@@ -33,9 +32,8 @@ class Shown:
         swept = np.array([swept_range({"spec": tables}, self.along) for tables in specs_of(facts).values()])
         self.swept = float(swept[:, 0].min()), float(swept[:, 1].max())
         self.by_factors, self.view = self._limits()
-        self.walls = self._measured_walls()
-        tried = np.array([K for walls, _ in self.walls for points in walls.values() for K in points[1].tolist()])
-        self.view = self.view[0], max(self.view[1], _ROOM * float(tried[tried <= self.swept[1]].max(initial=0.0)))
+        self.walls = [each.walls(facts, layout.x, self.along, self.whose == "spec") for each in modules("marks")]
+        self.view = self.view[0], max([self.view[1], *(_ROOM * each.highest(self.swept[1]) for each in self.walls)])
         self.span = max(self.view[0], self.swept[0]), min(self.view[1], self.swept[1])
         of_walls = layout.x == "B_VE" and self.along == "K_VE" and self.whose in ("", "spec")
         self.felt = False
@@ -102,16 +100,6 @@ class Shown:
         elif swept[0] < bottom:  # stability ends there, and what is below is unstable
             bottom = max(swept[0], bottom - room)
         return factors, (bottom, top + room)
-
-    def _measured_walls(self) -> list[tuple[Mapping[bool | None, np.ndarray], Any]]:
-        """The walls that were measured, with the colour of those of each spec."""
-        if self.whose != "spec":
-            walls = walls_in_plane(self.facts, self.layout.x, self.along)
-            return [(walls, "black")] if walls else []
-        if self.layout.x not in [damping_of(tables) or "B_VE" for tables in specs_of(self.facts).values()]:
-            return []
-        colours = coloured(self.facts, "z_width", {name: distinct_colour(at) for at, name in enumerate(specs_of(self.facts))})
-        return [(walls_by_kind(self.facts, spec), colour) for spec, colour in colours.items()]
 
     def limits_of_walls(self) -> dict[str, float]:
         """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see `limits_of_walls`."""
