@@ -4,6 +4,7 @@ A capability is the folder of its name: `command.py` has its commands, `table.py
 others stands in the module of that name, e.g. `on_check.py`. It imports the core and no other capability; the core asks this
 list what there is. A capability is taken away by deleting its folder, its tests and its line.
 
+diagram: the picture of a loop, `diagram` of a spec.
 marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
@@ -127,7 +128,7 @@ CAPABILITIES = (
     ),
     Capability("require", offers=("bound",)),
     Capability("prove", offers=("prover",)),
-    Capability("picture", library=("Loop.plot_diagram",)),
+    Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
     *_published(),
 )
 

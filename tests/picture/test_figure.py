@@ -14,7 +14,7 @@ from wavesweep.core import plots
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.spec import load
-from wavesweep.picture.figure import WIDEST, placed
+from wavesweep.picture.diagram import WIDEST, placed
 from wavesweep.picture.routes import APART, ROW
 from wavesweep.picture.wiring import wiring_of_drawing
 

@@ -266,8 +266,9 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
 def figure_from(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
     from wavesweep.core.analyses.assumptions import assumes
-    from wavesweep.core.plots import drawn_into, figure_of
+    from wavesweep.core.plots import figure_of
     from wavesweep.core.plots.marks import facts_of_marks
+    from wavesweep.core.plots.style import drawn_into
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
     varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]

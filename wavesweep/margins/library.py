@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.core import api
 from wavesweep.core.analyses.asked import Numbers, axes_asked, axis_along
-from wavesweep.core.plots import drawn_into
+from wavesweep.core.plots.style import drawn_into
 from wavesweep.core.spec.loading import naming
 from wavesweep.core.tables.frame import frame, framed
 from wavesweep.margins import poles, table

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from wavesweep.core import api
 from wavesweep.core.plots.style import drawn_into
-from wavesweep.picture.figure import diagram
+from wavesweep.picture.diagram import diagram
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,24 +10,22 @@ from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.capabilities import modules
 from wavesweep.core.bundled import program
 from wavesweep.core.errors import UsageError
 from wavesweep.core.tables import HOMES, kind_named
 
 if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
     from wavesweep.core.tables.table import Table
 
 IN_MEMORY = 300_000  # rows of a table that are drawn at once
-_HOMES = MappingProxyType({"diagram": "wavesweep.picture.figure", "drawn_into": "wavesweep.core.plots.style"})
 
 
 def __getattr__(name):
     kind = name.replace("_", "-")
-    if name in _HOMES:
-        return import_module(_HOMES[name]).__dict__[name]
     if kind in HOMES:
         return figure_of(kind)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -39,6 +37,13 @@ def figure_of(kind: str) -> Callable[..., Any]:
         return program("benchmarks/bench").draw
     home, _, name = kind_named(kind).figure.rpartition(".")
     return import_module(home).__dict__[name]
+
+
+def diagram(spec: Spec) -> Any:
+    """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none does."""
+    for each in modules("diagram"):
+        return each.diagram(spec)
+    raise UsageError("the picture of a loop: expected the capability picture, found that it is not there")
 
 
 def refuse_settings() -> None:
