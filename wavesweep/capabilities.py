@@ -6,6 +6,7 @@ list what there is. A capability is taken away by deleting its folder, its tests
 
 diagram: the picture of a loop, `diagram` of a spec.
 marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
+hands: guarantees for hands, `hands_of` words of `--for-hands`.
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
@@ -88,7 +89,7 @@ CAPABILITIES = (
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
         kinds=("passivity", "passivity-filters", "passivity-ports"),
         library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
-        offers=("guarantee", "wish"),
+        offers=("guarantee", "hands", "wish"),
     ),
     Capability(
         "sensitivity",

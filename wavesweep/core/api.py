@@ -287,9 +287,7 @@ def zwidth(
     --help`. work: jobs, backend, scheduler, progress, checkpoint and force, see `Options`. Errors: UsageError, SpecError,
     WavesweepError.
     """
-    from wavesweep.passive.hands import hands_of
-
-    return framed(intervals.intervals(spec_of(source), along, hands_of(for_hands), **work))
+    return framed(intervals.intervals(spec_of(source), along, intervals.hands_of(for_hands), **work))
 
 
 def stability_region(

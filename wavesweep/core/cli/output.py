@@ -193,12 +193,10 @@ def produce_intervals(
     loop itself into a table KIND-hands.
     """
     from wavesweep.core import results
-    from wavesweep.core.tables.intervals import intervals
+    from wavesweep.core.tables.intervals import hands_of, intervals
 
     hands = None
     if for_hands:
-        from wavesweep.passive.hands import hands_of
-
         hands, kind = hands_of(for_hands), kind + HANDS
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:

@@ -214,10 +214,18 @@ def _limits_of_walls(spec, along, swept) -> dict:
     return {"limits_of_walls": limits} if limits else {}
 
 
+def hands_of(words: str | Iterable[str]) -> Hands | None:
+    """The guarantees that words of `--for-hands` name, which a capability reads; None without a word. Errors: UsageError."""
+    for each in modules("hands"):
+        return each.hands_of(words)
+    if words:
+        raise UsageError(f"hands: expected the capability passive for {words!r:.60}, found that it is not there")
+    return None
+
+
 def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     """A way to compute rows of a table with these facts again."""
     from wavesweep.core.spec import load
-    from wavesweep.passive.hands import hands_of
 
     spec, along = load(facts["spec"]), along or facts.get("along")
     run = spec, along, hands_of(facts.get("for_hands", ()))
