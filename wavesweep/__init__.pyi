@@ -1,5 +1,6 @@
 from typing import overload
 
+from wavesweep.check import library as check
 from wavesweep.check.library import verdict as verdict
 from wavesweep.core import api
 from wavesweep.core import results as results
@@ -29,7 +30,7 @@ from wavesweep.simulation.library import simulate as simulate
 
 __version__: str
 
-class Loop(margins.Loop, passive.Loop, picture.Loop, sensitivity.Loop, simulation.Loop): ...
+class Loop(check.Loop, margins.Loop, passive.Loop, picture.Loop, sensitivity.Loop, simulation.Loop): ...
 class DrawnLoop(simulation.DrawnLoop): ...
 
 @overload

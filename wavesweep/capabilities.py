@@ -9,6 +9,9 @@ marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `
 hands: guarantees for hands, `hands_of` words of `--for-hands`.
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
+on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
+    `lines(spec, found)`, ranked, of its verdict; `sweep_plan(spec)`, lines and jobs of a command over [sweep]; `plan(spec)`,
+    lines of another; `refuse(spec)`, before anything is printed; `is_next(spec, found)`, whether its command goes on from it.
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
@@ -63,11 +66,12 @@ def _published() -> Iterator[Capability]:
 
 
 CAPABILITIES = (
-    Capability("for_all", tables=("for_all",), offers=("guarantee",)),
+    Capability("for_all", tables=("for_all",), offers=("guarantee", "on_check")),
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
-        library=("verdict",),
+        library=("verdict", "Loop.plot_root_locus"),
+        offers=("on_check",),
     ),
     Capability(
         "compare",
@@ -89,7 +93,7 @@ CAPABILITIES = (
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
         kinds=("passivity", "passivity-filters", "passivity-ports"),
         library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
-        offers=("guarantee", "hands", "wish"),
+        offers=("guarantee", "hands", "on_check", "wish"),
     ),
     Capability(
         "sensitivity",
@@ -101,7 +105,8 @@ CAPABILITIES = (
         "margins",
         {"margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal."},
         kinds=("margins",),
-        library=("Loop.poles", "Loop.margins", "Loop.plot_root_locus", "Loop.plot_margins"),
+        library=("Loop.margins", "Loop.plot_margins"),
+        offers=("on_check",),
     ),
     Capability(
         "designs",
@@ -109,6 +114,7 @@ CAPABILITIES = (
         tables=("design",),
         kinds=("design",),
         library=("design",),
+        offers=("on_check",),
     ),
     Capability(
         "reports",
@@ -121,7 +127,7 @@ CAPABILITIES = (
         tables=("measured",),
         kinds=("identify", "identify-response"),
         library=("identify",),
-        offers=("marks",),
+        offers=("marks", "on_check"),
     ),
     Capability(
         "explore",
@@ -144,6 +150,13 @@ def modules(name: str) -> Iterator[ModuleType]:
     for each in CAPABILITIES:
         if name in each.offers:
             yield each.module(name)
+
+
+def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:
+    """What a function gives in each module of this name that has it: a module leaves out what it has nothing to say to."""
+    for module in modules(name):
+        if hasattr(module, function):
+            yield getattr(module, function)(*arguments)
 
 
 def library_names(of: str = "") -> list[str]:

@@ -8,9 +8,9 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.check import verdict as judging
-from wavesweep.check.verdict import own_design
-from wavesweep.check.verdict_lines import verdict_lines
+from wavesweep.check import ranges as judging
+from wavesweep.check.verdict import verdict_lines
+from wavesweep.core.analyses.own_design import own_design
 from wavesweep.core.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ from support.drawn import NETWORK
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.check.verdict import own_design
+from wavesweep.core.analyses.own_design import own_design
 from wavesweep.core.errors import SpecError, UsageError
 
 HOLE = {

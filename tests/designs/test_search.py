@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wavesweep import compile  # noqa: A004 - the library calls it so
-from wavesweep.check.verdict import own_design
+from wavesweep.core.analyses.own_design import own_design
 from wavesweep.core.spec import load
 from wavesweep.designs import study
 from wavesweep.designs.search import Judged, generations, spread, undominated

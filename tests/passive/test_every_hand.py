@@ -5,8 +5,7 @@ import pytest
 from support.held import damping_needed
 from support.specs import values_of
 
-from wavesweep.check.verdict import verdict
-from wavesweep.check.verdict_lines import verdict_lines
+from wavesweep.check.verdict import verdict, verdict_lines
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals, rows_again

@@ -9,9 +9,8 @@ from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
-from wavesweep.check.verdict import own_design
-from wavesweep.check.verdict_lines import own_lines
 from wavesweep.compare.table import compare
+from wavesweep.core.analyses.own_design import own_design, own_lines
 from wavesweep.core.errors import UsageError
 from wavesweep.core.monodromy.radius import errors_within, within
 from wavesweep.core.spec import load

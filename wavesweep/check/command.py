@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.check.verdict_lines import DETAIL, distance
+from wavesweep.capabilities import asked, home_of
 from wavesweep.core.cli.messages import width
 from wavesweep.core.cli.options import FORMATS, folder, override
 from wavesweep.core.cli.talk import talk
 from wavesweep.core.doubts import DOUBTS
 
 if TYPE_CHECKING:
-    from wavesweep.check.verdict_lines import Facts, Ranked
+    from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.core.spec import Axis, Spec
 
 PATIENT = 1.0  # s, after which ranges that are not done have a bar on a terminal
 MOST = 15  # lines without --all
 STEPS = 3  # commands that are named, at most
+FURTHER = ("why", "simulate", "report")  # commands of capabilities that may be among them
 
 
 @click.command("check")
@@ -71,17 +72,16 @@ def check(
       wavesweep check sweeps/templates/drive.toml --root-locus kp
     """
     from wavesweep.check.planning import plan, within_ticks
-    from wavesweep.check.verdict import further, own_design
-    from wavesweep.check.verdict_lines import own_lines, verdict_lines
+    from wavesweep.check.verdict import further, verdict_lines
     from wavesweep.core import spec as specs
     from wavesweep.core.analyses.assumptions import over_preset, unusual
+    from wavesweep.core.analyses.own_design import own_design, own_lines
     from wavesweep.core.cli.messages import printable, progress, say, show_json
-    from wavesweep.identification.measured import read_points
 
     loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
     # Errors come before anything is printed.
     poles = _axis_of_poles(loaded, locus) if locus is not None else None
-    read_points(loaded)
+    list(asked("on_check", "refuse", loaded))
     places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
 
     def show(lines: Iterable[str]) -> int:
@@ -95,10 +95,7 @@ def check(
         said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
         verdict |= further(loaded, verdict, report and _after(PATIENT, report))
     lines = plan(loaded, estimated=whole or talk().as_json)
-    if loaded.design:
-        from wavesweep.designs import study
-
-        lines += study.plan(loaded)
+    lines += chain.from_iterable(asked("on_check", "plan", loaded))
     own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
     ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
     steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
@@ -126,6 +123,8 @@ def _folded(line: str) -> list[str]:
 
 def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
     """Yield the lines of the lowest ranks, in their order: as many as there is room for."""
+    from wavesweep.check.on_check import DETAIL
+
     folded, kept = [_folded(line) for _, line in ranked], set()
     for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
         if ranked[number][0] < DETAIL and len(folded[number]) <= most:
@@ -139,7 +138,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
-    from wavesweep.margins.broken_loops import cuts_of
+    from wavesweep.check.on_check import distance
 
     possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
     doubts = [each["doubt"] for each in verdict["limits"] if each["doubt"] and each["doubt"] in DOUBTS]
@@ -159,10 +158,11 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
         steps.append((f"design {name}", "designs that meet the wishes of [design]"))
     if not stable and (not drawing or drawing.hand or drawing.inputs):
         steps.append((f"simulate {name}", "what it does, tick by tick"))
-    if stable and drawing and not drawing.hand and cuts_of(spec):
+    if any(asked("on_check", "is_next", spec, verdict)):
         steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
+    steps = [step for step in steps if (command := step[0].split()[0]) not in FURTHER or home_of(command)]
     return [*steps[:STEPS], *([] if whole else [(f"check {name} --all", "the rest: states, methods, times")])]
 
 
@@ -204,9 +204,9 @@ def _axis_of_poles(spec: Spec, name: str) -> Axis:
     """The values of a root locus: over the range of a number in [sweep], or that in which the verdict looks."""
     import numpy as np
 
-    from wavesweep.check.verdict import searched
+    from wavesweep.check.locus import LOCUS
+    from wavesweep.check.ranges import searched
     from wavesweep.core.analyses.asked import axes_asked, key_named
-    from wavesweep.margins.locus import LOCUS
 
     key = key_named(spec, name)
     of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
@@ -222,10 +222,10 @@ def _drawn(spec: Spec, places: Mapping[str, Path], poles: Axis | None) -> Iterat
     if not places:
         return
     from wavesweep import __version__
+    from wavesweep.check.locus import locus_of
     from wavesweep.core import plots
     from wavesweep.core.plots.files import save_all
     from wavesweep.core.plots.style import about_figure
-    from wavesweep.margins.locus import locus_of
 
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     for name, path in places.items():

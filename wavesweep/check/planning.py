@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 
+from wavesweep.capabilities import asked, home_of
 from wavesweep.core.analyses.intervals import job_of, method
 from wavesweep.core.analyses.loops import drift_of, refuse_singular
 from wavesweep.core.analyses.open_loops import exact_cut
@@ -18,7 +19,6 @@ from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.estimates import duration, expected_bytes, expected_seconds, short
 from wavesweep.core.sweep.grid import Loops, make_grid, own_loop
 from wavesweep.core.sweep.workers import choose
-from wavesweep.passive.job import jobs_of, not_computed
 
 PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV
@@ -34,14 +34,14 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         if command != "zwidth" or not drawing or drawing.wall:
             lines += _interval_lines(spec, command, along, estimated)
-    if not drawing:
-        return [*lines, *_bode_lines(spec, estimated), *_passivity_lines(spec, estimated), *_skipped_lines(spec)]
-    if drawing.hand is None and not spec.routes:
-        lacking = "bode, passivity" if drawing.inputs else "bode, passivity, simulate"
+    if drawing and drawing.hand is None and not spec.routes:
+        lacking = ["bode", *filter(home_of, ("passivity", *(() if drawing.inputs else ("simulate",))))]
         names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
-        return [*lines, f"  {lacking}: not possible, [ports] names {names}"]
-    without_hand = ["  passivity: not possible, [ports] names no hand"]
-    return [*lines, *_bode_lines(spec, estimated), *(_passivity_lines(spec, estimated) if drawing.hand else without_hand)]
+        return [*lines, f"  {', '.join(lacking)}: not possible, [ports] names {names}"]
+    lines += _bode_lines(spec, estimated)
+    for said, jobs in asked("on_check", "sweep_plan", spec):
+        lines += [*said, *(_long_lines(jobs) if estimated else ())]
+    return lines if drawing else [*lines, *_skipped_lines(spec)]
 
 
 def _loop_lines(spec):
@@ -114,20 +114,6 @@ def _bode_lines(spec, estimated):
         f"  bode: {curves}{between} of {frequencies}; method: lifted resolvent of both rates",
         *(_long_lines(jobs) if estimated else ()),
     ]
-
-
-def _passivity_lines(spec, estimated):
-    axes = tuple(axis for axis in spec.sweep if axis.values)
-    make_grid(spec, axes)  # a sweep that no command could do is a mistake of the spec
-    try:
-        jobs = jobs_of(spec, axes)
-    except (SpecError, UsageError) as error:
-        return [f"  passivity: not possible with this spec: {error}"]
-    left_out, channels = not_computed(jobs["port"].grid), jobs["channel"].slices if "channel" in jobs else 0
-    norm = f", norm of {_count(channels, 'wave channel')}" if channels else ""
-    what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
-    how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *(_long_lines([*jobs.values()]) if estimated else ())]
 
 
 def _long_lines(jobs):

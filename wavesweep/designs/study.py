@@ -15,7 +15,6 @@ from wavesweep.core.errors import SpecError, UsageError, WavesweepError
 from wavesweep.core.spec import Spec
 from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.spec.studies import K_VE_SPAN
-from wavesweep.core.sweep.estimates import duration
 from wavesweep.core.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.core.sweep.job import Chunks, Job, Kind
 from wavesweep.core.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
@@ -154,7 +153,7 @@ def design(
     started, work = time.perf_counter(), Work.of(given)
     job = job_of(spec, for_hands)
     run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
-    run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_seconds, job))
+    run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job))
     asked, settings = spec.design, spec.design.settings
     first = genes_of(asked.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in asked.vary]
@@ -198,24 +197,6 @@ def design(
 def _proof_of(spec):
     """The proof of designs for all of [for_all], and the values of [design.for_all]; None without [for_all]."""
     return spec.for_all and spec.for_all.proof(spec)
-
-
-def plan(spec: Spec) -> list[str]:
-    """Lines for `wavesweep check`: the work of `design` and its time; none without [design]."""
-    if spec.design is None:
-        return []
-    try:
-        job = job_of(spec)
-        seconds = _seconds(job)
-    except WavesweepError as error:
-        return [f"  design: not possible with this spec: {error}"]
-    workers = choose(None, None, None, len(job.chunks), lambda: seconds)
-    over = f"{len(job.asked.scenarios)} combination{'s' * (len(job.asked.scenarios) != 1)}"
-    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
-    return [
-        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.asked.finest)}",
-        f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",
-    ]
 
 
 METHODS = {
@@ -398,7 +379,7 @@ class _Run:
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
 
-def _seconds(job):
+def seconds_of(job: Job) -> float:
     """Estimate the seconds of the whole study in one process, from two designs."""
     spec = job.grid.spec
     genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])

@@ -188,7 +188,7 @@ function numbers() {
     const damped = o.least_damped ?? o.slowest;
     rows.push(item("n-slow", "slowest mode falls to 1/e in", text(o.slowest.time_constant_s, 4) + " s", o.slowest.time_constant_s), item("n-ratio", "least damping ratio of all modes", text(damped.damping_ratio, 3) + (damped.omega ? `, at ${text(damped.omega / 2 / Math.PI, 4)} Hz` : ""), damped.damping_ratio));
   }
-  if (o.channel_norm !== null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
+  if (o.channel_norm != null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
   fill($("own"), ...rows);
   $("assumes").textContent = o.assumes ? "Assumes: " + o.assumes : "";
   if (!refused) chip("state", o.stable ? "● stable" : "✕ unstable", o.stable ? "yes" : "no");

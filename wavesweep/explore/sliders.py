@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
-from wavesweep.check.verdict import FAR, USUAL
+from wavesweep.core.analyses.own_design import FAR, USUAL
 from wavesweep.core.errors import SpecError
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.reading.keys import BAND_EDGES

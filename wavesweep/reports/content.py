@@ -154,9 +154,9 @@ def _found(title: str, table: Table, command: str) -> Found:
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
     """The verdict of `check` on the spec's own numbers, and whether they lie in a certified range."""
-    from wavesweep.check.verdict import verdict
-    from wavesweep.check.verdict_lines import own_lines, verdict_lines
+    from wavesweep.check.verdict import verdict, verdict_lines
     from wavesweep.core.analyses.assumptions import over_preset, unusual
+    from wavesweep.core.analyses.own_design import own_lines
 
     found = verdict(spec)
     lines = (*own_lines(spec, found), *(line for _, line in verdict_lines(spec, found)), *unusual(spec), *over_preset(spec))

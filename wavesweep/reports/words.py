@@ -131,7 +131,7 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
 
 def _beyond(spec: Spec, along: str, axes: dict[str, float], end: float, side: float) -> Iterator[list[str]]:
     """Yield the value next to an end with which the loop is unstable, and the eigenvalue that makes it so."""
-    from wavesweep.margins.poles import poles
+    from wavesweep.core.analyses.poles import poles
 
     for step in BEYOND:
         value = end + side * step * abs(end or 1.0)

@@ -5,8 +5,8 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.check.verdict import own_design
 from wavesweep.core.analyses.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
+from wavesweep.core.analyses.own_design import own_design
 from wavesweep.core.energy.held_loop import device_of
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.loops.from_drawing import REACTION

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.drawn import ARM, WALL
 
-from wavesweep.check import verdict_lines as verdict
+from wavesweep.check import on_check as verdict
 from wavesweep.core.cli import main
 from wavesweep.core.plots import figure_of
 from wavesweep.core.results import read

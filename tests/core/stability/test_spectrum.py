@@ -6,7 +6,7 @@ from flint import arb_mat, ctx
 from support import certified
 
 import wavesweep
-from wavesweep.check.verdict_lines import own_lines
+from wavesweep.core.analyses.own_design import own_lines
 from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.stability import spectrum
 from wavesweep.core.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of

@@ -1,103 +1,66 @@
-"""The lines of `check`: the verdict on the spec's own design.
+"""What `check` finds of the ranges of a design's own numbers, and the lines about them, the feel, the hardware and the modes.
 
 Each line has a rank, by which the short form of `check` chooses: 0 is always shown, and a DETAIL only with --all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from math import inf, pi
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.check import ranges
+from wavesweep.core.analyses.hardware import hardware_of
+
 if TYPE_CHECKING:
+    from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.core.spec import Spec
 
-Facts = Mapping[str, Any]
-Ranked = tuple[float, str]
-BELOW = ("all below has every message in time:", "all below is of the spec's own numbers, at constant rates:")
 RINGS = 0.5  # damping ratio, below which a mode rings
 DETAIL = 9.0
 SEARCHED = " (where the search starts)"
 LONG_UNIT = 12  # letters of a unit that is not said twice in a line
 
 
-def own_lines(spec: Spec, found: Facts) -> Iterator[str]:
-    """Yield whether the design is stable, in a line or two, and what it assumes if it is better only by that."""
-    yield from _stability(spec, found)
-    if _favourable(found):
-        yield f"  assumes: {found['assumes']}"
+def facts(spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> dict[str, Any]:
+    """limits: for each number of the loop the stable interval that its value lies in, see `ranges.limits`. delay: the number of
+    ticks it may grow to; a drawn loop has no delay that a spec would name. hardware: see `hardware_of`.
+    """
+    found = {"limits": ranges.limits(spec, report), "delay": ranges.delays(spec)}
+    hardware = hardware_of(spec, stable=own["stable"])
+    stiffness = (own["felt"] or {}).get("stiffness")
+    if "max_force" in hardware and own["stable"]:  # the depth to which the wall can be pressed
+        hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
+    return found | {"hardware": hardware}
 
 
-def _favourable(found: Facts) -> bool:
-    """Whether the design is better only by what it assumes, which is then said with the verdict."""
-    from wavesweep.core.analyses.assumptions import FAVOURABLE
-
-    return FAVOURABLE in found["assumes"]
-
-
-def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
-    """Yield what the verdict says beside `own_lines`, each line with its rank."""
-    from wavesweep.core.sweep.grid import own_loop
-    from wavesweep.for_all.rows import in_words
-    from wavesweep.identification.check_lines import measured_lines
-    from wavesweep.passive.channel import has_waves
-    from wavesweep.passive.margin import LONGEST
-
-    if found.get("for_all"):
-        apart = spec.for_all.apart(spec.values) if spec.for_all else []
-        without = f", without the spec's own {' and '.join(apart)}" if apart else ""
-        yield 1, f"  {in_words(found['for_all'])}{without}"
-        if of_hands := found.get("every_hand"):
-            yield 1.5, f"  {_every_hand(of_hands)}"
-        yield 1, f"  {BELOW[found['for_all']['kind'] == 'for_all']}"
+def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
+    """Yield the lines about ranges, delay, feel, hardware and modes."""
     yield from _limit_lines(spec, found)
     if found["delay"] and found["spectral_radius"] is not None:
-        yield 2.5, f"  {_delay(found['delay'])}"
+        yield 2.5, _delay(found["delay"])
     if found["stable"] and found["felt"]:
-        yield from ((rank, f"  {line}") for rank, line in _felt(found["felt"], *spec.units_felt))
-    hardware = _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
-    yield from ((rank, f"  {line}") for rank, line in hardware)
+        yield from _felt(found["felt"], *spec.units_felt)
+    yield from _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
     if found["stable"]:
         rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
         yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
         yield from _mode(2.5, "least damped mode", found["least_damped"]) if rings else ()
-    if found["channel_norm"] is not None:
-        yield 5, f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
-    elif not spec.drawing and has_waves(own_loop(spec).drawing):
-        yield 6, f"  wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
-    for line in measured_lines(spec, found.get("measured", {})):
-        yield 6 if line.startswith(" ") else 1, f"  {line}"
-    if found["assumes"] and not _favourable(found):
-        yield 0 if spec.for_all else 4, f"  assumes: {found['assumes']}"
-
-
-def _every_hand(found: Facts) -> str:
-    """What every passive hand needs of the device's damping while frames vary."""
-    from wavesweep.for_all.rows import CONTRADICTED
-
-    needed, device = found["needed"], found["device"]
-    enough = "no damping is proved to suffice" if needed is None else f"{needed:.4g} N*s/m of damping suffice"
-    safe = needed is not None and needed <= device
-    refuted = found["refuted"] is not None and found["refuted"] > device
-    if found.get("doubt"):
-        return f"for every passive hand, whatever the frames do: {CONTRADICTED}"
-    verdict = "stable" if safe else f"not stable with {found['by']}" if refuted else "not known"
-    return f"for every passive hand, whatever the frames do: {verdict}; {enough}, the device has {device:.4g}"
 
 
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     """The range of each number in which the design stays as it is, the nearest end with the lowest rank."""
     bounded = [each for each in found["limits"] if _bounded(each)]
     for each in bounded:
-        yield 2 + distance(each), f"  {_limit(spec, each)}"
+        yield 2 + distance(each), _limit(spec, each)
         if going_on := _going_on(spec, each):
-            yield DETAIL, f"    {going_on}"
+            yield DETAIL, f"  {going_on}"
     others = [each for each in found["limits"] if each not in bounded]
     if others:
         state = "stable" if found["stable"] else "unstable"
         spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
-        yield 5, f"  {state} at every value searched: {spans}"
+        yield 5, f"{state} at every value searched: {spans}"
 
 
 def distance(limit: Facts) -> float:
@@ -107,22 +70,6 @@ def distance(limit: Facts) -> float:
         return 0.0
     factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
     return 1 - 1 / max(min(abs(each) for each in factors), 1.0)
-
-
-def _stability(spec: Spec, found: Facts) -> Iterator[str]:
-    """Whether the design is stable."""
-    from wavesweep.core.analyses.bound import where_nothing_decides
-
-    frame = 1e3 * found["period_s"]
-    radius = found["spectral_radius"]
-    known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
-    said = "stable" if found["stable"] else "UNSTABLE" if known else "not known whether it is stable"
-    why = "numbers overflow, or rounding hides them"
-    if radius is not None:
-        why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
-    yield f"{spec.name}, {spec.kind}: {said} ({why})"
-    if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
-        yield f"  {hint}"
 
 
 def _bounded(limit: Facts) -> bool:
@@ -140,10 +87,8 @@ def _limit(spec: Spec, limit: Facts) -> str:
 
 def _going_on(spec: Spec, limit: Facts) -> str:
     """What finds the rest of a range that ended early, unless both ends of the interval are known."""
-    from wavesweep.check.verdict import searched
-
     name = limit["name"]
-    start, stop = searched(spec, name, spec.names.find(name).path)
+    start, stop = ranges.searched(spec, name, spec.names.find(name).path)
     ended = [limit["low"] is None and limit["from"] > start, limit["high"] is None and limit["to"] < stop]
     if not (limit["stopped"] and any(ended)):
         return ""
@@ -260,16 +205,16 @@ def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[R
 
 def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
     if mode is None:
-        yield rank, f"  {name}: none"
+        yield rank, f"{name}: none"
         return
     yield (
         rank,
-        f"  {name}: falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
+        f"{name}: falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
         + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
         + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""),
     )
     if mode["states"]:
-        yield DETAIL, f"    most in {', '.join(mode['states'])}"
+        yield DETAIL, f"  most in {', '.join(mode['states'])}"
 
 
 def _text(value: float | None, digits: int = 6) -> str:

@@ -7,9 +7,9 @@ import pytest
 from support.drawn import DRIVE
 
 import wavesweep
+from wavesweep.check.locus import ends_on_circle, poles_over
 from wavesweep.core.analyses.asked import axes_asked
 from wavesweep.core.spec import load
-from wavesweep.margins.poles import ends_on_circle, poles_over
 
 # Two springs and masses that do not act on each other, m x'' + d x' + k x = 0, and a filter that only watches.
 APART = {

@@ -1,24 +1,40 @@
-"""The lines of `check` on how far the spec's own design is from what was measured."""
+"""How far a spec's own design is from what was measured, for `check`: facts and lines."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavesweep.check.verdict_lines import Facts
     from wavesweep.core.spec import Spec
 
+    Facts = Mapping[str, Any]
 
-def measured_lines(spec: Spec, found: Facts) -> Iterator[str]:
-    """Yield how far the design is from the points of [measured]; found: see `wavesweep.identification.measured.distances`."""
-    stiffness, damping = (f" {each}" if each else "" for each in _units(spec))
-    if "limits" in found:
-        yield from _limits(found["limits"], stiffness, damping)
-    if "tried" in found:
-        yield from _tried(found["tried"], stiffness, damping)
-    if "response" in found:
-        yield from _response(found["response"])
+
+def refuse(spec: Spec) -> None:
+    """Raise UsageError for a file of [measured] that cannot be used."""
+    from wavesweep.identification.measured import read_points
+
+    read_points(spec)
+
+
+def facts(spec: Spec, own: Facts, _: object = None) -> dict[str, Any]:
+    """measured: of a spec with [measured], how far the design is from the points, see `measured.distances`."""
+    if not spec.measured:
+        return {}
+    from wavesweep.identification.measured import distances, read_points
+
+    return {"measured": distances(spec, read_points(spec), own["stable"])}
+
+
+def lines(spec: Spec, found: Facts) -> Iterator[tuple[float, str]]:
+    """Yield how far the design is from the points of [measured]; details are indented."""
+    measured = found.get("measured", {})
+    stiffness, damping = (f" {unit}" if unit else "" for unit in _units(spec))
+    for name, lines_of in (("limits", _limits), ("tried", _tried), ("response", _response)):
+        if name in measured:
+            for line in lines_of(measured[name], stiffness, damping):
+                yield 6 if line.startswith(" ") else 1, line
 
 
 def _short(value: float) -> str:
@@ -74,7 +90,7 @@ def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
         yield f"  {seen} at B_VE = {each['B_VE']:g}{damping}, K_VE = {_short(each['K_VE'])}{stiffness}: {ends}"
 
 
-def _response(found: Facts) -> Iterator[str]:
+def _response(found: Facts, *_: str) -> Iterator[str]:
     start = f"measured response ({found['file']})"
     if not found["compared"]:
         why = "no frequency can be compared" if found["stable"] else "not compared, since the model is not stable"

@@ -1,0 +1,51 @@
+"""The lines of `check` on what holds for all of [for_all]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+
+BELOW = ("all below has every message in time:", "all below is of the spec's own numbers, at constant rates:")
+
+
+def facts(spec: Spec, *_: object) -> dict[str, Any]:
+    """for_all: of a spec with [for_all], whether it is stable for all of it, see `rows.verdict`; every_hand: what hands need
+    then, see `every_hand.damping`.
+    """
+    if not spec.for_all:
+        return {}
+    from wavesweep.for_all.rows import verdict
+    from wavesweep.passive.every_hand import damping
+
+    return {"for_all": verdict(spec), "every_hand": damping(spec)}
+
+
+def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
+    """Yield what is proved, and what the lines below are about."""
+    if not found.get("for_all"):
+        return
+    from wavesweep.for_all.rows import in_words
+
+    apart = spec.for_all.apart(spec.values) if spec.for_all else []
+    without = f", without the spec's own {' and '.join(apart)}" if apart else ""
+    yield 1, in_words(found["for_all"]) + without
+    if found.get("every_hand"):
+        yield 1.5, _every_hand(found["every_hand"])
+    yield 1, BELOW[found["for_all"]["kind"] == "for_all"]
+
+
+def _every_hand(found: Mapping[str, Any]) -> str:
+    """What every passive hand needs of the device's damping while frames vary."""
+    from wavesweep.for_all.rows import CONTRADICTED
+
+    needed, device = found["needed"], found["device"]
+    enough = "no damping is proved to suffice" if needed is None else f"{needed:.4g} N*s/m of damping suffice"
+    safe = needed is not None and needed <= device
+    refuted = found["refuted"] is not None and found["refuted"] > device
+    if found.get("doubt"):
+        return f"for every passive hand, whatever the frames do: {CONTRADICTED}"
+    verdict = "stable" if safe else f"not stable with {found['by']}" if refuted else "not known"
+    return f"for every passive hand, whatever the frames do: {verdict}; {enough}, the device has {device:.4g}"

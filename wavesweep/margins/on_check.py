@@ -1,0 +1,16 @@
+"""The step that `check` names beside others: `margins`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+
+
+def is_next(spec: Spec, found: Mapping[str, Any]) -> bool:
+    """Whether `margins` goes on from a verdict: for a stable drawn loop without a hand that can be broken."""
+    from wavesweep.margins.broken_loops import cuts_of
+
+    return bool(found["stable"] and spec.drawing and not spec.drawing.hand and cuts_of(spec))

@@ -1,0 +1,72 @@
+"""What `check` says of the wave channel, and of the work of `passivity`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec import Spec
+    from wavesweep.core.sweep.job import Job
+
+CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on
+LARGEST = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
+
+
+def numbers(spec: Spec) -> dict[str, float | None]:
+    """channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more than LARGEST entries, and
+    of a drawn loop, which has no channel that a spec would name.
+    """
+    # A design that is varied by something else keeps its channel.
+    of_channel = tuple((path, value) for path, value in spec.values.items() if path.startswith(CHANNEL))
+    return {"channel_norm": None if spec.drawing else _channel_norm(of_channel)}
+
+
+@lru_cache(maxsize=64)
+def _channel_norm(kept):
+    from math import isfinite
+
+    from wavesweep.core.loops.controllers import loop_drawing
+    from wavesweep.core.reading.keys import VALUE_PATHS
+    from wavesweep.core.spec import KEYS
+    from wavesweep.passive.channel import channel_of, norm_of
+
+    values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
+    channel = channel_of(loop_drawing(values), values)
+    if channel is None or channel.entries > LARGEST:
+        return None
+    norm = float(norm_of(channel).norm)
+    return norm if isfinite(norm) else None
+
+
+def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
+    """Yield the norm of the wave channel, if there is one."""
+    from wavesweep.passive.job import sends_waves
+    from wavesweep.passive.margin import LONGEST
+
+    if found["channel_norm"] is not None:
+        yield 5, f"wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    elif not spec.drawing and sends_waves(spec):
+        yield 6, f"wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
+
+
+def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
+    """The lines about `passivity`, and its jobs. Errors: SpecError for a sweep that no command could do."""
+    from wavesweep.core.errors import SpecError, UsageError
+    from wavesweep.core.sweep.grid import make_grid
+    from wavesweep.passive.job import jobs_of, not_computed
+
+    if spec.drawing and spec.drawing.hand is None:
+        return ["  passivity: not possible, [ports] names no hand"], []
+    axes = tuple(axis for axis in spec.sweep if axis.values)
+    make_grid(spec, axes)
+    try:
+        jobs = jobs_of(spec, axes)
+    except (SpecError, UsageError) as error:
+        return [f"  passivity: not possible with this spec: {error}"], []
+    loops, channels = jobs["port"].slices, jobs["channel"].slices if "channel" in jobs else 0
+    norm = f", norm of {channels} wave channel{'s' * (channels != 1)}" if channels else ""
+    what = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}{norm}"
+    how = "method: level sets of the frame's energy balance, without a frequency grid"
+    return [f"{what}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [*jobs.values()]
