@@ -20,7 +20,7 @@ from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frames import Slow
-from wavesweep.for_all.rows import text_of_part
+from wavesweep.for_all.rows import ForAllGuarantee, text_of_part
 from wavesweep.for_all.unknown import Part
 
 PD = {
@@ -469,3 +469,25 @@ def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, m
         assert np.abs(np.linalg.eigvals(reduce(np.matmul, [frames[ticks] for ticks in reversed(word)]))).max() > 1
     elif expected == "proved":
         assert all(np.abs(np.linalg.eigvals(reduce(np.matmul, each))).max() < 1 for each in product(frames.values(), repeat=8))
+
+
+def test_a_slice_whose_proof_fails_in_arithmetic_ends_none_of_the_others(monkeypatch):
+    sweep = {"K_VE": {"start": 0, "stop": 4000}, "b": [10.0, 20.0]}
+    tables = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}, "sweep": sweep}
+    tables["for_all"] = {"device.mass": {"values": [0.1, 0.2]}}
+    right, prove = intervals(load(tables), jobs=1).columns, ForAllGuarantee.records_of
+
+    def failing(rules, loop, *rest, **named):
+        if loop.values["controller.b"] == 20:
+            raise np.linalg.LinAlgError("singular")
+        return prove(rules, loop, *rest, **named)
+
+    monkeypatch.setattr(ForAllGuarantee, "records_of", failing)
+    with pytest.warns(RuntimeWarning, match="LinAlgError"):
+        found = intervals(load(tables), jobs=1).columns
+    failed = (found["b"] == 20) & (found["guarantee"] == "for_all")
+    assert found["doubt"][failed].tolist() == ["search"]
+    assert not found["settled"][failed].any()
+    kept = (right["b"] != 20) | (right["guarantee"] != "for_all")
+    for name in ("b", "low", "high", "certified"):
+        np.testing.assert_allclose(found[name][~failed], right[name][kept], rtol=1e-9)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
 
@@ -84,3 +85,34 @@ def test_slices_of_recipes_are_what_they_are_alone(name):
 def test_a_rate_that_every_tick_belongs_to_does_not_change_the_other_slices():
     """With n = 1 no tick can be divided out; with n = 10 the dead time has two states and not twenty."""
     assert not differences(tomllib.loads(RING), ())
+
+
+PMW = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}}
+K_VE = {"start": 0, "stop": 4000}
+
+
+def failing_at(function, path, value, error):
+    """The function, but it raises the error for loops among which this value is."""
+
+    def failing(own, loops, *rest, **named):
+        if np.any(np.asarray(loops.values[path]) == value):
+            raise error
+        return function(own, loops, *rest, **named)
+
+    return failing
+
+
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError("singular"), FloatingPointError("overflow"), IndexError("0")])
+def test_a_slice_whose_search_fails_is_in_doubt_and_ends_none_of_the_others(monkeypatch, error):
+    tables = PMW | {"sweep": {"K_VE": K_VE, "b": [5.0, 10.0, 20.0, 40.0, 80.0], "device.mass": [0.1, 0.2]}}
+    right = rows(tables)
+    monkeypatch.setattr(Search, "between_breaks", failing_at(Search.between_breaks, "controller.b", 20.0, error))
+    with pytest.warns(RuntimeWarning, match=type(error).__name__):
+        found = rows(tables)
+    failed = found["b"] == 20
+    assert found["doubt"][failed].tolist() == ["search"] * 2
+    assert found["intervals"][failed].tolist() == [0, 0]
+    assert (found["open_low"][failed].tolist(), found["open_high"][failed].tolist()) == ([0, 0], [4000, 4000])
+    assert not found["certified"][failed].any()
+    for name in ("b", "device.mass", "low", "high", "certified"):
+        np.testing.assert_allclose(found[name][~failed], right[name][right["b"] != 20], rtol=1e-9)

@@ -1,5 +1,7 @@
 """Records of intervals, what the hand feels at their ends, and the lines that a spectrum shows there."""
 
+import traceback
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -13,6 +15,7 @@ from wavesweep.core.columns import Columns
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
 from wavesweep.core.response.resting import Resting, resting
+from wavesweep.core.stability.certificate import SEARCH
 from wavesweep.core.stability.intervals import Intervals, in_rows
 from wavesweep.core.sweep.grid import Loops
 
@@ -40,6 +43,8 @@ END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "st
 # Guarantees for hands have the hand that sets each end as well, and whether they are proved for every hand.
 HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?"), *_LAST])
 
+FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)  # what numerics raise where they have no answer
+
 
 def records_of(found: Intervals) -> np.ndarray:
     """The intervals as records, sorted by slice (numbered from 0 in the chunk); see `in_rows`."""
@@ -52,6 +57,21 @@ def records_of(found: Intervals) -> np.ndarray:
     for name, _ in OPEN:
         records[name] = getattr(open_, name.removeprefix("open_"))
     return records
+
+
+def unanswered(dtype: np.dtype, number: int, span: tuple[float, float], error: Exception) -> np.ndarray:
+    """The record of a slice whose search failed in arithmetic: nothing is known from one end of the range to the other.
+
+    Where it failed is a warning, which --debug shows.
+    """
+    warnings.warn("".join(traceback.format_exception(error)), RuntimeWarning, stacklevel=2)
+    record = np.zeros(1, dtype)
+    for name in dtype.names:
+        if dtype[name].kind == "f":
+            record[name] = np.nan
+    record["slice"], record["doubt"] = number, SEARCH
+    record["open_places"], record["open_low"], record["open_high"] = 1, *span
+    return record
 
 
 def open_places(columns: Columns, row: int) -> dict[str, float] | None:
@@ -166,19 +186,22 @@ def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, lo
         records[name][rows[own]] = found[own]
 
 
-def loop_by_loop(parts, along: str, of_loop: Callable[[Loops], np.ndarray]) -> np.ndarray:
-    """Records of intervals along a number, sorted by slice, with what the hand feels at their ends.
+def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.ndarray:
+    """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
 
-    parts: (members, loops) pairs. of_loop: gives the records of one loop.
+    parts: (members, loops) pairs. guarantee: see `Along`. A loop whose search fails in arithmetic is in doubt everywhere.
     """
     found = {}
     for members, loops in parts:
         for place, number in enumerate(members.tolist()):
             loop = loops.one(place)
-            found[number] = records = of_loop(loop)
-            records["slice"] = number
-            if feels(loop.drawing) and records["intervals"][0]:
-                felt_at_ends(
-                    records, np.arange(records.size), lambda _, p, loop=loop: felt_of(loop.changed({along: p}), p.size)
-                )
+            try:
+                found[number] = records = guarantee.records_of(loop, along, span)
+                if feels(loop.drawing) and records["intervals"][0]:
+                    felt_at_ends(
+                        records, np.arange(records.size), lambda _, p, loop=loop: felt_of(loop.changed({along: p}), p.size)
+                    )
+            except FAILURES as error:
+                found[number] = unanswered(guarantee.dtype, number, span, error)
+            found[number]["slice"] = number
     return np.concatenate([found[number] for number in sorted(found)])

@@ -7,7 +7,16 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.core.analyses.bound import Bound
-from wavesweep.core.analyses.interval_records import FELT, LINES, fill_in_felt, fill_in_lines, records_of
+from wavesweep.core.analyses.interval_records import (
+    FAILURES,
+    FELT,
+    LINES,
+    RECORD,
+    fill_in_felt,
+    fill_in_lines,
+    records_of,
+    unanswered,
+)
 from wavesweep.core.analyses.loops import drift_of, feels
 from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside, with_intervals
 from wavesweep.core.analyses.subloops import common, silent, subloops
@@ -224,10 +233,30 @@ class Searches:
     order: int = 0
 
     def records(self) -> np.ndarray:
-        """The intervals of all loops as records, sorted by slice."""
+        """The intervals of all loops as records, sorted by slice.
+
+        Loops whose search fails in arithmetic are searched apart, and one that fails alone is in doubt everywhere.
+        """
+        try:
+            return self._records()
+        except FAILURES as error:
+            parts = [(search, *group) for search in self.searches for group in search.groups]
+            if len(parts) == 1:
+                ((search, members, loops),) = parts
+                if members.size == 1:
+                    return unanswered(RECORD, int(members[0]), search.span, error)
+                halves = np.array_split(np.arange(members.size), 2)
+                parts = [(search, members[half], loops.some(half)) for half in halves]
+        return _by_slice([Searches((replace(search, groups=(tuple(group),)),)).records() for search, *group in parts])
+
+    def _records(self):
         opened = [search.opened_groups() for search in self.searches]
         if self.order:
             known = iter(with_intervals([each for groups in opened for *_, each in groups], self.order, self.searches[0].span))
             opened = [[(members, loops, next(known)) for members, loops, _ in groups] for groups in opened]
-        records = np.concatenate([search.records_of(each) for search, each in zip(self.searches, opened, strict=True)])
-        return records[np.argsort(records["slice"], kind="stable")]
+        return _by_slice([search.records_of(each) for search, each in zip(self.searches, opened, strict=True)])
+
+
+def _by_slice(parts):
+    records = np.concatenate(parts)
+    return records[np.argsort(records["slice"], kind="stable")]

@@ -83,7 +83,7 @@ def _task(job, chunk):
         return searches_of(job, chunk).records
     changes = job.loop_values(chunk)
     parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=path))
-    return partial(loop_by_loop, parts, path, partial(asked.guarantee.records_of, along=path, span=asked.span))
+    return partial(loop_by_loop, parts, path, asked.span, asked.guarantee)
 
 
 def searches_of(job: Job, chunk: Chunk) -> Searches:
