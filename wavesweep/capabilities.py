@@ -6,8 +6,9 @@ list what there is. A capability is taken away by deleting its folder, its tests
 
 diagram: the picture of a loop, `diagram` of a spec.
 marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
-hands: guarantees for hands, `hands_of` words of `--for-hands`.
-guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`).
+guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`); `of_word`, the one
+for a word of --for-hands; `of_run`, those of a run (see `core.tables.hands`).
+ticks: `Loop`, a loop tick by tick in ball arithmetic.
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
 on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
     `lines(spec, found)`, ranked, of its verdict; `sweep_plan(spec)`, lines and jobs of a command over [sweep]; `plan(spec)`,
@@ -93,7 +94,7 @@ CAPABILITIES = (
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
         kinds=("passivity", "passivity-filters", "passivity-ports"),
         library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
-        offers=("guarantee", "hands", "on_check", "wish"),
+        offers=("guarantee", "on_check", "wish"),
     ),
     Capability(
         "sensitivity",
@@ -134,7 +135,7 @@ CAPABILITIES = (
         {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
     ),
     Capability("require", offers=("bound",)),
-    Capability("prove", offers=("prover",)),
+    Capability("prove", offers=("prover", "ticks")),
     Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
     *_published(),
 )

@@ -9,7 +9,6 @@ import pytest
 from support.chunks import finished
 
 import wavesweep
-from wavesweep.core.analyses.interval_records import HAND_RECORD
 from wavesweep.core.cli import main
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.results import read
@@ -21,8 +20,7 @@ from wavesweep.designs.best import miss
 from wavesweep.designs.family import Scenario, scenarios_of
 from wavesweep.designs.search import designs_of
 from wavesweep.designs.study import box_of, evaluated, job_of
-from wavesweep.passive.hand import HandBox
-from wavesweep.passive.hands import Guarantee
+from wavesweep.for_all.hand_box import BOX_RECORD, BoxGuarantee, HandBox
 
 SPEC = """
 [environment]
@@ -245,11 +243,11 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
 
     def kept(self, _values, _along, span):
         seen.append(self.box)
-        found = np.zeros(1, HAND_RECORD)
+        found = np.zeros(1, BOX_RECORD)
         found["intervals"], found["high"], found["settled"] = 1, span[1], True
         return found
 
-    monkeypatch.setattr(Guarantee, "records", kept)
+    monkeypatch.setattr(BoxGuarantee, "records", kept)
     tables = tomllib.loads(SPEC) | {"operator": {"damping": 2.0}}
     tables["design"] |= {"for_all": {"hand": {"stiffness": [100.0, 600.0]}}, "wish": {"z_width": {"B_VE": [1]}}} | change
     spec = load(tables)
@@ -281,7 +279,7 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
 
 def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
     def sooner(_self, loop, _along, span):
-        found = np.zeros(1, HAND_RECORD)
+        found = np.zeros(1, BOX_RECORD)
         found["intervals"], found["high"], found["settled"] = (
             1,
             span[1] * (0.5 if loop.values["environment.B_VE"] == 5 else 0.8),
@@ -289,7 +287,7 @@ def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeyp
         )
         return found
 
-    monkeypatch.setattr(Guarantee, "records", sooner)
+    monkeypatch.setattr(BoxGuarantee, "records", sooner)
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5] }")
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
     code, text, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1", "--jobs", "1")

@@ -392,7 +392,7 @@ def test_hands_are_not_asked_for_beside_ranges():
 
 
 def wavesweep_hands():
-    from wavesweep.passive.hands import hands_of
+    from wavesweep.core.tables.hands import hands_of
 
     return hands_of("port")
 

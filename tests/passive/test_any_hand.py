@@ -5,7 +5,7 @@ import pytest
 from support.held import any_hand_walls, damping_needed, hands_at, passive_walls, port_margin, worst_modes
 from support.published import colgate_schenkel
 
-from wavesweep.passive.hand import HandBox
+from wavesweep.for_all.hand_box import HandBox
 
 ENCODER = {"device.velocity": "difference"}
 

@@ -5,8 +5,8 @@ import pytest
 
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import load
+from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.passive.hands import hands_of
 from wavesweep.passive.table import passivity
 
 BOX = {"mass": (0.05, 0.1), "damping": (3.0, 4.0), "stiffness": (300.0, 400.0)}

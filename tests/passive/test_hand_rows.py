@@ -8,11 +8,11 @@ from support.tables import same
 
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
+from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.interval_tally import Tallies, interval_lines
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import unknown
-from wavesweep.passive.hand import HandBox
-from wavesweep.passive.hands import hands_of
+from wavesweep.for_all.hand_box import HandBox
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}

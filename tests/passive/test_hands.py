@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.held import box_intervals, hands_at, worst_modes
 
-from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox
+from wavesweep.for_all.hand_box import HOLDING_A_DEVICE, HandBox
 
 SPAN = (0.0, 20000.0)
 LOOPS = {

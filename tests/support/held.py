@@ -8,8 +8,8 @@ from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.energy.held_loop import HAND, HeldLoop
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.sweep.grid import Loops, distinct, selected
+from wavesweep.for_all.hand_box import BoxGuarantee
 from wavesweep.passive import any_hand, channel, margin
-from wavesweep.passive.hands import Guarantee
 from wavesweep.passive.ranges import hand_ranges, port_ranges
 
 WALL = "environment.K_VE"
@@ -90,4 +90,4 @@ def worst_modes(values, hands, K_VE, B_VE):
 
 def box_intervals(values, span, box):
     """The rows for a box of hands, as records."""
-    return Guarantee("box", box).records(held(values), WALL, span)
+    return BoxGuarantee(box).records(held(values), WALL, span)

@@ -299,7 +299,9 @@ def zwidth(
     --help`. work: jobs, backend, scheduler, progress, checkpoint and force, see `Options`. Errors: UsageError, SpecError,
     WavesweepError.
     """
-    return framed(intervals.intervals(spec_of(source), along, intervals.hands_of(for_hands), **work))
+    from wavesweep.core.tables.hands import hands_of
+
+    return framed(intervals.intervals(spec_of(source), along, hands_of(for_hands), **work))
 
 
 def stability_region(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Any
@@ -19,6 +19,7 @@ from wavesweep.core.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.core.sweep.job import Chunks, Job, Kind
 from wavesweep.core.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
 from wavesweep.core.sweep.workers import choose
+from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.table import Table, facts_of
 from wavesweep.designs.best import judged, miss
 from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
@@ -27,8 +28,6 @@ from wavesweep.designs.search import Judged, designs_of, differing, generations,
 from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
-from wavesweep.passive.hand import HandBox
-from wavesweep.passive.hands import Guarantee
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
@@ -55,7 +54,7 @@ class Study:
     finer: Sequence[Scenario]
     finest: Sequence[Scenario]
     stop: float
-    box: HandBox | None = None
+    box: Mapping[str, tuple[float, float]] | None = None
 
 
 def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
@@ -92,7 +91,7 @@ def evaluated(
     count: int,
     stop: float,
     dtype: np.dtype,
-    box: HandBox | None = None,
+    box: Mapping[str, tuple[float, float]] | None = None,
     proof: Any = None,
 ) -> np.ndarray:
     """A record for each design: its wishes, at their worst over the scenarios.
@@ -111,7 +110,7 @@ def evaluated(
 
 
 def _hold(spec, scenarios, designs, box, records):
-    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
+    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled.
 
     Walls are checked up to `z_width`, the stiffest one of the scenarios.
     """
@@ -127,7 +126,7 @@ def _hold(spec, scenarios, designs, box, records):
             varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
             wall = "environment.K_VE"
             loop = held_loop(loops_of(spec, values, wall))
-            rows = Guarantee("box", replace(box, **varied)).records(loop, wall, (0.0, float(record["z_width"])))
+            rows = _guarantee({**box, **varied}).records(loop, wall, (0.0, float(record["z_width"])))
             first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
             record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
             record[SETTLED] &= bool(first.size and first["settled"][0])
@@ -244,7 +243,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
     finest = scenarios_of(grid.spec, between) if between else finer
     box = box_of(spec) if for_hands == "box" else None
-    identity = {"records": "designs", "stop": stop} | ({"box": repr(box)} if box else {})
+    identity = {"records": "designs", "stop": stop} | ({"box": box} if box else {})
     study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
     total = settings["generations"] * settings["population"]
     return Job(DESIGNS, grid, chunks, {}, record_of(asked.wishes, box=box is not None), identity, study, total)
@@ -264,8 +263,8 @@ def _refuse_unreachable(spec, wishes):
         raise SpecError(mistakes)
 
 
-def box_of(spec: Spec) -> HandBox:
-    """Return all hands between the ends of the ranges of [design.for_all].
+def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
+    """Return the ranges of mass, damping and stiffness of all hands between the ends of the ranges of [design.for_all].
 
     Errors: UsageError if these or the wishes do not define a box.
     """
@@ -278,7 +277,14 @@ def box_of(spec: Spec) -> HandBox:
         raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
     own = {part: (spec.values[f"operator.{part}"],) for part in HAND}
     own |= {part: axis.values for axis in asked.for_all for part in HAND if axis.path == f"operator.{part}"}
-    return HandBox(**{part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()})
+    box = {part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()}
+    _guarantee(box)
+    return box
+
+
+def _guarantee(box):
+    """What holds for all hands of a box, as --for-hands has it."""
+    return hands_of(f"box:{','.join(f'{part}={low!r}..{high!r}' for part, (low, high) in box.items())}").guarantees[0]
 
 
 class _Run:

@@ -1,6 +1,15 @@
 """The rows of stable intervals that hold for all numbers of [for_all], and for all hands of a box."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 from wavesweep.core.tables.row_kinds import RowKind
+
+if TYPE_CHECKING:
+    from wavesweep.core.analyses.intervals import Guarantee
+    from wavesweep.core.sweep.job import Job
 
 ROWS = {
     "box": RowKind(
@@ -32,3 +41,44 @@ ROWS = {
         proved=True,
     ),
 }
+
+
+def of_word(kind: str, ranges: str | None) -> Guarantee | None:
+    """The guarantee for a word of --for-hands, None for a word of others; see `core.tables.hands`."""
+    from wavesweep.for_all.hand_box import box_in_words
+
+    return box_in_words(ranges) if kind == "box" else None
+
+
+def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
+    """The guarantees of a run of a spec's own job, from those asked for by words: see `core.tables.hands.guarantees_of`.
+
+    Errors: UsageError for numbers, hands, or a requirement, that [for_all] cannot be held for beside.
+    """
+    from wavesweep.core.errors import UsageError
+    from wavesweep.core.tables.hands import device_held, refuse_velocity
+
+    spec, along, kinds = own.grid.spec, own.asked.axis.path, [each.kind for each in asked]
+    if not spec.for_all:
+        if "box" in kinds:
+            device_held("box", own)
+        return asked
+    from wavesweep.for_all import every_hand
+    from wavesweep.for_all.rows import ForAllGuarantee, refuse_unsuitable_ranges
+    from wavesweep.for_all.varying import Rules
+
+    if kinds not in ([], ["passive"]):
+        raise UsageError(f"for hands: expected passive alone beside [for_all] or channels, found {', '.join(kinds)}")
+    if kinds:
+        refuse_unsuitable_ranges(spec, along, cut=False)
+        refuse_velocity(own)
+        every_hand.refuse(spec, Rules.of(spec), along)
+        return [every_hand.EveryHandGuarantee(Rules.of(spec))]
+    spec.refuse_require("[for_all]")
+    if own.asked.require:
+        raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
+    refuse_unsuitable_ranges(spec, along)
+    swept = {axis.path for axis in own.grid.axes}
+    if wrong := [axis.name for axis in spec.for_all.axes if axis.path in swept]:
+        raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
+    return [ForAllGuarantee(Rules.of(spec))]

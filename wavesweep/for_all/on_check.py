@@ -17,8 +17,8 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     """
     if not spec.for_all:
         return {}
+    from wavesweep.for_all.every_hand import damping
     from wavesweep.for_all.rows import verdict
-    from wavesweep.passive.every_hand import damping
 
     return {"for_all": verdict(spec), "every_hand": damping(spec)}
 

@@ -7,7 +7,8 @@ from textwrap import shorten
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_records import FELT, FIELDS, LINES, OPEN
+from wavesweep.core.analyses.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
+from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
@@ -65,7 +66,7 @@ FOR_ALL_RECORD = np.dtype(
 
 
 @dataclass(frozen=True, slots=True)
-class ForAllGuarantee:
+class ForAllGuarantee(Guarantee):
     """The numbers of [for_all], as `Along.guarantee`."""
 
     rules: Rules
@@ -374,16 +375,10 @@ def _decided(spec, rules, number, case):
 
 def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool) -> np.ndarray:
     """Return the rows as records of FOR_ALL_RECORD; agreed: whether no member of what they are about contradicts them."""
-    records = np.zeros(max(1, len(rows)), FOR_ALL_RECORD)
-    for name in FOR_ALL_RECORD.names:
-        if FOR_ALL_RECORD[name].kind == "f":
-            records[name] = np.nan
-    records["residual"] = 0.0
-    records["intervals"], records["doubt"] = len(rows), NONE if rows and certified else SEARCH
-    records["certified"] = bool(rows and certified)
+    records = blank_records(*(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD)
+    records["residual"], records["certified"] = 0.0, bool(rows and certified)
+    records["doubt"] = NONE if rows and certified else SEARCH
     for number, row in enumerate(rows):
-        records[number]["interval"] = number
-        records["low"][number], records["high"][number] = row.low, row.high
         records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
         records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan
         records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.energy.hinf import SOFT, Peak, angles, peak_by_levels
-from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps, read
+from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps, damping_peak, read
 from wavesweep.core.loops.block import Block
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.monodromy.circle import solve
@@ -14,7 +13,6 @@ from wavesweep.core.monodromy.periodic import ticks_of
 from wavesweep.core.response.linear_systems import solved
 from wavesweep.core.stability.spectrum import is_stable
 
-SLACK = 1e-10  # of the damping and of 1 N*s/m: no frequency needs more than so much more
 LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on
 
 
@@ -24,7 +22,7 @@ class DampingNeeded:
 
     damping: d* (N*s/m), of device and hand together; infinite if none is enough (see `damping_needed`). omega: the
     frequency that needs it, rad/s, in [0, pi/T_s]. responsive: whether the controller, its position prescribed, is
-    stable; else no damping is enough. certified: whether no frequency needs more than SLACK more.
+    stable; else no damping is enough. certified: whether no frequency needs more, see `damping_peak`.
     """
 
     damping: np.ndarray
@@ -51,7 +49,7 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     no such motions.
     Accuracy: 1e-10 of d* and of 1 N*s/m, at zero frequency as well.
     """
-    if loop.device is None or reads_velocity(loop):
+    if loop.device is None or loop.reads_velocity:
         return None
     drawn, batch = loop.drawn(), loop.batch
     ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], batch)
@@ -61,7 +59,7 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     lifted = LiftedMap(*(np.where(responsive[:, None, None], *pair) for pair in parts))
     M = ticks.kind.size
     period = np.broadcast_to(np.real(drawn.period), batch).reshape(-1)
-    peak = peak_of(ticks, lifted, period, np.where(responsive, 0.0, LOWEST))
+    peak = damping_peak(ticks, lifted, period, np.where(responsive, 0.0, LOWEST))
     finite = np.isfinite(peak.value)
     needed = np.where((responsive | (M == 1)) & finite, peak.value, np.inf)
     return DampingNeeded(
@@ -70,27 +68,6 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
         (responsive & finite).reshape(batch),
         (peak.certified & finite).reshape(batch),
     )
-
-
-def peak_of(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
-    """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
-
-    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
-    """
-    return peak_by_levels(
-        lambda owner, theta, _: np.nan_to_num(
-            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
-        ),
-        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
-        ticks.loops,
-        lambda _, level: SLACK * (1 + np.abs(level)),
-        SOFT,
-    )
-
-
-def reads_velocity(loop: HeldLoop) -> bool:
-    """Whether something reads the velocity of the device as a point sample."""
-    return any(np.any(terms.get(f"{loop.device}.v", 0.0)) for terms in loop.drawn().sums.values())
 
 
 REACTION = "ports.push"  # the junction of the force that pushes the device, but for the hand's

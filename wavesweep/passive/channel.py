@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import Drawing, path_of
+from wavesweep.core.drawing.drawing import WAVE_ENDS, Drawing, path_of
 from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, reached, read, squared_norm
 from wavesweep.core.loops.block import Block
@@ -14,22 +14,11 @@ from wavesweep.core.loops.from_drawing import assembled
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.core.monodromy.periodic import ticks_of
 
-ENDS = (
-    "wave",
-    "avatar",
-    "local_model",
-)  # blocks at the ends of a wave line: `in` is the wave that reaches one, `out` the other
-
-
-def has_waves(drawing: Drawing) -> bool:
-    """Whether a drawing has ends of a wave line."""
-    return any(block.type in ENDS for block in drawing.blocks)
-
 
 @lru_cache(maxsize=64)
 def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
     """Paths of the numbers that a channel may read: those of its blocks, of the wires between them, and of when blocks run."""
-    outside = {block.name for block in drawing.blocks if block.type in (*ENDS, "mass")}
+    outside = {block.name for block in drawing.blocks if block.type in (*WAVE_ENDS, "mass")}
     trees = [drawing.tick_hz]
     for block in drawing.blocks:
         trees += [block.every, block.phase] if block.name in outside else [tree for _, tree in block.trees()]
@@ -69,11 +58,11 @@ def channel_of(drawing: Drawing, values) -> Channel | None:
     Filters, samplers, holds, delays and sums lie between the ends. The masses and the other parts of a returned wave, such as
     positions, are outside: they are left at zero. values: numbers of the drawing, or arrays over a batch.
     """
-    if not has_waves(drawing):
+    if not drawing.has_waves:
         return None
     types = {block.name: block.type for block in drawing.blocks}
     drawn = _cut_at_ends(assembled(drawing, values), types)
-    ends = [each.block.name for each in drawn.placed if types[each.block.name] in ENDS]
+    ends = [each.block.name for each in drawn.placed if types[each.block.name] in WAVE_ENDS]
     ticks = ticks_of(drawn, tuple(f"{name}.in" for name in ends))
     runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in some] for some in drawn.schedule()[0]]
     each = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
@@ -109,7 +98,7 @@ def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
     placed, sums, inputs = [], {}, []
     for each in drawn.placed:
         name = each.block.name
-        if types[name] in ENDS:
+        if types[name] in WAVE_ENDS:
             relay = Block(name, ("wave",), ("out",), (), one[:0, :0], one[:0], one[:, :0], one)
             placed.append(ScheduledBlock(relay, each.every, each.phase))
             sums[f"{name}.wave"] = {f"wave.{name}": 1.0}
@@ -117,8 +106,9 @@ def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
         elif types[name] != "mass":
             placed.append(each)
     made = {f"{each.block.name}.{port}" for each in placed for port in each.block.outputs}
-    ports = [f"{each.block.name}.{port}" for each in placed for port in each.block.inputs if types[each.block.name] not in ENDS]
-    for port in (*ports, *(f"{each.block.name}.in" for each in placed if types[each.block.name] in ENDS)):
+    inside = (each.block for each in placed if types[each.block.name] not in WAVE_ENDS)
+    ports = [f"{block.name}.{port}" for block in inside for port in block.inputs]
+    for port in (*ports, *(f"{each.block.name}.in" for each in placed if types[each.block.name] in WAVE_ENDS)):
         sums[port] = {signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made}
     return MultirateLoop(drawn.period, tuple(placed), sums, tuple(inputs), rate=drawn.rate)
 

@@ -1,6 +1,15 @@
 """The rows of stable intervals with passive hands, a passive port, two of them, or a passive channel."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 from wavesweep.core.tables.row_kinds import RowKind
+
+if TYPE_CHECKING:
+    from wavesweep.core.analyses.intervals import Guarantee
+    from wavesweep.core.sweep.job import Job
 
 _EVERY = "stable with every passive hand"
 _PORT = "hand's port passive, forces held over a tick"
@@ -19,3 +28,22 @@ ROWS = {
         "wave channel passive to within the tolerance", "passive wave channel", "#E69F00", 4, "passive", "nowhere passive"
     ),
 }
+
+
+def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
+    """The guarantee for a word of --for-hands, None for a word of others; see `core.tables.hands`."""
+    from wavesweep.passive.hands import PassiveGuarantee
+
+    if kind not in ROWS or (tolerance is not None and kind != "channel"):
+        return None
+    return PassiveGuarantee(kind, float(tolerance or 0))
+
+
+def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
+    """The guarantees of a run; see `core.tables.hands.guarantees_of`. Errors: UsageError for loops that hands cannot hold."""
+    from wavesweep.core.tables.hands import refuse_velocity
+    from wavesweep.passive.hands import PassiveGuarantee
+
+    if PassiveGuarantee("passive") in asked:
+        refuse_velocity(own)
+    return asked

@@ -14,7 +14,7 @@ from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import Grid, drawn_groups, loops_of, make_grid, own_loop, refuse_rows
 from wavesweep.core.sweep.job import Chunks, Job, Kind, resolve_all
 from wavesweep.core.sweep.running import Run, gather, stretches
-from wavesweep.passive.channel import channel_norm, has_waves, numbers_of_channel
+from wavesweep.passive.channel import channel_norm, numbers_of_channel
 from wavesweep.passive.margin import LONGEST, more_damping, port_margin
 from wavesweep.passive.port_rows import curve, pair_margin
 
@@ -135,7 +135,7 @@ def channel_columns(run: Run, slices) -> dict[str, np.ndarray]:
 
 def sends_waves(spec) -> bool:
     """Whether the loop of a spec has waves."""
-    return has_waves(own_loop(spec).drawing)
+    return own_loop(spec).drawing.has_waves
 
 
 def certified_slices(run: Run) -> int:

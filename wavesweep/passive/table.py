@@ -58,8 +58,8 @@ def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: 
 
     along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
     """
+    from wavesweep.core.tables.hands import hands_of
     from wavesweep.core.tables.intervals import intervals
-    from wavesweep.passive.hands import hands_of
     from wavesweep.passive.job import sends_waves
 
     _refuse_tolerance(tolerance)

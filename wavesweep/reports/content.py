@@ -105,9 +105,9 @@ def report(spec: Spec, asked: Request) -> str:
 def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, Callable[[Any], Table]]]:
     """Title -> the command of a table, with {} for the spec, and a function of the watcher of its progress that makes it."""
     from wavesweep.core.tables import intervals, responses
+    from wavesweep.core.tables.hands import hands_of
     from wavesweep.margins import table as margins
     from wavesweep.margins.broken_loops import cuts_of
-    from wavesweep.passive.hands import hands_of
     from wavesweep.sensitivity import table as why
     from wavesweep.simulation import table as simulation
 

@@ -21,11 +21,11 @@ from wavesweep.core.results import publish
 from wavesweep.core.results.verification import verify
 from wavesweep.core.spec import load
 from wavesweep.core.sweep.job import cut_otherwise
+from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.core.tables.responses import responses
 from wavesweep.core.tables.table import Table
 from wavesweep.margins.table import margins
-from wavesweep.passive.hands import hands_of
 from wavesweep.passive.table import filter_choices, passivity
 from wavesweep.prove.again import prove_again
 from wavesweep.sensitivity.table import why

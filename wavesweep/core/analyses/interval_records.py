@@ -37,11 +37,7 @@ FIELDS = (
 FELT = ("felt_low", "felt_high")
 LINES = ("low_hz", "high_hz")
 OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
-_LAST = (*((name, "<f8") for name in (*FELT, *LINES)), *OPEN)
-RECORD = np.dtype([*FIELDS, *_LAST])
-END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
-# Guarantees for hands have the hand that sets each end as well, and whether they are proved for every hand.
-HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?"), *_LAST])
+RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in (*FELT, *LINES)), *OPEN])
 
 FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)  # what numerics raise where they have no answer
 
@@ -59,17 +55,27 @@ def records_of(found: Intervals) -> np.ndarray:
     return records
 
 
+def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    """Records of slice 0 with these ends, or the one record of a slice without intervals; other numbers are missing."""
+    records = np.zeros(max(low.size, 1), dtype)
+    records["doubt"] = SEARCH
+    for name in dtype.names:
+        if dtype[name].kind == "f":
+            records[name] = np.nan
+    records["intervals"] = low.size
+    if low.size:
+        records["interval"], records["low"], records["high"] = np.arange(low.size), low, high
+    return records
+
+
 def unanswered(dtype: np.dtype, number: int, span: tuple[float, float], error: Exception) -> np.ndarray:
     """The record of a slice whose search failed in arithmetic: nothing is known from one end of the range to the other.
 
     Where it failed is a warning, which --debug shows.
     """
     warnings.warn("".join(traceback.format_exception(error)), RuntimeWarning, stacklevel=2)
-    record = np.zeros(1, dtype)
-    for name in dtype.names:
-        if dtype[name].kind == "f":
-            record[name] = np.nan
-    record["slice"], record["doubt"] = number, SEARCH
+    record = blank_records(np.zeros(0), np.zeros(0), dtype)
+    record["slice"] = number
     record["open_places"], record["open_low"], record["open_high"] = 1, *span
     return record
 

@@ -1,10 +1,9 @@
 """The job of stable intervals along an axis."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +20,6 @@ from wavesweep.core.spec import Axis, Require, Spec, no_axis, sweep_axes
 from wavesweep.core.stability.certificate import words
 from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
 from wavesweep.core.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
-
-if TYPE_CHECKING:
-    from wavesweep.for_all.rows import ForAllGuarantee
-    from wavesweep.passive.every_hand import EveryHandGuarantee
-    from wavesweep.passive.hands import Guarantee
 
 # Seconds per slice and squared order, measured: one polynomial per slice; panels, along any
 # parameter but the wall, and for crowded poles of high order.
@@ -45,6 +39,31 @@ class Way(Enum):
     BOTH = "both"
 
 
+class Guarantee:
+    """Intervals that hold for more than the spec's own loop, such as for hands; a frozen dataclass of a capability is one.
+
+    kind: the word of its rows. dtype: of its records, which have the fields of RECORD and those of its own columns. method: how
+    they are found, in a line. Of those for hands, word: what --for-hands has for it; order: of the rows in a table; replaces:
+    whether other hands are in the place of the spec's operator.
+    """
+
+    __slots__ = ()
+    kind: str
+    dtype: np.dtype
+    method: str
+    word = ""
+    order = 0
+    replaces = False
+
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop along a number, as records of slice 0."""
+        raise NotImplementedError
+
+    def notices(self, job: Job) -> Iterable[str]:  # noqa: ARG002
+        """What a user should know beforehand about these rows of a job."""
+        return ()
+
+
 @dataclass(frozen=True, slots=True)
 class Along:
     """What is asked of the loops: their stable intervals along `axis`, found in that way.
@@ -55,7 +74,7 @@ class Along:
 
     axis: Axis
     way: Way = Way.PANELS
-    guarantee: "Guarantee | ForAllGuarantee | EveryHandGuarantee | None" = None
+    guarantee: "Guarantee | None" = None
     require: Require | None = None
     order: int = 0
 
@@ -170,7 +189,7 @@ def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
     return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way, order=order))
 
 
-def guaranteed(job: Job, guarantee: "Guarantee | ForAllGuarantee | EveryHandGuarantee") -> Job:
+def guaranteed(job: Job, guarantee: Guarantee) -> Job:
     """The job of the intervals that are guaranteed for hands or numbers."""
     return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
 

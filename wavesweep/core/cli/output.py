@@ -193,7 +193,8 @@ def produce_intervals(
     loop itself into a table KIND-hands.
     """
     from wavesweep.core import results
-    from wavesweep.core.tables.intervals import hands_of, intervals
+    from wavesweep.core.tables.hands import hands_of
+    from wavesweep.core.tables.intervals import intervals
 
     hands = None
     if for_hands:

@@ -20,6 +20,7 @@ STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")  # keys th
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
 SHARES = ("loss", "burst", "burst_end", "burst_loss")  # keys of a channel that say how often messages are lost
 
+WAVE_ENDS = ("wave", "avatar", "local_model")  # types of blocks at the ends of a wave line: `in` is the wave that reaches one
 ENVIRONMENT = ("environment.force", "environment.displacement")  # the input and the output that are a second port
 
 
@@ -95,6 +96,11 @@ class Drawing:
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
         return value_of(self.tick_hz, scalars(values))
+
+    @property
+    def has_waves(self) -> bool:
+        """Whether the loop has ends of a wave line."""
+        return any(block.type in WAVE_ENDS for block in self.blocks)
 
     @property
     def outside(self) -> tuple[str, ...]:

@@ -58,6 +58,11 @@ class HeldLoop:
         """Return the blocks of the loops."""
         return assembled(self.drawing, self.values)
 
+    @property
+    def reads_velocity(self) -> bool:
+        """Whether something reads the velocity of the device as a point sample."""
+        return any(np.any(terms.get(f"{self.device}.v", 0.0)) for terms in self.drawn().sums.values())
+
     def drift(self, watched=()) -> TickDrift:
         """Return the drift of the loops; watched: see `drift_of_drawn`."""
         with np.errstate(all="ignore"):

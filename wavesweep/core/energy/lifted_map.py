@@ -5,13 +5,14 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.core.energy.hinf import Element, Peak, angles, peak_by_levels, then, tick
+from wavesweep.core.energy.hinf import SOFT, Element, Peak, angles, peak_by_levels, then, tick
 from wavesweep.core.monodromy.circle import on_circle, solve
 from wavesweep.core.monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.core.monodromy.rounding import balance, measured_frame
 
 MOST = 5_000_000  # complex numbers of the points that are computed together
 SWEEPS = 12  # over the states, for their units
+SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,4 +203,20 @@ def squared_norm(way: TickMaps) -> Peak:
         lambda owner, square: angles(way.loss_pencil(owner, square)),
         way.loops,
         lambda _, square: TOLERANCE * square,
+    )
+
+
+def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
+    """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
+
+    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
+    """
+    return peak_by_levels(
+        lambda owner, theta, _: np.nan_to_num(
+            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
+        ),
+        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
+        ticks.loops,
+        lambda _, level: SLACK * (1 + np.abs(level)),
+        SOFT,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
@@ -13,8 +13,6 @@ from wavesweep.capabilities import modules
 from wavesweep.core.analyses.assumptions import notices_of
 from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.columns import Columns, joined
-from wavesweep.core.errors import UsageError
-from wavesweep.core.tables.fields import ABOUT_ENDS, FOR_ALL, LEFT_OPEN
 from wavesweep.core.tables.interval_tally import Tallies, interval_lines
 from wavesweep.core.tables.kind import Again, Kind, ProvedAgain
 from wavesweep.core.tables.table import Table, facts_of, spans_held
@@ -23,9 +21,7 @@ if TYPE_CHECKING:
     from wavesweep.core.spec import Spec
     from wavesweep.core.sweep.job import Job
     from wavesweep.core.sweep.running import Options
-    from wavesweep.for_all.rows import ForAllGuarantee
-    from wavesweep.passive.every_hand import EveryHandGuarantee
-    from wavesweep.passive.hands import Guarantee, Hands
+    from wavesweep.core.tables.hands import Hands
 
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 
@@ -49,9 +45,7 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
 
     def blocks() -> Iterator[Columns]:
         for stage in stages:
-            yield from (
-                _completed(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all)) for block in found.blocks(stage.hand)
-            )
+            yield from (_completed(block, stage, stages, hands) for block in found.blocks(stage.hand))
 
     return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
 
@@ -75,57 +69,37 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     own = job_of(spec, along)
     how = method(own.asked)
     if hands is None:
-        return [Stage("", own, how), *([_for_all(spec, own)] if spec.for_all else [])]
+        return [Stage("", own, how), *_guaranteed(own, None)]
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]
     if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    guarantees: Sequence[Guarantee | EveryHandGuarantee] = hands.guarantees
-    if spec.for_all:
-        from wavesweep.for_all.varying import Rules
-        from wavesweep.passive.every_hand import EveryHandGuarantee
-
-        guarantees = [EveryHandGuarantee(Rules.of(spec))]
-    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in guarantees]
+    return [*stages, *_guaranteed(own, hands)]
 
 
-def _for_all(spec: Spec, own: Job) -> Stage:
-    """The stage of rows for all numbers of [for_all]."""
-    from wavesweep.for_all.rows import ForAllGuarantee, refuse_unsuitable_ranges
-    from wavesweep.for_all.varying import Rules
+def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
+    """Yield the stages of what a run guarantees beside its own job."""
+    from wavesweep.core.analyses.intervals import guaranteed
+    from wavesweep.core.sweep.job import cut_otherwise
+    from wavesweep.core.tables.hands import guarantees_of
 
-    spec.refuse_require("[for_all]")
-    if own.asked.require:
-        raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
-    refuse_unsuitable_ranges(spec, own.asked.axis.path)
-    guarantee = ForAllGuarantee(Rules.of(spec))
-    return Stage(guarantee.kind, _guaranteed(own, guarantee), guarantee.method)
+    for each in guarantees_of(own, hands):
+        yield Stage(each.kind, guaranteed(cut_otherwise(own, deep=FEW), each), each.method)
 
 
 def of_calls(own: Job) -> Columns:
-    """The rows of a job of the library, computed in this process, without derived columns; for all of [for_all] too if there is
-    one.
+    """The rows of a job of the library, computed in this process, without derived columns, and those of what is guaranteed
+    beside.
 
-    Errors: UsageError for numbers, or a requirement, that [for_all] cannot be held for beside.
+    Errors: UsageError for numbers, or a requirement, beside which that cannot be had.
     """
     from wavesweep.core.sweep.running import in_memory
 
-    spec = own.grid.spec
-    if spec.for_all:
+    stages = [Stage("", own, ""), *_guaranteed(own, None)]
+    if len(stages) > 1:
         import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
-    stages = [Stage("", own, ""), *([_for_all(spec, own)] if spec.for_all else [])]
-    swept = {axis.path for axis in own.grid.axes}
-    if wrong := [axis.name for axis in (spec.for_all.axes if spec.for_all else ()) if axis.path in swept]:
-        raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
-    return joined(_finished(in_memory(each.job), each.hand, None, len(stages) > 1, bool(spec.for_all)) for each in stages)
-
-
-def _guaranteed(own: Job, guarantee: Guarantee | ForAllGuarantee | EveryHandGuarantee) -> Job:
-    from wavesweep.core.analyses.intervals import guaranteed
-    from wavesweep.core.sweep.job import cut_otherwise
-
-    return guaranteed(cut_otherwise(own, deep=FEW), guarantee)
+    return joined(_finished(in_memory(each.job), each, stages, None) for each in stages)
 
 
 def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:
@@ -143,7 +117,7 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield _completed(block, stage.hand, hands, len(stages) > 1, bool(spec.for_all))
+        yield _completed(block, stage, stages, hands)
 
 
 def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
@@ -158,27 +132,28 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
         yield prover.prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
 
 
-def _completed(block, word, hands, several, for_all) -> Columns:
-    return KINDS[2 if hands else 0].completed(_finished(block, word, hands, several, for_all))
+def _completed(block, stage, stages, hands) -> Columns:
+    return KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
 
 
-def _finished(block, word, hands, several, for_all) -> Columns:
-    """The block, with a column that says whose its rows are if there are several kinds of rows, or hands."""
-    if hands is None and not several:
+def _finished(block, stage, stages, hands) -> Columns:
+    """The block, with a column that says whose its rows are if there are several kinds, and the columns of all."""
+    from wavesweep.core.analyses.interval_records import RECORD
+
+    if len(stages) == 1:
         return block
-    rows, whose, about = len(block["along"]), "hand", [each.name for each in ABOUT_ENDS] if hands and hands.box else []
-    if hands is None or for_all:
-        whose, about = "hand" if hands else "guarantee", [each.name for each in (*FOR_ALL[1:], *LEFT_OPEN)]
-    missing = dict.fromkeys(about, np.full(rows, np.nan)) | {"settled": block["certified"]}
-    missing |= {name: np.full(rows, "", dtype=object) for name in about if name in ("counterexample", "left_open")}
+    own = {name: each.job.dtype[name].kind for each in stages for name in each.job.dtype.names if name not in RECORD.names}
+    rows = len(block["along"])
+    missing = {name: np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan) for name, kind in own.items()}
+    missing |= {"settled": block["certified"]} if "settled" in own else {}
     found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
-    found = missing | found | {whose: np.full(rows, word or "spec", dtype=object)}
-    left_out = {each.name for each in (*ABOUT_ENDS, *LEFT_OPEN)} - {*about}
-    return {name: column for name, column in found.items() if name not in left_out}
+    whose = np.full(rows, stage.hand or "spec", dtype=object)
+    return missing | found | {"hand" if hands else "guarantee": whose}
 
 
-def _notices(spec, own, hands) -> Iterator[str]:
+def _notices(spec, stages) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
+    own = stages[0].job
     axis, required = own.asked.axis, own.asked.require
     if required:
         yield f"[sweep] require: the intervals, here and in the figure, are those with {required_in_words(required.written())}"
@@ -188,7 +163,8 @@ def _notices(spec, own, hands) -> Iterator[str]:
         yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
     yield from notices_of(own.grid)
     yield from spans_held(spec, axis.path)
-    yield from hands.notices(own) if hands else ()
+    for stage in stages:
+        yield from stage.job.asked.guarantee.notices(own) if stage.job.asked.guarantee else ()
 
 
 def _facts(spec, hands, stages, certified, timings) -> dict:
@@ -197,7 +173,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     own = stages[0].job
     swept = [own.asked.axis.path, *(axis.path for axis in own.grid.axes)]
-    facts = facts_of(spec, methods, counts, timings, list(_notices(spec, own, hands)), swept)
+    facts = facts_of(spec, methods, counts, timings, list(_notices(spec, stages)), swept)
     facts |= {"require": own.asked.require.written()} if own.asked.require else {}
     facts |= _limits_of_walls(spec, own.asked.axis.path, swept)
     return facts | (hands.facts() if hands else {})
@@ -214,18 +190,10 @@ def _limits_of_walls(spec, along, swept) -> dict:
     return {"limits_of_walls": limits} if limits else {}
 
 
-def hands_of(words: str | Iterable[str]) -> Hands | None:
-    """The guarantees that words of `--for-hands` name, which a capability reads; None without a word. Errors: UsageError."""
-    for each in modules("hands"):
-        return each.hands_of(words)
-    if words:
-        raise UsageError(f"hands: expected the capability passive for {words!r:.60}, found that it is not there")
-    return None
-
-
 def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
     """A way to compute rows of a table with these facts again."""
     from wavesweep.core.spec import load
+    from wavesweep.core.tables.hands import hands_of
 
     spec, along = load(facts["spec"]), along or facts.get("along")
     run = spec, along, hands_of(facts.get("for_hands", ()))

@@ -8,9 +8,9 @@ from support.marched_hands import growth, random_hand
 from support.specs import values_of
 
 from wavesweep.core.errors import UsageError
+from wavesweep.for_all import every_hand_proof as every_hand
+from wavesweep.for_all.every_hand_proof import EveryHand
 from wavesweep.for_all.frames import FRAME, Frames
-from wavesweep.passive import proof as every_hand
-from wavesweep.passive.proof import EveryHand
 
 WALL = {"device.velocity": "difference", "environment.integration": "explicit"}
 

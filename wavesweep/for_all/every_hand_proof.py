@@ -9,7 +9,7 @@ of x. Counted from there they follow `s+ = A s + B u`, and the force is `f = k x
     F = [P_i 0; 0 d/T] + [0 C'/2; C/2 D - k/2] - [A B]' P_j [A B]
 
 is positive definite for every kind of tick from node i to j: x cancels, but for `k u^2/2`. The nodes are what may still happen,
-such as the ticks since the last sample and whether its result is in place. `robust.dissipation` finds P and the least d in
+such as the ticks since the last sample and whether its result is in place. `for_all.dissipation` finds P and the least d in
 doubles; here F is computed in balls, and eliminated. With less than what a kind of frame needs that is repeated for ever
 (`damping_needed`), a hand takes out energy: this refutes.
 """
@@ -18,22 +18,20 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from flint import arb, arb_mat
+from flint import arb, arb_mat, ctx
 
+from wavesweep.capabilities import modules
 from wavesweep.core.drawing.drawing import Drawing, DrawnBlock
 from wavesweep.core.energy.held_loop import device_of
-from wavesweep.core.energy.lifted_map import TickMaps, closure
+from wavesweep.core.energy.lifted_map import TickMaps, closure, damping_peak
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.from_drawing import rate_of
 from wavesweep.core.stability.spectrum import is_stable
 from wavesweep.for_all.checking import Norms
+from wavesweep.for_all.dissipation import automaton, least_damping
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import Symbol, alive
 from wavesweep.for_all.plan import Plan
-from wavesweep.passive.any_hand import peak_of
-from wavesweep.passive.dissipation import automaton, least_damping
-from wavesweep.prove.columns import precision
-from wavesweep.prove.ticks import Loop
 
 BITS = 192
 MOST = 1500  # unknown numbers of the stored energies, which take some seconds
@@ -115,7 +113,7 @@ class EveryHand:
 
         Nothing may read the velocity of the mass that the hand holds. Errors: UsageError if it is too large.
         """
-        with precision(BITS):
+        with ctx.workprec(BITS):
             index, maps = _ticks(plan)
             rows, samples, symbols, follows = plan.written(index)
             joined: dict[tuple[int, ...], int] = {}
@@ -137,7 +135,7 @@ class EveryHand:
 
     def pulls(self, stiffness: float) -> bool:
         """Whether the loop and a spring of the device (N/m) push it away from where it is, all in all."""
-        with precision(BITS):
+        with ctx.workprec(BITS):
             return bool(self.stiffness + arb(stiffness - ROOM * abs(stiffness)) < 0)
 
     def needed(self) -> Needed:
@@ -178,13 +176,13 @@ class EveryHand:
         lifted = ticks.lifted()
         if not self.follows[word[-1], word[0]] or (lifted.E.size and not is_stable(lifted.E)[0]):
             return -np.inf, word, np.nan
-        peak = peak_of(ticks, lifted, np.array([self.period]), np.zeros(1))
+        peak = damping_peak(ticks, lifted, np.array([self.period]), np.zeros(1))
         value = float(peak.value[0]) if peak.certified[0] else -np.inf
         return value, word, float(peak.theta[0] / (self.period * ticks.kind.size))
 
     def _dissipates(self, norms: Norms, damping: float) -> bool:
         """Whether F is positive definite on every edge, and each P as well: elimination meets positive pivots alone."""
-        with precision(BITS):
+        with ctx.workprec(BITS):
             stored = [arb_mat(P.tolist()) for P in norms.P]
             found = all(map(_definite, (P.tolist() for P in stored)))
             for source, edge, target in zip(norms.graph.source, norms.graph.symbol, norms.graph.target, strict=True):
@@ -235,9 +233,11 @@ def with_ruler(drawing: Drawing) -> Drawing:
 
 def _ticks(plan: Plan):
     """The index of each kind of tick at each period of the slow blocks, and its map of a loop with a ruler."""
-    index, maps = {}, {}
+    index, maps, balls = {}, {}, next(modules("ticks"), None)
+    if balls is None:
+        raise UsageError("hand passive while frames vary: proofs are of the capability prove, which is not there")
     for step in plan.steps:
-        loop = Loop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
+        loop = balls.Loop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
         running = plan.schedule.running([block.name for block in loop.blocks])
         loop.kinds = tuple(tuple(np.flatnonzero(each).tolist()) for each in running)
         found = loop.tick_maps(arb(0))

@@ -8,10 +8,10 @@ from support.specs import values_of
 from wavesweep.check.verdict import verdict, verdict_lines
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
+from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.intervals import intervals, rows_again
-from wavesweep.passive.every_hand import damping
-from wavesweep.passive.hands import hands_of
-from wavesweep.passive.proof import EveryHand
+from wavesweep.for_all.every_hand import damping
+from wavesweep.for_all.every_hand_proof import EveryHand
 
 VARYING = {"rates.ratio": {"values": [4, 6], "varying": True}}
 DRAWN = {

@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.analyses.loops import held_loop
 from wavesweep.core.drawing.drawing import Drawing, name_of
 from wavesweep.core.drawing.expressions import degree
@@ -19,6 +20,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.from_drawing import scalar_place
 from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.sweep.job import Job
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import agree, members, unstable
 from wavesweep.for_all.rows import (
@@ -32,8 +34,6 @@ from wavesweep.for_all.rows import (
 )
 from wavesweep.for_all.unknown import Case, Part
 from wavesweep.for_all.varying import Rules, placed, text_of
-from wavesweep.passive.any_hand import reads_velocity
-from wavesweep.passive.channel import has_waves
 
 FREE = dict.fromkeys(HAND, 0.0)
 STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for
@@ -44,7 +44,7 @@ REFUSED = "hand passive while frames vary ([for_all]): expected {}, found {}"
 
 
 @dataclass(frozen=True, slots=True)
-class EveryHandGuarantee:
+class EveryHandGuarantee(Guarantee):
     """Every passive hand with all of [for_all], as `Along.guarantee`."""
 
     rules: Rules
@@ -54,6 +54,10 @@ class EveryHandGuarantee:
         "stored energies at the nodes of an automaton of ticks, by a semidefinite program, checked by elimination in ball "
         "arithmetic; refuted by a pattern of frames and a motion of the hand that takes energy out for ever"
     )
+
+    def notices(self, job: Job) -> tuple[str, ...]:  # noqa: ARG002
+        """What the other rows are of."""
+        return ("rows passive hold for all of [for_all], whatever the frames do; the others are of the spec's own numbers",)
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""
@@ -70,7 +74,7 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
     drawing = own_loop(spec, along).drawing
     if rules.messages:
         raise UsageError("for hands: expected a spec without channels, found some")
-    if has_waves(drawing):
+    if drawing.has_waves:
         raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
     if drawing.dead_times:
         raise UsageError(REFUSED.format("delays in ticks", f"seconds of {', '.join(drawing.dead_times)}"))
@@ -109,7 +113,7 @@ def damping(spec: Spec) -> dict[str, object] | None:
     not known), the device's own, and the counterexample. None for loops of which nothing is said."""
     rules = Rules.of(spec)
     loop = Loops(own_loop(spec).drawing, dict(spec.values))
-    if not rules.vary or device_of(loop.drawing) is None or reads_velocity(held_loop(loop)):
+    if not rules.vary or device_of(loop.drawing) is None or held_loop(loop).reads_velocity:
         return None
     try:
         refuse(spec, rules, "")
@@ -130,7 +134,7 @@ class _Margin:
     """What is left of the device's damping beyond what every passive hand needs, at values of the number along."""
 
     def __init__(self, rules: Rules, case: Case, along: str):
-        from wavesweep.passive.proof import with_ruler
+        from wavesweep.for_all.every_hand_proof import with_ruler
 
         self.case, self.along, self.known, self.unmet = case, along, {}, None
         self.plan = rules.plan({**case.values, **FREE}, (along,) if along else ())
@@ -141,7 +145,7 @@ class _Margin:
 
     def at(self, p: float):
         """What is needed at a value, and the least damping of the device there."""
-        from wavesweep.passive.proof import EveryHand, Needed
+        from wavesweep.for_all.every_hand_proof import EveryHand, Needed
 
         own = {self.along: p} if self.along else {}
         key = p if self.along in self.ruled.reads else None

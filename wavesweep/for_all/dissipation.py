@@ -5,8 +5,8 @@ The system goes from states s and a displacement u to `A s + B u`, and takes in 
 
     F = [P_i 0; 0 d] + S - [A B]' P_j [A B]
 
-is positive definite on every edge from i to j. The least such d is a semidefinite program in P and d. `prove.every_hand` checks
-what is found here.
+is positive definite on every edge from i to j. The least such d is a semidefinite program in P and d. `every_hand_proof`
+checks what is found here.
 """
 
 from collections.abc import Callable, Iterator

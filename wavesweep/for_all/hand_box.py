@@ -1,0 +1,132 @@
+"""Hands in a box of masses, dampings and stiffnesses, and the intervals that hold for all of them."""
+
+import re
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wavesweep.core.analyses.interval_records import RECORD, blank_records
+from wavesweep.core.analyses.intervals import Guarantee
+from wavesweep.core.analyses.loops import held_loop
+from wavesweep.core.arguments import real_numbers
+from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import Axis
+from wavesweep.core.sweep.grid import Loops
+from wavesweep.for_all.unknown import Case, Part, proofs
+
+_RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
+MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
+END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
+BOX_RECORD = np.dtype([*RECORD.descr, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?")])
+
+
+@dataclass(frozen=True, slots=True)
+class HandBox:
+    """Ranges (low, high) of the hand's mass (kg), damping (N*s/m) and stiffness (N/m), all at least 0."""
+
+    mass: tuple[float, float]
+    damping: tuple[float, float]
+    stiffness: tuple[float, float]
+
+    def __post_init__(self):
+        for name in ("mass", "damping", "stiffness"):
+            given = getattr(self, name)
+            ends = real_numbers(given)
+            if ends is None or ends.shape != (2,):
+                raise ValueError(f"hand box: {name} expected (low, high), found {given!r:.60}")
+            low, high = map(float, ends)
+            if not 0 <= low <= high < np.inf:
+                raise ValueError(f"hand box: {name} expected 0 <= low <= high, found ({low!r}, {high!r})")
+
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Low and high of each number, by its path."""
+        return dict(
+            zip(HAND, [(float(low), float(high)) for low, high in (self.mass, self.damping, self.stiffness)], strict=True)
+        )
+
+
+HOLDING_A_DEVICE = HandBox(mass=(0.005, 0.6), damping=(2.0, 10.0), stiffness=(100.0, 1000.0))
+"""From one finger to the whole arm.
+
+Heavy, soft end: an arm at the handle of a HapticMaster, fitted with 0.554 kg, 6.45 N*s/m, 135 N/m (W. van Beek,
+W. Bergmann Tiest, W. Mugge, A. Kappers, Haptic perception of force magnitude and its relation to postural arm dynamics
+in 3D, Scientific Reports 5:18004, 2015, caption of Figure 3: one trial of one participant; authors and year quoted from
+memory). Light, stiff end: a fingertip, of the order of 5 g, 2 to 10 N*s/m and 200 to 1000 N/m for forces of 2 to 20 N
+(A. Hajian, R. Howe, Identification of the mechanical impedance at the human finger tip, J. Biomech. Eng. 119, 1997;
+quoted from memory, not checked). The box is the hull of both, rounded outwards.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class BoxGuarantee(Guarantee):
+    """Every hand of a box."""
+
+    box: HandBox
+    kind = "box"
+    order = 1
+    replaces = True
+    dtype = BOX_RECORD
+    method = (
+        "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
+        "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else "
+        "searched"
+    )
+
+    @property
+    def word(self) -> str:
+        """The box as a word of --for-hands."""
+        ranges = ((field.name, getattr(self.box, field.name)) for field in fields(HandBox))
+        texts = (f"{name}={'..'.join(repr(float(end)).removesuffix('.0') for end in ends)}" for name, ends in ranges)
+        return f"box:{','.join(texts)}"
+
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop; it takes from tenths of a second to some seconds."""
+        return self.records(held_loop(loop), along, span)
+
+    def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
+        """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
+        loop, ends = loop.with_hand(), self.box.ranges()
+        ranges = [Axis(path, path, (), low, high, structural=False) for path, (low, high) in ends.items() if low < high]
+        known = {path: low for path, (low, high) in ends.items() if low == high}
+        case = Case(Loops(loop.drawing, {**loop.values, **known}), along, span, ranges, known)
+        found = list(proofs([case], span, MARGIN))
+        low, high = (np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high"))
+        records = blank_records(low, high, BOX_RECORD)
+        records["settled"] = case.vouched if found else case.certified
+        for record, (part, proved) in zip(records, found, strict=False):
+            record["settled"] &= _all_but_margin(part, proved)
+            for end in ("low", "high"):
+                record[f"{end}_omega"] = getattr(part, f"{end}_omega")
+                if by := getattr(part, f"{end}_by"):
+                    for name, path in zip(END_HANDS[end], HAND, strict=True):
+                        record[name] = by[path]
+        return records
+
+
+def _all_but_margin(part: Part, proved: tuple[float, float] | None) -> bool:
+    low, high = part.within(MARGIN)
+    return proved is not None and proved[0] <= low and high <= proved[1]
+
+
+def box_in_words(text: str | None) -> BoxGuarantee:
+    """The box whose ranges a word of --for-hands has behind its colon; None: that of the literature.
+
+    Errors: UsageError for a text, ValueError for ranges that are empty.
+    """
+    return BoxGuarantee(HOLDING_A_DEVICE if text is None else replace(HOLDING_A_DEVICE, **_ranges(text)))
+
+
+def _ranges(text: str) -> dict[str, tuple[float, float]]:
+    """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
+    found: dict[str, tuple[float, float]] = {}
+    for part in text.split(","):
+        name, low, high = matched.groups() if (matched := _RANGE.fullmatch(part)) else ("", "", "")
+        if name in found:
+            raise UsageError(f"hand box: expected one range of {name}, found two")
+        try:
+            found[name] = (float(low), float(high))
+        except ValueError:
+            expected = "ranges such as mass=0.1..0.5 (mass, damping, stiffness)"
+            raise UsageError(f"hand box: expected {expected}, found {part.strip()!r:.60}") from None
+    return found
