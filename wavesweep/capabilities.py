@@ -6,6 +6,7 @@ list what there is. A capability is taken away by deleting its folder, its tests
 
 diagram: the picture of a loop, `diagram` of a spec.
 marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
+keys: what the core has to know of a table of a spec, `TABLE` (see `core.reading.tables`).
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`); `of_word`, the one
 for a word of --for-hands; `of_run`, those of a run (see `core.tables.hands`).
 ticks: `Loop`, a loop tick by tick in ball arithmetic.
@@ -67,7 +68,7 @@ def _published() -> Iterator[Capability]:
 
 
 CAPABILITIES = (
-    Capability("for_all", tables=("for_all",), offers=("guarantee", "on_check")),
+    Capability("for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check")),
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
@@ -88,6 +89,7 @@ CAPABILITIES = (
         tables=("simulate",),
         kinds=("simulate", "simulate-response"),
         library=("simulate", "Loop.simulate", "Loop.plot_simulate", "DrawnLoop.simulate"),
+        offers=("keys",),
     ),
     Capability(
         "passive",
@@ -115,7 +117,7 @@ CAPABILITIES = (
         tables=("design",),
         kinds=("design",),
         library=("design",),
-        offers=("on_check",),
+        offers=("keys", "on_check"),
     ),
     Capability(
         "reports",
@@ -128,16 +130,27 @@ CAPABILITIES = (
         tables=("measured",),
         kinds=("identify", "identify-response"),
         library=("identify",),
-        offers=("marks", "on_check"),
+        offers=("keys", "marks", "on_check"),
     ),
     Capability(
         "explore",
         {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
     ),
-    Capability("require", offers=("bound",)),
+    Capability("require", tables=("sweep.require",), offers=("bound", "keys")),
     Capability("prove", offers=("prover", "ticks")),
     Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
     *_published(),
+)
+
+# Tables of a spec, in the order in which messages list them, and the capabilities that read them, there or not.
+TABLES = MappingProxyType(
+    {
+        "for_all": "for_all",
+        "simulate": "simulation",
+        "measured": "identification",
+        "design": "designs",
+        "sweep.require": "require",
+    }
 )
 
 

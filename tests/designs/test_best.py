@@ -57,7 +57,7 @@ def test_what_it_holds_for_all_of_stays_in_for_all_and_the_device_keeps_its_enco
 def test_a_drawn_loop_is_looked_along_its_number_sweeps_no_other_that_was_chosen_and_keeps_its_experiment():
     ranges = {"kv": {"start": 5, "stop": 200}, "kp": {"start": 0.1, "stop": 10}}
     spec = load(Path(__file__).parents[2] / "sweeps/templates/position-loop.toml")
-    spec = load(spec.as_simulated().tables() | {"design": {"vary": ranges, "wish": {"settling": {"at_most": 0.1}}}})
+    spec = load(spec.asking("simulate").tables() | {"design": {"vary": ranges, "wish": {"settling": {"at_most": 0.1}}}})
     found = load(tomllib.loads(text_of(spec, {"kv": 20.0, "kp": 1.5, "settling": 0.05}, 0.0)))
     assert ([axis.name for axis in found.sweep], found.along) == (["kv"], "kv")
     assert (found.values["numbers.kp"], found.simulate["input"], found.simulate["duration_s"]) == (1.5, "step", 0.5)

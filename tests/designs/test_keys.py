@@ -46,12 +46,12 @@ def test_a_design_is_read_whole():
 def test_the_design_is_part_of_the_request_only_if_it_is_asked_for():
     spec, plain = load(LOOP | {"design": DESIGN}), load(LOOP)
     assert spec.sha256 == plain.sha256
-    asked = spec.as_designed()
+    asked = spec.asking("design")
     assert asked.sha256 != plain.sha256
-    again = load(asked.tables()).as_designed()
+    again = load(asked.tables()).asking("design")
     assert (again.sha256, again.design) == (asked.sha256, asked.design)
     with pytest.raises(UsageError, match=r"expected the tables \[design.vary\] and \[design.wish\], found none"):
-        plain.as_designed()
+        plain.asking("design")
 
 
 @pytest.mark.parametrize(
@@ -69,9 +69,9 @@ def test_numbers_that_ratios_set_may_go_to_the_ends_of_their_ranges(varied, rati
 
 def test_a_drawn_design_is_the_same_from_its_tables():
     asked = {"vary": {"block.arm.mass": [0.1, 0.2], "kp": {"start": 1, "stop": 2}}, "wish": {"settling": {"at_most": 1.0}}}
-    spec = load(
-        tomllib.loads(ARM) | {"design": asked | {"for_all": {"block.net.steps": {"start": 0, "stop": 3}}}}
-    ).as_designed()
-    assert load(spec.tables()).as_designed().sha256 == spec.sha256
+    spec = load(tomllib.loads(ARM) | {"design": asked | {"for_all": {"block.net.steps": {"start": 0, "stop": 3}}}}).asking(
+        "design"
+    )
+    assert load(spec.tables()).asking("design").sha256 == spec.sha256
     assert spec.design.for_all[0].values == (0, 3)
     assert spec.values["block.arm.mass"] == 0.2

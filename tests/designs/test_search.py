@@ -224,7 +224,7 @@ def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed)
     def own(**wish):
         design = {"vary": {"device.damping": {"start": 1, "stop": 2}}, "for_all": listed, "wish": wish}
         spec = load(tables | {"design": design})
-        return study.own_design(spec.as_designed(), study.job_of(spec))
+        return study.own_design(spec.asking("design"), study.job_of(spec))
 
     found = own(felt={}, z_width={"at_least": 1}, damping_ratio=ratio | {"walls": [50]})
     wall = found["z_width"]

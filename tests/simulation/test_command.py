@@ -155,7 +155,7 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
 def test_a_mode_that_has_not_died_out_where_a_sine_is_measured_is_told(kind):
     def said(settle):
         spec = {"controller": {"kind": kind}, "simulate": {"settle_s": settle, "duration_s": settle + 2, "frequency_hz": [5]}}
-        (notice,) = tables_of(library.load(spec).as_simulated())[1].facts["notices"] or [""]
+        (notice,) = tables_of(library.load(spec).asking("simulate"))[1].facts["notices"] or [""]
         return notice
 
     constant = library.verdict({"controller": {"kind": kind}})["slowest"]["time_constant_s"]

@@ -22,7 +22,7 @@ from wavesweep.simulation.table import simulate as simulation_tables
 def simulation(kind="pmw-lm", **simulate):
     """The columns and facts of a simulation."""
     loop = {"controller": {"kind": kind}, "operator": {"stiffness": 100.0}}
-    spec = load(loop | {"simulate": {"frequency_hz": 1} | simulate}).as_simulated()
+    spec = load(loop | {"simulate": {"frequency_hz": 1} | simulate}).asking("simulate")
     return recorded(simulated(spec)), {"spec": spec.tables()}
 
 
@@ -122,7 +122,7 @@ def test_a_name_that_sticks_out_keeps_its_numbers_and_gets_room():
 
 def test_a_loop_without_a_hand_is_drawn_again_from_its_file(tmp_path):
     spec = load(Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml")
-    *_, run = simulation_tables(spec.as_simulated())
+    *_, run = simulation_tables(spec.asking("simulate"))
     _, columns, facts = read_table(save(run, tmp_path / "simulate.parquet"))
     assert list(columns) == list(run.columns)
     assert len(plots.simulate(columns, facts).axes) == 6

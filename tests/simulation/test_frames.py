@@ -191,9 +191,9 @@ def test_energy_out_of_the_channel_is_counted_over_the_step_of_each_frame():
 
 @pytest.mark.parametrize("frames", [[16, {"ticks": 20, "delay": 0}], [{"ticks": 20, "lost": True}]])
 def test_frames_that_are_written_can_be_read_again(frames):
-    spec = fig4(frames).as_simulated()
+    spec = fig4(frames).asking("simulate")
     assert spec.tables()["simulate"]["frames"] == frames
-    assert load(spec.tables()).as_simulated().sha256 == spec.sha256
+    assert load(spec.tables()).asking("simulate").sha256 == spec.sha256
     assert load(FIG4, ["simulate.frames=[16, 16]"]).simulate["frames"] == fig4([16, 16]).simulate["frames"]
 
 

@@ -5,9 +5,8 @@ import pickle
 import pytest
 
 from wavesweep.core.errors import SpecError
-from wavesweep.core.reading.keys import SIMULATE_KEYS
 from wavesweep.core.spec import load
-from wavesweep.simulation.keys import step_seconds
+from wavesweep.simulation.keys import KEYS, step_seconds
 
 LOOP = {"controller": {"kind": "pmw"}}
 
@@ -17,8 +16,8 @@ def simulate(**given):
 
 
 def test_every_key_has_its_default():
-    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()}
-    assert dict(load(LOOP).simulate) == defaults | {"frequency_hz": (5.0,), "duration_s": 10.0}
+    defaults = {path.split(".")[1]: key.default for path, key in KEYS.items()}
+    assert load(LOOP).simulate.values == defaults | {"frequency_hz": (5.0,), "duration_s": 10.0}
 
 
 @pytest.mark.parametrize(
@@ -40,8 +39,8 @@ def test_each_input_reads_its_frequencies(given, frequencies):
 
 @pytest.mark.parametrize("kind", ["sine", "chirp", "step", "noise"])
 def test_what_is_written_can_be_read_again(kind):
-    spec = load(LOOP | {"simulate": {"input": kind}}).as_simulated()
-    assert load(spec.tables()).as_simulated().sha256 == spec.sha256
+    spec = load(LOOP | {"simulate": {"input": kind}}).asking("simulate")
+    assert load(spec.tables()).asking("simulate").sha256 == spec.sha256
 
 
 def test_the_default_steps_pass_by_the_multiples_of_half_the_slow_rate():
@@ -54,12 +53,12 @@ def test_other_commands_do_not_depend_on_it():
     plain, asked = load(LOOP), load(LOOP | {"simulate": {"friction": 0.2}})
     assert plain.sha256 == asked.sha256
     assert "simulate" not in asked.tables()
-    assert plain.as_simulated().sha256 != asked.as_simulated().sha256
-    assert asked.as_simulated().tables()["simulate"]["friction"] == 0.2
+    assert plain.asking("simulate").sha256 != asked.asking("simulate").sha256
+    assert asked.asking("simulate").tables()["simulate"]["friction"] == 0.2
 
 
 def test_a_simulated_spec_keeps_what_it_is_when_values_change_and_when_it_travels():
-    spec = load(LOOP | {"simulate": {"wall": 0.01}}).as_simulated()
+    spec = load(LOOP | {"simulate": {"wall": 0.01}}).asking("simulate")
     changed = spec.with_values({"controller.b": 40.0})
     assert changed.tables()["simulate"]["wall"] == 0.01
     assert pickle.loads(pickle.dumps(changed)).sha256 == changed.sha256  # noqa: S301 - made on the line
@@ -85,8 +84,8 @@ def test_a_slow_loop_is_no_mistake_until_it_is_simulated():
     slow = LOOP | {"rates": {"fast_hz": 8.0}, "filters": {"lp1": {"order": 0}, "hp": {"order": 0}, "lp2": {"order": 0}}}
     spec = load(slow)
     with pytest.raises(SpecError, match=r"simulate\.frequency_hz: expected numbers < 4\.0"):
-        spec.as_simulated()
-    assert load(slow, ["simulate.frequency_hz=1"]).as_simulated().simulate["frequency_hz"] == (1.0,)
+        spec.asking("simulate")
+    assert load(slow, ["simulate.frequency_hz=1"]).asking("simulate").simulate["frequency_hz"] == (1.0,)
 
 
 def test_a_step_lasts_whole_periods_and_a_second():

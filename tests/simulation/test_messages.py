@@ -37,7 +37,7 @@ def test_a_simulation_draws_its_losses_unless_a_pattern_is_given():
     assert 0.2 < (late == -1).mean() < 0.4
     given = load(spec.tables() | {"simulate": {"input": "step", "messages": {"net": [0, "2 lost", 1]}}})
     assert simulated(given).late[:8].tolist() == [0, -1, -1, 1, 0, -1, -1, 1]
-    assert load(given.as_simulated().tables()).simulate["messages"] == {"net": (0, None, None, 1)}
+    assert load(given.asking("simulate").tables()).simulate["messages"] == {"net": (0, None, None, 1)}
 
 
 @pytest.mark.sample(12)

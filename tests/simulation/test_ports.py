@@ -5,10 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drawn import DRIVE, WALL, drive
+from support.drawn import DRIVE, NETWORK, WALL, drive
 
 import wavesweep
+from wavesweep.core.drawing.block_types import RUN_COLUMNS
+from wavesweep.core.errors import SpecError
 from wavesweep.core.spec import load
+from wavesweep.core.tables import kind_named
+from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.table import simulate
 
 NAMES = ["tick", "frame", "phase", "time_s", "ref", "load", "error", "speed", "angle", "torque", "twice"]
@@ -62,7 +66,7 @@ def test_a_hand_and_inputs_have_their_columns_beside_each_other():
 
 
 def test_an_unstable_loop_without_a_hand_runs_up_to_the_last_finite_row():
-    (found,) = simulate(load(tables(duration_s=20.0), ["kp=60"]).as_simulated())
+    (found,) = simulate(load(tables(duration_s=20.0), ["kp=60"]).asking("simulate"))
     rows, wanted = (found.facts["ticks"][name] for name in ("simulated", "wanted"))
     assert 0 < rows < wanted
     assert found.facts["ticks"]["stopped"] == "numbers overflow"
@@ -102,3 +106,41 @@ def test_inner_signals_are_those_of_declared_outputs():
     assert (shown.response_re == declared.response_re).all()
     with pytest.raises(wavesweep.UsageError, match=r"did you mean `motor\.v`"):
         loop.response(to="moter.v")
+
+
+def test_a_loop_without_a_hand_has_a_step_of_its_first_input():
+    spec = load(tomllib.loads(DRIVE))
+    assert (spec.simulate["input"], entry_of(spec)) == ("step", "ref")
+    assert entry_of(load(tomllib.loads(DRIVE), ["simulate.from=load", "simulate.input=noise"])) == "load"
+
+
+def test_a_loop_that_nothing_reaches_is_not_simulated():
+    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, found neither"):
+        load(tomllib.loads(NETWORK)).asking("simulate")
+
+
+def test_no_port_has_the_name_of_a_column_of_a_simulation():
+    assert {field.name for field in kind_named("simulate").fields} == RUN_COLUMNS
+
+
+def test_a_signal_that_is_asked_for_is_an_output_like_a_declared_one():
+    """Outputs and inputs of blocks and named signals, with the units that are known; the resolved spec declares them."""
+    spec = load(tomllib.loads(DRIVE) | {"bode": {"to": "motor.f"}, "simulate": {"show": ["motor.x", "control.u", "error"]}})
+    asked = {name: unit for name, _, unit in spec.drawing.outputs[4:]}
+    assert asked == {"motor.f": "N*m", "motor.x": "rad", "control.u": "", "error": ""}
+    assert spec.routes == (("ref", "motor.f"), ("load", "motor.f"))
+    again = load(spec.asking("simulate").tables()).asking("simulate")
+    assert (again.sha256, again.drawing.outputs[4:] != ()) == (spec.asking("simulate").sha256, True)
+    for name in ("torque.y", "spedd"):
+        with pytest.raises(SpecError, match=r"simulate.show: expected an output in \[ports\] .* or a signal BLOCK.PORT"):
+            load(tables(show=[name]))
+    with pytest.raises(SpecError, match=r"it has none"):
+        load({"controller": {"kind": "pmw"}}, ["simulate.show=avatar.out"])
+
+
+def test_a_mass_has_the_units_of_its_number():
+    """It may turn, so that its unit is known only if that of its mass is."""
+    for unit, force in (("kg", "N"), ("kg*m^2", "N*m"), ("", "")):
+        text = WALL.replace("mass = 0.1", 'mass = "M"').replace("n = 3", f'n = 3\nM = {{ value = 0.1, unit = "{unit}" }}')
+        spec = load(tomllib.loads(text), ["bode.to=m.f"])
+        assert spec.drawing.outputs[-1][::2] == ("m.f", force)

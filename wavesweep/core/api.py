@@ -20,8 +20,9 @@ from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.loops.from_drawing import OUTPUT
 from wavesweep.core.loops.multirate import MultirateLoop, first_of
 from wavesweep.core.monodromy.drift import drift_of_drawn
-from wavesweep.core.spec import Axis, Require, Spec, load
+from wavesweep.core.spec import Axis, Spec, load
 from wavesweep.core.spec.loading import naming
+from wavesweep.core.spec.studies import value_of
 from wavesweep.core.sweep.grid import Grid, keys_of, make_grid, own_loop
 from wavesweep.core.sweep.running import Options
 from wavesweep.core.tables import intervals, kind_named, responses
@@ -136,7 +137,7 @@ class Loop:
         from wavesweep.core.analyses.intervals import job_over
 
         grid, axis = self._asked(along, span, axes)
-        job = job_over(grid, axis, require=None if require is None else Require.of(require))
+        job = job_over(grid, axis, require=None if require is None else value_of("sweep.require", require))
         return self._frame("zwidth", intervals.of_calls(job))
 
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:

@@ -132,8 +132,9 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
     sweep |= {name: values for name, values in held.items() if name not in swept}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
-    tables["simulate"] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
-    if spec.simulate["input"] != "record":
+    if spec.simulate:
+        tables["simulate"] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
+    if spec.simulate and spec.simulate["input"] != "record":
         tables["simulate"] |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
     said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
     for path in spec.given:

@@ -36,7 +36,6 @@ def design(spec: str, checked: str, options: Options) -> None:
       wavesweep design sweeps/design/front.toml
     """
     from wavesweep.core.cli.output import produce
-    from wavesweep.core.spec import Spec
 
     def compute(specs, **work):
         from wavesweep.designs import study
@@ -45,4 +44,4 @@ def design(spec: str, checked: str, options: Options) -> None:
         table = study.design(*specs, for_hands=checked, **work)
         return [with_best(table, specs[0]) if options.to_folder else table]
 
-    produce(["design"], [spec], options, compute, asked=Spec.as_designed)
+    produce(["design"], [spec], options, compute, asked=lambda spec: spec.asking("design"))

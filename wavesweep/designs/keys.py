@@ -5,16 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import Drawing, path_of
+from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.axes import Axis
-from wavesweep.core.reading.checking import Mistakes, apart, show
-from wavesweep.core.reading.keys import BAND_EDGES, DESIGN_KEYS, KEYS, VALUE_PATHS, Key, Names, number
+from wavesweep.core.reading.checking import Mistakes, Rejected, apart, check, show
+from wavesweep.core.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS, Key, Names, by_path, number, whole
 from wavesweep.core.reading.reading import Leaf, Place
-from wavesweep.core.reading.sorting import HANDS, RATIOS, VARIED, WISHED, Sorted
+from wavesweep.core.reading.sorting import Sorted
+from wavesweep.core.reading.tables import Asked, Section, Table
+from wavesweep.core.spec.studies import K_VE_SPAN, hardware_of
 from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
 
+if TYPE_CHECKING:
+    from wavesweep.core.spec.schema import Shapes
+    from wavesweep.core.spec.spec import Spec
+    from wavesweep.core.spec.studies import Request
+
+VARIED, FOR_DESIGNS, WISHED = (f"design.{name}" for name in ("vary", "for_all", "wish"))
+RATIOS, HANDS = "design.for_all ratios", "design.for_all.hand"  # where the leaves of these are sorted to
+DESIGN_KEYS = by_path(
+    [
+        whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
+        whole("design.population", 96, "designs of a generation", 8, 10_000),
+        whole("design.generations", 80, "generations of the search", 1, 100_000),
+    ]
+)
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
 MOST_SCENARIOS = 4096
 HAND = ("mass", "damping", "stiffness")
@@ -22,7 +40,7 @@ NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls b
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class Design(Asked):
     """The table [design].
 
     vary: axes of numbers; their values if they are choices, otherwise a span. for_all: axes with the values for which a design
@@ -38,14 +56,14 @@ class Design:
     settings: Mapping[str, int]
     place: Place = field(default=Place(), repr=False, compare=False)
 
-    def on(self, experiment: Mapping[str, object], mistakes: Mistakes) -> Design:
+    def with_hardware(self, hardware: Mapping[str, object], mistakes: Mistakes) -> Design:
         """Return the design with the numbers of the device that wishes do not give; add a mistake for each that is missing.
 
-        experiment: the numbers of [simulate] by their last name.
+        hardware: numbers of the device, see `Spec.hardware`.
         """
         wishes = []
         for wish in self.wishes:
-            lacking = {name: experiment[name] for name in OF_DEVICE if name in wish.kind.options and name not in wish.options}
+            lacking = {name: hardware[name] for name in OF_DEVICE if name in wish.kind.options and name not in wish.options}
             known = {name: (float(value),) for name, value in lacking.items() if value}
             wishes.append(replace(wish, options={**known, **wish.options}))
             for name in lacking.keys() - known:
@@ -130,24 +148,48 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
     return ordered
 
 
-def build_design(
-    belongs: Sorted, varied: Sequence[Axis], for_all: Sequence[Axis], names: Names, mistakes: Mistakes
-) -> Design | None:
-    """Return the design and add its mistakes; None if the spec has none, or a wrong one.
-
-    varied, for_all: the axes of [design.vary] and of [design.for_all].
-    """
-    if not belongs.design:
+def build(request: Request) -> Design | None:
+    """Return the design and add its mistakes; None if the spec has none, or a wrong one."""
+    mistakes = request.mistakes
+    varied, for_all = request.axes(VARIED), request.axes(FOR_DESIGNS)
+    request.refuse_other_edges(VARIED, varied, spared=True)  # no design varies an edge
+    request.refuse_other_edges(FOR_DESIGNS, for_all)
+    leaves = {path: leaf for path, leaf in request.belongs.leaves.items() if path == "design" or path.startswith("design.")}
+    if not leaves:
         return None
-    design = _Reader(belongs, names, mistakes).design(varied, for_all)
-    return None if any(mistake.key.startswith("design.") for mistake in mistakes) else design
+    design = _Reader(leaves, request.belongs, request.names, mistakes).design(varied, for_all)
+    if any(mistake.key.startswith("design.") for mistake in mistakes):
+        return None
+    design = design.with_hardware(hardware_of(request.asked, request.given.device()), mistakes)
+    if for_every := request.asked.get("for_all"):
+        design = replace(design, for_all=(*design.for_all, *for_every.ends(design)))
+    if request.hz:
+        design.refuse_beyond_half(request.hz, request.rate, mistakes)
+    if request.drawing:
+        design.refuse_unsuited(request.drawing, mistakes)
+    if request.values is not None:
+        refuse_beyond_limits(request, design)
+    return design
+
+
+def refuse_beyond_limits(request: Request, design: Design) -> None:
+    """Add the mistakes of numbers of a controller's loop that leave the range set by its other values."""
+    wall = next((axis.stop for axis in request.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1])
+    followers = tuple(design.followers(request.values, wall))
+    for section, axes in ((VARIED, design.vary), (FOR_DESIGNS, design.for_all), (FOR_DESIGNS, followers)):
+        request.refuse_beyond_limits(section, axes)
+    for axis, end in ((each, end) for each in followers for end in (each.start, each.stop)):
+        try:
+            check(KEYS[axis.path], float(end))
+        except Rejected as error:
+            request.mistakes.refuse(axis.place, f"design.for_all.{axis.name}", error.expected, f"{show(end)} of {axis.path}")
 
 
 class _Reader:
     """A reading of [design]."""
 
-    def __init__(self, belongs: Sorted, names: Names, mistakes: Mistakes) -> None:
-        self.leaves, self.parts, self.names, self.mistakes = belongs.design, belongs.axes, names, mistakes
+    def __init__(self, leaves: Mapping[str, Leaf], belongs: Sorted, names: Names, mistakes: Mistakes) -> None:
+        self.leaves, self.parts, self.names, self.mistakes = leaves, belongs.axes, names, mistakes
         self.settings = {path: leaf for path, leaf in belongs.keys.items() if path in DESIGN_KEYS}
 
     def refuse(self, path: str, expected: str, found: str) -> None:
@@ -259,3 +301,84 @@ class _Reader:
                 self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", ratio[0])
             if ratio not in leading:
                 self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", f"{ratio[0]}, which follows itself")
+
+
+def demand(spec: Spec) -> None:
+    """Raise UsageError if the spec has no such table."""
+    if spec.design is None:
+        raise UsageError(f"{spec.name}: expected the tables [design.vary] and [design.wish], found none")
+
+
+def _takes_wish(rest: tuple[str, ...], leaf: Leaf, result: Sorted, names: Names) -> bool:
+    """Put every leaf with the parts of its wish."""
+    del names
+    result.axes[WISHED][rest[0]][".".join(rest[1:])] = leaf
+    return True
+
+
+def _takes_hand_or_ratio(rest: tuple[str, ...], leaf: Leaf, result: Sorted, names: Names) -> bool:
+    """Put a leaf with the parts of a hand, or under its ratio; other leaves are of axes."""
+    ratio = ".".join(rest)
+    if rest[0] == "hand":
+        result.axes[HANDS]["hand"][".".join(rest[1:])] = leaf
+    elif "/" in ratio and all(map(names.find, ratio.split("/"))):
+        result.axes[RATIOS][ratio][""] = leaf
+    else:
+        return False
+    return True
+
+
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the table."""
+    values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
+    hand = shapes.table(dict.fromkeys(HAND, values))
+    wishes = {
+        name: _schema_of_wish(shapes, name) for name, kind in WISHES.items() if kind.ports is not None or not shapes.drawn
+    }
+    sections = {
+        "vary": shapes.axes(),
+        "wish": shapes.table(wishes),
+        "for_all": shapes.table({"hand": hand}, shapes.reference("axis")),
+    }
+    return shapes.table({path.rpartition(".")[2]: shapes.value(key) for path, key in DESIGN_KEYS.items()} | sections)
+
+
+def _schema_of_wish(shapes: Shapes, name: str) -> dict[str, Any]:
+    kind = WISHES[name]
+    options = {
+        option: shapes.value(key) if count == 1 else {"type": "array", "items": shapes.value(key), "minItems": count or 1}
+        for option, (key, count) in kind.options.items()
+    }
+    return shapes.table({kind.bound: {"type": "number"}, **options}, description=shapes.described(kind))
+
+
+TABLE = Table(
+    path="design",
+    build=build,
+    keys=DESIGN_KEYS,
+    sections={
+        VARIED: Section(),
+        FOR_DESIGNS: Section(takes=_takes_hand_or_ratio),
+        WISHED: Section(takes=_takes_wish, dotted=False),
+    },
+    demand=demand,
+    described={
+        VARIED: {
+            "description": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
+        },
+        WISHED: {
+            "description": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as "
+            "possible",
+            "wishes": {
+                wish: {"unit": kind.unit, "bound": kind.bound, "options": list(kind.options), "description": kind.description}
+                for wish, kind in WISHES.items()
+            },
+        },
+        FOR_DESIGNS: {
+            "description": "what each design has to hold for; the worst case counts: NAME = [values] of device, hand, delay or "
+            'a ratio ("one key/another"); hand = { mass = [...], damping = [...], stiffness = [...] }',
+        },
+    },
+    hint="[design] also has the tables vary, wish and for_all: `wavesweep keys design.vary` and so on.",
+    schema=schema,
+)

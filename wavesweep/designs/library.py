@@ -18,4 +18,4 @@ def design(source: Source, **work: Unpack[Options]) -> DataFrame:
 
     source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
     """
-    return framed(study.design(spec_of(source).as_designed(), **work))
+    return framed(study.design(spec_of(source).asking("design"), **work))

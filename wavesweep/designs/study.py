@@ -209,7 +209,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
     if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
         raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
-    asked = spec.as_designed().design
+    asked = spec.asking("design").design
     spec.refuse_require("[design]")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
@@ -221,7 +221,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
         _proof_of(spec).refuse_unsuitable(
             spec, spec.wall[0] if {wish.name for wish in asked.wishes} & {"z_width", "felt"} else ""
         )
-    grid, settings = make_grid(spec.as_designed(), ()), asked.settings
+    grid, settings = make_grid(spec.asking("design"), ()), asked.settings
     axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     if axis and stop <= 0:
@@ -268,7 +268,7 @@ def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
 
     Errors: UsageError if these or the wishes do not define a box.
     """
-    asked = spec.as_designed().design
+    asked = spec.asking("design").design
     if not asked.hand:
         raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
     if not any(wish.name == "z_width" for wish in asked.wishes):

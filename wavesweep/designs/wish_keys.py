@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.capabilities import modules
-from wavesweep.core.reading.keys import KEYS, SIMULATE_KEYS, Key, number
+from wavesweep.core.reading.keys import HARDWARE_KEYS, KEYS, Key, number
 from wavesweep.core.reading.reading import Place
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
@@ -17,7 +17,7 @@ _BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=T
 _OF_WALL = {"B_VE": (_DAMPING, None)}
 _WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
 # Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
-OF_DEVICE = {name: SIMULATE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
+OF_DEVICE = {name: HARDWARE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
 
 
 @dataclass(frozen=True, slots=True)

@@ -191,14 +191,15 @@ def text_of(spec: Spec) -> str:
     Frequencies of [bode] end at half the rate. Other parts of [sweep], [bode], [simulate] and [design] that its numbers rule
     out are left out.
     """
-    tables = (spec.as_designed() if spec.design else spec).tables()
+    tables = (spec.asking("design") if spec.design else spec).tables()
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
         by_edges = {path.rpartition(".")[0] for path in spec.given if path.rpartition(".")[2] in BAND_EDGES}
         follow = {f"{stem}.{last}" for stem in by_edges for last in ("order", "cutoff_hz")}
         studies = {name: tables.pop(name) for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
         tables = _only(tables, {*keys_of_page(spec.values), *_paths(spec), *spec.given} - follow) | studies
-    given = {name: spec.simulate[name] for path in spec.given for table, name in [path.split(".", 1)] if table == "simulate"}
+    names = [path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate.")]
+    given = {name: spec.simulate[name] for name in names} if spec.simulate else {}
     simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
     tables = {**tables, **({"simulate": simulated} if simulated else {})}
     try:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis
-from wavesweep.core.reading.checking import Mistakes, show
-from wavesweep.core.reading.keys import BUILT_IN, Names, whole
-from wavesweep.core.reading.reading import Leaf
+from wavesweep.core.reading.checking import show
+from wavesweep.core.reading.keys import Key, whole
+from wavesweep.core.reading.tables import Asked, Section, Table
 
 if TYPE_CHECKING:
+    from wavesweep.core.spec.schema import Shapes
+    from wavesweep.core.spec.studies import Request
     from wavesweep.for_all.design_proof import DesignProof
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
@@ -20,7 +22,7 @@ MOST_VARYING = 64  # values of a number that varies
 
 
 @dataclass(frozen=True, slots=True)
-class ForAll:
+class ForAll(Asked):
     """The table [for_all].
 
     axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
@@ -87,12 +89,10 @@ def values_of_range(axis: Axis) -> tuple:
     return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
 
 
-def build_for_all(
-    named: Mapping[str, Mapping[str, Leaf]], lost: Leaf | None, mistakes: Mistakes, names: Names = BUILT_IN
-) -> ForAll | None:
-    """Return the table and add its mistakes; None if the spec has none. named: parts of each number; lost: the key's leaf."""
-    axes, varying = [], set()
-    for name, given in named.items():
+def build(request: Request) -> ForAll | None:
+    """Return the table and add its mistakes; None if the spec has none and no channels."""
+    axes, varying, mistakes = [], set(), request.mistakes
+    for name, given in request.belongs.axes["for_all"].items():
         label, parts, before = f"for_all.{name}", dict(given), len(mistakes)
         place, varies = axis_place(parts), parts.pop("varying", None)
         if varies is not None and not isinstance(varies.value, bool):
@@ -103,11 +103,53 @@ def build_for_all(
             mistakes.refuse(place, label, "either start and stop or values", "both")
         if len(mistakes) > before:
             continue
-        axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, names)
+        axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, request.names)
         if axis and varies and varies.value:
             varying.add(axis.path)
             if (count := len(values_of_range(axis))) > MOST_VARYING:
                 mistakes.refuse(axis.place, label, f"at most {MOST_VARYING} values of a number that varies", f"{count}")
         axes += [axis] if axis else []
+    lost = request.belongs.keys.get("for_all.lost")
     results = mistakes.check(LOST, lost) if lost else 0
-    return ForAll(tuple(axes), frozenset(varying), results or 0) if axes or results else None
+    for axis in axes:
+        if axis.path in {other.path for other in request.sweep}:
+            mistakes.refuse(axis.place, f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name)
+    request.refuse_beyond_limits("for_all", axes)
+    channels = request.drawing and request.drawing.channels
+    return ForAll(tuple(axes), frozenset(varying), results or 0) if axes or results or channels else None
+
+
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the table: ranges of numbers, or of any names in a drawn loop."""
+    others, lost = False, shapes.value(LOST)
+    if shapes.drawn:
+        others = shapes.define("range", {"anyOf": [_range(shapes), shapes.table({}, shapes.reference("range"))]})
+        lost = {"anyOf": [lost, others]}
+    ranges = {name: shapes.define(f"range of {key.path}", _range(shapes, key)) for name, key in shapes.numbers.items()}
+    return shapes.table(ranges | shapes.nested(ranges) | {"lost": lost}, others)
+
+
+def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
+    """A range or values of a number, which may vary from frame to frame; key: None for one of a drawn loop."""
+    value, varying = shapes.value(key) if key else {"type": "number"}, {"varying": {"type": "boolean"}}
+    ends = shapes.table({"start": value, "stop": value, **varying}, required=["start", "stop"])
+    values = shapes.table({"values": {"type": "array", "items": value, "minItems": 1}, **varying}, required=["values"])
+    about = {"description": shapes.described(key)} if key else {}
+    return {"anyOf": [ends, values, values["properties"]["values"]]} | about
+
+
+TABLE = Table(
+    path="for_all",
+    build=build,
+    sections={"for_all": Section(("lost",), ("start", "stop", "values", "varying"))},
+    always=True,
+    described={
+        "for_all": {
+            "description": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that "
+            "is not known, with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or "
+            "the number in every of blocks); lost = slow results in a row that may fail to come; the last one that came is held"
+        }
+    },
+    hint="What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.",
+    schema=schema,
+)

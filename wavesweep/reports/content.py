@@ -120,7 +120,7 @@ def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, Callable[[Any], 
         INTERVALS: (command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind)),
         WHY: ("why {}", lambda _: why.why(spec)),
         MARGINS: (f"margins {{}} --cut {quote(cut)}", lambda _: margins.margins(spec, cut)),
-        RUN: (f"simulate {{}}{step}", lambda _: simulation.simulate(_with_step(spec) if step else spec.as_simulated())[0]),
+        RUN: (f"simulate {{}}{step}", lambda _: simulation.simulate(_with_step(spec) if step else spec.asking("simulate"))[0]),
         RESPONSE: ("bode {}", lambda _: responses.responses([spec])),
     }
 
@@ -133,10 +133,10 @@ def _with_step(spec: Spec) -> Spec:
     """The spec of `simulate` with a step in place of the sine that is the default of a hand's force."""
     from wavesweep.core.spec import load
 
-    tables = replace(spec, for_simulation=True).tables()
+    tables = replace(spec, parts=frozenset({"simulate"})).tables()
     kept = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
     run = load(tables | {"simulate": kept | {"input": "step"}})
-    return replace(run, name=spec.name, source=spec.source).as_simulated()
+    return replace(run, name=spec.name, source=spec.source).asking("simulate")
 
 
 def _found(title: str, table: Table, command: str) -> Found:

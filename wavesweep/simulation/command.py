@@ -39,8 +39,7 @@ def simulate(spec: str, options: Options) -> None:
       wavesweep simulate sweeps/templates/drive.toml --set simulate.from=load
     """
     from wavesweep.core.cli.output import produce
-    from wavesweep.core.spec import Spec
     from wavesweep.simulation import table as simulation
 
     kinds = ["simulate", "simulate-response"]
-    produce(kinds, [spec], options, lambda specs, **_: simulation.simulate(*specs), asked=Spec.as_simulated)
+    produce(kinds, [spec], options, lambda specs, **_: simulation.simulate(*specs), asked=lambda spec: spec.asking("simulate"))

@@ -17,6 +17,7 @@ from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import own_loop
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.inputs import Tone
+from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.record import Simulation, estimate
 
 
@@ -45,7 +46,7 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
     drawing, size = spec.drawing, spec.simulate["amplitude"]
     if drawing is None or not linear["stable"]:
         return {}
-    name = next((name for name, signal, _ in drawing.inputs if signal == spec.entry), None)
+    name = next((name for name, signal, _ in drawing.inputs if signal == entry_of(spec)), None)
     if name is None:
         return {}
     found = {}

@@ -10,6 +10,7 @@ from wavesweep.core.spec import Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.inputs import Input
+from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.parts import Frames
 from wavesweep.simulation.record import Simulation
@@ -29,8 +30,8 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     if unknown := [name for name in changes if name not in known]:
         raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
     effects = replace(effects_of(spec), **changes)
-    force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
-    own = {"drawing": spec.drawing, "units": units, "entry": spec.entry}
+    force = hand_force(spec.asking("simulate"), effects.seed).force if force is None else inputs.given(force).force
+    own = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
     return simulate(spec.values, force, effects, **own, frames=frames_of(spec), messages=spec.simulate["messages"])
 
 

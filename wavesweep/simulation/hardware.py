@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import Rejected, check
-from wavesweep.core.reading.keys import SIMULATE_KEYS
+from wavesweep.simulation.keys import KEYS
 
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 
@@ -51,7 +51,7 @@ class Effects:
             value = getattr(self, field.name)
             if not (value is None and field.default is None):
                 try:
-                    check(SIMULATE_KEYS[f"simulate.{field.name}"], value.item() if isinstance(value, np.generic) else value)
+                    check(KEYS[f"simulate.{field.name}"], value.item() if isinstance(value, np.generic) else value)
                 except Rejected as error:
                     raise UsageError(f"option {field.name}: {error}") from None
 

@@ -11,20 +11,104 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.core.drawing.block_types import MOST_LATE
+from wavesweep.core.drawing.drawing import RATE, Drawing
+from wavesweep.core.errors import SpecError
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis, linear
-from wavesweep.core.reading.checking import Mistakes, show
+from wavesweep.core.reading.checking import Mistakes, nearest, show
 from wavesweep.core.reading.devices import HapticDevice
-from wavesweep.core.reading.keys import HIGHEST_RATIO, INPUTS, LONGEST_FRAME, MESSAGES, SIMULATE_KEYS, Key, whole
+from wavesweep.core.reading.keys import (
+    HARDWARE_KEYS,
+    HIGHEST_RATIO,
+    LONGEST_FRAME,
+    MOST_SEED,
+    Key,
+    by_path,
+    gain,
+    number,
+    positive,
+    whole,
+    word,
+)
 from wavesweep.core.reading.reading import Leaf, Place
-from wavesweep.core.reading.sorting import FREQUENCIES, Sorted, names_in_list
+from wavesweep.core.reading.sorting import Sorted, names_in_list
+from wavesweep.core.reading.tables import Asked, Table
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec.schema import Shapes
+    from wavesweep.core.spec.spec import Spec
+    from wavesweep.core.spec.studies import Request
 
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 SECONDS = 10.0  # of an input that has no length of its own
-
-
-FRAMES, SHOW = "simulate.frames", "simulate.show"
+FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM = (
+    f"simulate.{name}" for name in ("frames", "show", "messages", "frequency_hz", "from")
+)
+INPUTS = {
+    "sine": "one frequency",
+    "stepped-sine": "several frequencies in turn, each until it has settled and is measured",
+    "chirp": "a sine whose frequency rises steadily",
+    "step": "a constant force from at_s on",
+    "pulse": "a constant force for width_s",
+    "noise": "white noise, a new value in each tick",
+    "record": "the force of a CSV file",
+}
+KEYS = by_path(
+    [
+        word(
+            "simulate.input", "sine", "force of the hand, or signal of another input; without a hand a step by default", INPUTS
+        ),
+        word(FROM, None, "input of a drawn loop that it is fed to; by default the hand, or the first input"),
+        number(
+            "simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"
+        ),
+        positive(FREQUENCIES, None, "Hz", "of the sine; of the stepped sine, in turn; both ends of the chirp"),
+        gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
+        whole("simulate.periods", 5, "least number of whole periods in which a stepped sine is measured", 1, 10_000),
+        gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
+        gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
+        word(
+            "simulate.record",
+            None,
+            "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
+        ),
+        gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
+        whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
+        number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
+        HARDWARE_KEYS["simulate.resolution"],
+        HARDWARE_KEYS["simulate.max_force"],
+        HARDWARE_KEYS["simulate.friction"],
+        gain("simulate.jitter", 0.0, "1", "largest share of a tick by which a tick is shorter or longer", high=0.9),
+        whole("simulate.late", 0, "largest number of ticks by which a slow result is late", 0, 1_000_000, "tick"),
+        gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
+        Key(
+            SHOW,
+            "list",
+            None,
+            "",
+            "signals of a drawn loop that the table has in addition to its outputs: BLOCK.PORT, an output or an input of a "
+            "block",
+        ),
+        Key(
+            FRAMES,
+            "list",
+            None,
+            "tick",
+            "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
+            "delay, or never comes (lost = true); absent: all of the same length",
+        ),
+        Key(
+            MESSAGES,
+            "list",
+            None,
+            "tick",
+            'table: of a channel by its name, how late its messages are in turn, repeated for ever: ticks, "lost", or "3 lost" '
+            "for so many in a row; absent: all in time, or lost at random by the channel's own probabilities",
+        ),
+    ]
+)
 IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
 FRAME_KEYS = {
     "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
@@ -125,16 +209,29 @@ def _written_messages(late: tuple[int | None, ...]) -> list[int | str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment:
+class Experiment(Asked):
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
     `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, `show`
-    are names, `messages` those of `build_messages`.
+    are names, `messages` those of `build_messages`. given: leaves by path.
     """
 
     values: dict[str, float | int | str | tuple | None]
     frequencies: Axis | None
     given: Mapping[str, Leaf] = field(repr=False)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The record of a force."""
+        return (self.values["record"],) if self.values["record"] else ()
+
+    @property
+    def hardware(self) -> Mapping[str, Any]:
+        """Friction, resolution and largest force of the device."""
+        return {name: self.values[name] for name in (path.rpartition(".")[2] for path in HARDWARE_KEYS)}
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
@@ -145,16 +242,17 @@ class Experiment:
         messages = {name: _written_messages(late) for name, late in present.get("messages", {}).items()}
         return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
 
-    def on(self, device: HapticDevice) -> Experiment:
+    def on(self, device: HapticDevice | None) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
-        known = {name: value for name, value in device.simulation().items() if f"simulate.{name}" not in self.given}
-        return replace(self, values=self.values | known)
+        numbers = device.simulation() if device else {}
+        known = {name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given}
+        return replace(self, values=self.values | known) if known else self
 
     def unread(self) -> list[str]:
         """Return the keys that are given, and not as their defaults, and that the input does not read."""
         given = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
         paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
-        return [name for name, path in paths.items() if path in given and given[path] != SIMULATE_KEYS[path].default]
+        return [name for name, path in paths.items() if path in given and given[path] != KEYS[path].default]
 
     def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
         """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
@@ -188,13 +286,10 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
 
 
 def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
-    """Return the experiment and add its mistakes; limits that the fast rate sets are checked by `refuse_beyond_limits`.
-
-    usual: the input that is taken by default.
-    """
+    """Return the experiment and add its mistakes; usual: the input that is taken by default."""
     given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: given.pop(path) for path in list(given) if path.startswith(MESSAGES)}
-    checked = mistakes.read(SIMULATE_KEYS, {path: leaf for path, leaf in given.items() if path not in (FRAMES, SHOW)})
+    checked = mistakes.read(KEYS, {path: leaf for path, leaf in given.items() if path not in (FRAMES, SHOW)})
     checked[MESSAGES] = build_messages(of_messages, mistakes) or None
     if FRAMES in given:
         checked[FRAMES] = build_frames(given[FRAMES], mistakes)
@@ -202,7 +297,7 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
         checked[SHOW] = names_in_list(given[SHOW]) or None
         if not checked[SHOW]:
             mistakes.refuse(given[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(given[SHOW].value), of_key=False)
-    defaults = {path: key.default for path, key in SIMULATE_KEYS.items()} | {"simulate.input": usual}
+    defaults = {path: key.default for path, key in KEYS.items()} | {"simulate.input": usual}
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
     kind, axis = values["input"], None
     parts, before = dict(belongs.axes["simulate"].get("frequency_hz", {})), len(mistakes)
@@ -242,3 +337,68 @@ def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistak
         expected = one if kind == "sine" else "num with start and stop, or a list"
     mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
     return ()
+
+
+def build(request: Request) -> Experiment:
+    """Return the experiment, of the defaults without [simulate], and add its mistakes."""
+    belongs, mistakes = request.belongs, request.mistakes
+    experiment = build_experiment(belongs, "step" if request.stepped else "sine", mistakes)
+    if request.hz and experiment.given:  # defaults are not checked, since `simulate` may never run
+        experiment.refuse_beyond_limits(request.hz, request.rate, mistakes)
+    request.refuse_unknown_ends(FROM, [belongs.keys[FROM].value] if FROM in belongs.keys else (), "inputs")
+    request.refuse_unknown_ends(SHOW, names_in_list(belongs.keys[SHOW]) if SHOW in belongs.keys else (), "outputs")
+    if request.drawing or not request.drawn:
+        refuse_unknown_channels(belongs, request.drawing, mistakes)
+    return experiment
+
+
+def refuse_unknown_channels(belongs: Sorted, drawing: Drawing | None, mistakes: Mistakes) -> None:
+    """Add the mistakes of messages on channels that the loop does not have."""
+    channels = [block.name for block in drawing.channels] if drawing else []
+    for path, leaf in belongs.below(MESSAGES).items():
+        if path not in channels:
+            expected = f"channels of a drawn loop ({', '.join(channels) or 'it has none'}), each with a list"
+            found = path or show(leaf.value), nearest(path, channels)
+            mistakes.refuse(leaf, f"{MESSAGES}.{path}".rstrip("."), expected, *found, of_key=False)
+
+
+def demand(spec: Spec) -> None:
+    """Raise SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from."""
+    mistakes = Mistakes()
+    spec.simulate.refuse_beyond_limits(spec.tick_hz, RATE if spec.drawing else "rates.fast_hz", mistakes)
+    mistakes += spec.without_entry()
+    if mistakes:
+        raise SpecError(mistakes)
+
+
+def entry_of(spec: Spec) -> str:
+    """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
+    if spec.drawing is None:
+        return ""
+    named = [signal for name, signal, _ in spec.drawing.inputs if name == spec.simulate["from"]]
+    return (*named, *spec.drawing.outside, "")[0]
+
+
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the table."""
+    keys = {path.rpartition(".")[2]: shapes.value(key) for path, key in KEYS.items()}
+    frequency = KEYS[FREQUENCIES]
+    keys["frequency_hz"] = {"anyOf": [keys["frequency_hz"], shapes.axis(frequency), {"type": "array", "maxItems": 0}]}
+    keys["show"]["items"] = {"type": "string"}
+    frame = shapes.table({name: shapes.value(key) for name, key in FRAME_KEYS.items()}, required=["ticks"])
+    keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame]}
+    late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
+    return shapes.table(keys | {"messages": shapes.table({}, late, description=keys["messages"]["description"])})
+
+
+TABLE = Table(
+    path="simulate",
+    build=build,
+    keys=KEYS,
+    spans=(FREQUENCIES,),
+    named=(MESSAGES,),
+    signals=(SHOW,),
+    demand=demand,
+    starts=True,
+    schema=schema,
+)

@@ -45,10 +45,10 @@ class Loop(api.Loop):
 
         force, options: as for `simulate`.
         """
-        tables = self.spec.as_simulated().tables()
+        tables = self.spec.asking("simulate").tables()
         off = [name for name, value in options.items() if value is None]
         keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
-        used = load(tables | {"simulate": keys}).as_simulated()
+        used = load(tables | {"simulate": keys}).asking("simulate")
         return figure_from(ax, "simulate", self.simulate(force, **options), used)
 
 
@@ -83,4 +83,4 @@ class DrawnLoop(drawn_loop.DrawnLoop):
 
 def simulate(source: Source) -> list[DataFrame]:
     """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
-    return [framed(each) for each in table.simulate(spec_of(source).as_simulated())]
+    return [framed(each) for each in table.simulate(spec_of(source).asking("simulate"))]

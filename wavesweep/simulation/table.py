@@ -17,6 +17,7 @@ from wavesweep.core.reading.devices import DEVICES
 from wavesweep.core.tables.kind import Again, Line, Numbers, plain, whole_kind
 from wavesweep.core.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
+from wavesweep.simulation.keys import entry_of
 
 if TYPE_CHECKING:
     from wavesweep.core.spec import Spec
@@ -57,7 +58,7 @@ def simulate(spec: Spec) -> list[Table]:
     alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
     facts["settles_at"] = settled_values(spec, linear) if alike and spec.simulate["input"] == "step" else {}
     tables = [Table.of("simulate", columns, facts)]
-    of_hand = spec.drawing is None or spec.entry == (spec.drawing.hand or ("",))[0]
+    of_hand = spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0]
     tones = [tone for tone in hand.tones if tone.last <= rows and of_hand and alike]
     if tones:
         response = seen_response(spec, simulation, tones)
@@ -116,7 +117,7 @@ def _notices(spec: Spec) -> Iterator[str]:
     from wavesweep.core.analyses.assumptions import over_preset
 
     options = spec.simulate
-    if unread := spec.unread:
+    if unread := spec.simulate.unread():
         keys = ", ".join(f"simulate.{name}" for name in unread)
         yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
     if options["frames"]:
@@ -283,7 +284,7 @@ def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Ag
 
     if facts["spec"]["simulate"]["input"] == "record":
         return None  # the package does not have the path of the recorded force
-    spec = replace(load(facts["spec"]).as_simulated(), name=name())
+    spec = replace(load(facts["spec"]).asking("simulate"), name=name())
     return Again(spec.sha256, simulate(spec)[number].blocks)
 
 

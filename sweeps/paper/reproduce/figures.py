@@ -98,7 +98,7 @@ def figure_7(paper: PaperLoops) -> list[Table]:
     started = time.perf_counter()
     columns = joined([paper.experiment(name) for name in CONTROLLERS])
     timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(load_paper("fig7").as_simulated(), METHODS, {"computed": 3, "skipped": 0, "certified": 0}, timings)
+    facts = facts_of(load_paper("fig7").asking("simulate"), METHODS, {"computed": 3, "skipped": 0, "certified": 0}, timings)
     lines = [*_analysis(), *_three(columns, dots=True)]
     run = Table.of("simulate-response", columns, facts)
     return [_named("fig7", run, _magnitudes(lines, (LOW, (LOW[1], 2 * np.pi))))]

@@ -200,7 +200,7 @@ def rubbed(push, friction=0.26, parts=100, ticks=2000):
 @pytest.mark.parametrize(("push", "rests"), [(0.5, True), (1.0, False)])
 def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests):
     tables = RUBBING | {"simulate": {"friction": 0.26, "input": "pulse", "amplitude": push, "duration_s": 2.0}}
-    found, (run, *_) = wavesweep.verdict(tables), simulation.simulate(wavesweep.load(tables).as_simulated())
+    found, (run, *_) = wavesweep.verdict(tables), simulation.simulate(wavesweep.load(tables).asking("simulate"))
     moving = np.flatnonzero(np.diff(rubbed(push)))[-1] + 1
     rest_s = simulation._run_numbers(run.columns, run.facts)["rest_s"]
     assert not found["stable"]

@@ -49,7 +49,7 @@ def test_the_examples_in_the_helps_are_valid(example, tmp_path):
         source = ROOT / file if file.startswith("sweeps/") else tmp_path / file
         if not file.startswith("sweeps/"):
             source.write_text('controller.kind = "pmw"\n')
-        load(source, settings).as_simulated()
+        load(source, settings).asking("simulate")
 
 
 @pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2)])

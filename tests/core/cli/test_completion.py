@@ -12,7 +12,7 @@ from wavesweep.core.cli import completion, main
 from wavesweep.core.cli.entry import COMMANDS, group
 from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.reading.keys import SIMULATE_KEYS
+from wavesweep.core.reading.tables import study_keys
 from wavesweep.core.spec import KEYS, SYMBOLS
 
 
@@ -58,7 +58,7 @@ def test_commands_are_completed(complete):
 def test_keys_for_set_are_completed(complete):
     assert complete("zwidth", "a.toml", "--set", "contr") == ["controller.kind=", "controller.b=", "controller.Kp="]
     offered = complete("zwidth", "a.toml", "--set", "")
-    assert {f"{name}=" for name in (*KEYS, *SIMULATE_KEYS, *SYMBOLS, "sweep.along")} <= set(offered)
+    assert {f"{name}=" for name in (*KEYS, *study_keys(), *SYMBOLS, "sweep.along")} <= set(offered)
     assert complete("bode", "a.toml", "b.toml", "--set", "bode.fre") == ["bode.frequency_hz="]
 
 

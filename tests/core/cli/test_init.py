@@ -10,7 +10,8 @@ from wavesweep.core.cli.init import STARTING_RECIPES, starter
 from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.spec import KEYS, STUDY_KEYS, load, sweep_axes
+from wavesweep.core.reading.tables import study_keys
+from wavesweep.core.spec import KEYS, load, sweep_axes
 
 SWEEPS = Path(__file__).parents[3] / "sweeps"
 KINDS = list(CONTROLLERS)
@@ -40,7 +41,7 @@ def key_lines(text):
 
 
 def digest(path):
-    return load(path).as_simulated().sha256
+    return load(path).asking("simulate").sha256
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -76,7 +77,7 @@ def test_every_key_is_explained_with_its_unit(kind, device, written):
     lines = text.splitlines()
     for number, path, _ in key_lines(text):
         study, _, axis = path.partition(".")
-        key = KEYS.get(path) or STUDY_KEYS.get(path) or next(key for p, key in KEYS.items() if p.endswith(f".{axis}"))
+        key = KEYS.get(path) or study_keys().get(path) or next(key for p, key in KEYS.items() if p.endswith(f".{axis}"))
         prose = []
         while lines[number := number - 1].startswith("# "):
             prose.insert(0, lines[number][2:])

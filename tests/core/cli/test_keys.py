@@ -9,10 +9,11 @@ from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.reading.devices import DEVICES
 from wavesweep.core.reading.keys import AXIS_KEYS
-from wavesweep.core.spec import KEYS, STUDY_KEYS, SYMBOLS
+from wavesweep.core.reading.tables import study_keys
+from wavesweep.core.spec import KEYS, SYMBOLS
 from wavesweep.designs.wish_keys import WISHES
 
-EVERY = {**KEYS, **STUDY_KEYS}
+EVERY = {**KEYS, **study_keys()}
 
 
 def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep, monkeypatch):

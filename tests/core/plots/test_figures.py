@@ -126,7 +126,7 @@ def test_a_single_design_has_a_panel_for_each_value_and_its_response():
         "sweep": {"K_VE": {"start": 0, "stop": 2000}},
         "design": {"vary": {"b": {"start": 5, "stop": 100}}, "wish": {"z_width": {"at_least": 400.0}, "felt": {}}},
     }
-    facts = {"spec": wavesweep.load(spec).as_designed().tables(), "own": {"z_width": 500.0, "felt": None}}
+    facts = {"spec": wavesweep.load(spec).asking("design").tables(), "own": {"z_width": 500.0, "felt": None}}
     facts["runners_up"] = [{"numbers": {"b": 90.0}, "wishes": {"z_width": 750.0, "felt": 600.0}}]
     columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
     *panels, response = plots.design(columns, facts).axes

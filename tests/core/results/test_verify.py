@@ -69,7 +69,7 @@ def files_of(spec, kind):
         "passivity": lambda: [passivity(spec, 0.01, jobs=1), filter_choices(spec, 0.01)],
         "why": lambda: [why(load(TABLES | {"sweep": ALONG_B}))],
         "margins": lambda: [margins(load(TABLES | {"environment": {"K_VE": 50}}), "avatar.out")],
-        "simulate": lambda: simulate(short.as_simulated()),
+        "simulate": lambda: simulate(short.asking("simulate")),
     }
     return calls[kind]()
 

@@ -5,7 +5,7 @@ import pytest
 from wavesweep.core.errors import SpecError
 from wavesweep.core.reading.checking import check
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.reading.keys import SIMULATE_KEYS
+from wavesweep.core.reading.keys import HARDWARE_KEYS
 from wavesweep.core.spec import KEYS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
@@ -22,7 +22,7 @@ def test_every_number_fits_its_key_and_has_a_source(name):
     device = DEVICES[name]
     assert device.title
     for path, number in device.numbers.items():
-        assert check((KEYS | SIMULATE_KEYS)[path], number.value) == number.value
+        assert check((KEYS | HARDWARE_KEYS)[path], number.value) == number.value
         assert number.source
         # Nobody publishes viscous damping, so none may pass as published, but for the paper's own.
         assert path != "device.damping" or number.assumed or name == "paper"
@@ -76,7 +76,7 @@ def test_a_spec_with_a_device_is_the_one_with_its_numbers():
 
 
 def test_the_resolved_tables_load_to_the_same_simulation():
-    simulated = load(on("falcon") | {"simulate": {"input": "stepped-sine", "frequency_hz": [1, 2]}}).as_simulated()
-    again = load(simulated.tables()).as_simulated()
+    simulated = load(on("falcon") | {"simulate": {"input": "stepped-sine", "frequency_hz": [1, 2]}}).asking("simulate")
+    again = load(simulated.tables()).asking("simulate")
     assert again.tables() == simulated.tables()
     assert again.sha256 == simulated.sha256

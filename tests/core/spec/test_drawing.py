@@ -95,11 +95,11 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
 def test_the_hand_of_a_drawn_loop_is_simulated(write):
     spec = load(write(ARM + "[simulate]\ninput = 'step'\nduration_s = 0.5\n"))
     assert "simulate" not in spec.tables()
-    simulated = spec.as_simulated()
+    simulated = spec.asking("simulate")
     tables = simulated.tables()
     assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
     assert tables["simulate"]["friction"] == 0.0
-    assert load(simulated.tables()).as_simulated().sha256 == simulated.sha256
+    assert load(simulated.tables()).asking("simulate").sha256 == simulated.sha256
 
 
 def test_a_number_in_a_block_is_an_axis_by_its_path():

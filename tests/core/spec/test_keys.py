@@ -6,13 +6,14 @@ from fractions import Fraction
 import pytest
 
 from wavesweep.core.reading.checking import Rejected, check, nearest, show
-from wavesweep.core.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, find_key
+from wavesweep.core.reading.keys import KEYS, SYMBOLS, VALUE_PATHS, find_key
+from wavesweep.core.reading.tables import study_keys
 
 NUMERIC = [key for key in KEYS.values() if key.numeric]
 NOT_NUMBERS = [True, "1", "", None, [], [1], {}, math.nan, -math.inf, 10**400, -(10**5000), Fraction(1, 2)]
 
 
-@pytest.mark.parametrize("key", [*KEYS.values(), *STUDY_KEYS.values()], ids=lambda key: key.path)
+@pytest.mark.parametrize("key", [*KEYS.values(), *study_keys().values()], ids=lambda key: key.path)
 def test_every_key_says_what_it_is(key):
     assert key.description
     assert key.type in ("number", "integer", "string", "boolean", "list")

@@ -18,7 +18,7 @@ from wavesweep.core.sweep.grid import Loops, own_loop
 if TYPE_CHECKING:
     from wavesweep.core.response.peak import Peak
 
-GIVEN = ("resolution", "friction", "max_force")  # keys of [simulate]
+GIVEN = ("resolution", "friction", "max_force")  # of `Spec.hardware`
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
 
 
@@ -65,7 +65,7 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     holds_to, passive_to: see `limits_of_walls`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the
     motors end, max_force over the stiffness felt at rest.
     """
-    found: dict[str, float | None] = {name: spec.simulate[name] for name in GIVEN if spec.simulate[name]}
+    found: dict[str, float | None] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
     loop = own_loop(spec)
     if stable and (step := found.get("resolution")) and device_of(loop.drawing) and loop.drawing.hand[2] is not None:
         peak = peak_of_encoder(loop)
@@ -83,7 +83,7 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
     sampling rate on virtual-wall passivity; with a delay Diolaiti and others 2006, Stability of haptic rendering.
     """
     found, values = {}, spec.values
-    step, friction = spec.simulate["resolution"], spec.simulate["friction"]
+    step, friction = spec.hardware["resolution"], spec.hardware["friction"]
     if step and friction:
         found["holds_to"] = 2 * friction / step
     if spec.kind == "dc":

@@ -16,7 +16,8 @@ from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.dead_time import breaks, timing
 from wavesweep.core.loops.domain import domain, unsuitable
-from wavesweep.core.spec import Axis, Require, Spec, no_axis, sweep_axes
+from wavesweep.core.reading.tables import Asked
+from wavesweep.core.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.core.stability.certificate import words
 from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
 from wavesweep.core.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
@@ -75,7 +76,7 @@ class Along:
     axis: Axis
     way: Way = Way.PANELS
     guarantee: "Guarantee | None" = None
-    require: Require | None = None
+    require: Asked | None = None
     order: int = 0
 
     @property
@@ -163,7 +164,7 @@ def job_of(spec: Spec, along: str | None = None) -> Job:
     return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
 
 
-def job_over(grid: Grid, axis: Axis, *, require: Require | None = None) -> Job:
+def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
     """The job of a grid; require: see `Along`. Errors: UsageError or SpecError if it cannot be done."""
     spec, asked = grid.spec, Along(axis, require=require)
     if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
@@ -242,7 +243,7 @@ def at_points(
     points: Mapping[str, np.ndarray],
     ties: tuple[str, ...] = (),
     felt: bool = True,
-    require: Require | None = None,
+    require: Asked | None = None,
 ) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
 

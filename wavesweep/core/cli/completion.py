@@ -15,8 +15,9 @@ from wavesweep.core.drawing.drawing_keys import is_dotted, is_name
 from wavesweep.core.drawing.drawn_block import keys_of_block
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.core.reading.keys import KEYS, SYMBOLS, Key, find_key
 from wavesweep.core.reading.reading import read_file
+from wavesweep.core.reading.tables import study_keys
 
 STUDIES = ("sweep", "bode")
 # After `KEY=` there is no space, so that the value can be typed.
@@ -105,7 +106,7 @@ def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem
 
 def keys(incomplete: str) -> Iterator[CompletionItem]:
     """Keys, symbols and axes that begin with `incomplete`; of the axes the symbols, or all behind `sweep.`."""
-    known = {**KEYS, **STUDY_KEYS, **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
+    known = {**KEYS, **study_keys(), **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
     for study in STUDIES:
         known |= {f"{study}.{name}": find_key(name) for name in (_axes() if incomplete.startswith(f"{study}.") else ())}
     yield from _items(known, incomplete)
@@ -117,10 +118,10 @@ def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionIt
     """`KEY=` for --set, and behind the `=` the values that the key takes, if these are words. drawn: see `_drawn_keys`."""
     name, equals, value = incomplete.partition("=")
     if not equals:
-        for item in _items({**drawn, **STUDY_KEYS}, incomplete) if drawn else keys(incomplete):
+        for item in _items({**drawn, **study_keys()}, incomplete) if drawn else keys(incomplete):
             yield CompletionItem(f"{item.value}=", help=item.help)
         return
-    key = drawn.get(name) or find_key(name) or STUDY_KEYS.get(name)
+    key = drawn.get(name) or find_key(name) or study_keys().get(name)
     names = _axes(drawn) if name == "sweep.along" else dict.fromkeys(key.choices, "") | dict(key.meanings) if key else {}
     for choice, meaning in names.items():
         if str(choice).startswith(value):

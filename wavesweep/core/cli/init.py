@@ -18,8 +18,9 @@ from wavesweep.core.drawing.drawing import RATE
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import nearest, show
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.reading.keys import KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
+from wavesweep.core.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
 from wavesweep.core.reading.reading import read_override, scan
+from wavesweep.core.reading.tables import Table, tables
 from wavesweep.core.spec import load
 from wavesweep.core.spec.describing import described, meaning_of
 from wavesweep.core.spec.studies import DEFAULT_FREQUENCIES
@@ -222,7 +223,7 @@ def _origins(device: str | None) -> dict[str, str]:
 
 
 def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
-    """The tables [sweep], [bode] and [simulate]; defaults of the latter are those of the device, if it has any."""
+    """The tables [sweep] and [bode], and those of capabilities that a spec begins with."""
     along, frequency = STUDY_KEYS["sweep.along"], STUDY_KEYS["bode.frequency_hz"]
     yield from ("", "[sweep]", *_entry(along, None, along.default, "for `wavesweep stability-region`"))
     for symbol, axis in AXES.items():
@@ -231,14 +232,19 @@ def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
             yield from (*_prose(f"{key.unit}: {key.description}"), f"{symbol} = {axis}")
     span = ", ".join(f"{part} = {show(value)}" for part, value in DEFAULT_FREQUENCIES.written().items())
     yield from ("", "[bode]", *_prose(f"{frequency.unit}: {frequency.description}"), f"#frequency_hz = {{ {span} }}")
-    yield from ("", "[simulate]")
+    for table in (each for each in tables().values() if each.starts):
+        yield from ("", f"[{table.path}]", *_defaults(device, table))
+
+
+def _defaults(device: str | None, table: Table) -> Iterator[str]:
+    """All keys of a table as comments; defaults are those of the device, if it has any."""
     numbers, notes = DEVICES[device].numbers if device else {}, _origins(device)
-    defaults = {path: numbers[path].value if path in numbers else key.default for path, key in SIMULATE_KEYS.items()}
+    defaults = {path: numbers[path].value if path in numbers else key.default for path, key in table.keys.items()}
     for path, default in defaults.items():
         if default is not None:
-            yield from _entry(SIMULATE_KEYS[path], None, default, notes.get(path, ""))
+            yield from _entry(table.keys[path], None, default, notes.get(path, ""))
     others = ", ".join(path.rpartition(".")[2] for path, default in defaults.items() if default is None)
-    yield from _prose(f"Without a default: {others}. See `wavesweep keys simulate`.")
+    yield from _prose(f"Without a default: {others}. See `wavesweep keys {table.path}`.")
 
 
 def _entry(key: Key, value: object, default: object, note: str) -> Iterator[str]:

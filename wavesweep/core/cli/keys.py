@@ -12,6 +12,7 @@ from wavesweep.core.cli.talk import talk
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import show
 from wavesweep.core.reading.keys import SYMBOLS
+from wavesweep.core.reading.tables import tables
 from wavesweep.core.spec import describing
 from wavesweep.core.spec.describing import Description, default_of, meaning_of
 
@@ -21,9 +22,7 @@ EACH_AXIS = (
     "values, or { start, stop, num, scale }."
 )
 MORE = """
-[design] also has the tables vary, wish and for_all: `wavesweep keys design.vary` and so on.
-What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.
-A spec can draw its loop without [controller]: `wavesweep keys block`, numbers, signals, wire, ports, rates.tick_hz.
+{}A spec can draw its loop without [controller]: `wavesweep keys block`, numbers, signals, wire, ports, rates.tick_hz.
 Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."""
 
 
@@ -77,7 +76,8 @@ def _table(keys: Mapping[str, Description]) -> Iterator[str]:
         words = wrap(meaning_of(key), room, break_on_hyphens=False)
         yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {words[0]}"
         yield from (" " * indent + line for line in words[1:])
-    yield MORE
+    hints = [table.hint for _, table in sorted(tables().items()) if table.hint]
+    yield MORE.format("".join(f"{hint}\n" for hint in hints))
 
 
 def _details(path: str, key: Description) -> Iterator[str]:

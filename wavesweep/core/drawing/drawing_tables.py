@@ -17,11 +17,9 @@ from wavesweep.core.reading.checking import Mistakes, nearest, show
 from wavesweep.core.reading.keys import Key, Names
 from wavesweep.core.reading.reading import Leaf, Place
 from wavesweep.core.reading.sorting import names_in_list, normal_path
+from wavesweep.core.reading.tables import section_of, study_tables, tables
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
-STUDIES = ("sweep", "bode", "for_all", "simulate", "measured", "design")  # tables that are left to others
-KNOWN = ("type", *TABLES, *STUDIES)
-TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")
 LISTED = 8  # ports that a message lists
 
@@ -33,22 +31,23 @@ def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
 
     An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
     """
-    given, meant = dict.fromkeys(path[0] for path in leaves), {}
+    known, given, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
+    expected = f"one of the tables {', '.join(known)}"
     numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
     for (name, *rest), leaf in leaves.items():
-        if name in KNOWN or name in meant:
+        if name in known or name in meant:
             continue
-        place, near, alone = leaf.place.under((name,)), nearest(name, KNOWN), not rest and leaf.value != {} and numbers
+        place, near, alone = leaf.place.under((name,)), nearest(name, known), not rest and leaf.value != {} and numbers
         meant[name] = near if near not in given else ""
         if name == "controller":
             meant[name] = ""
             mistakes.refuse(place, name, "either a controller or blocks", "both")
         elif alone:  # of --set, which gives numbers by name
-            expected = f"{', '.join(numbers)} of [numbers], or {TABLE}"
-            mistakes.refuse(place, name, expected, "an unknown name", near or nearest(name, numbers))
+            or_number = f"{', '.join(numbers)} of [numbers], or {expected}"
+            mistakes.refuse(place, name, or_number, "an unknown name", near or nearest(name, numbers))
         else:
             blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}
-            mistakes.refuse(place, name, TABLE, UNKNOWN, f"block.{name}" if name in blocks else near)
+            mistakes.refuse(place, name, expected, "an unknown table", f"block.{name}" if name in blocks else near)
     named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
     return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
 
@@ -61,10 +60,11 @@ def read_drawing(
     leaves: those of the whole spec; tables of studies are skipped. source: place of the spec.
     """
     reader = _TableReader(source, own_axes(leaves) | {RATE})
-    tables = reader.grouped(leaves)
-    asked = (leaves[path] for path in (("bode", "to"), ("simulate", "show")) if path in leaves)
+    grouped = reader.grouped(leaves)
+    signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
+    asked = (leaves[path] for path in (tuple(each.split(".")) for each in signals) if path in leaves)
     reader.asked = {name: leaf for leaf in asked for name in names_in_list(leaf)}
-    drawing, values = reader.drawing(tables)
+    drawing, values = reader.drawing(grouped)
     for path, expected, found in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
@@ -89,10 +89,9 @@ def names_of(leaves: Mapping[Path, Leaf]) -> Names:
 
 
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
-    """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
+    """Return the paths of the keys of blocks that tables take for axes."""
     blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
-    named = [path[1:] for path in leaves if path[0] in ("sweep", "bode", "for_all")]
-    named += [path[2:] for path in leaves if path[0] == "design"]
+    named = [path[len(section) :] for path in leaves if (section := section_of(path))]
     along = leaves.get(("sweep", "along"))
     if along and isinstance(along.value, str):
         named.append(tuple(along.value.split(".")))

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from wavesweep.core.reading.checking import Mistakes, Rejected, check, show
-from wavesweep.core.reading.keys import AXIS_KEYS, BUILT_IN, STUDY_KEYS, Key, Names
+from wavesweep.core.reading.keys import AXIS_KEYS, BUILT_IN, Key, Names
 from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.tables import study_keys
 
 
 def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
@@ -59,7 +60,7 @@ class Axis:
 
 def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Axis | None:
     """Return the axis given by the parts of one key of a study, or None and add its mistakes."""
-    key = names.find(name) or STUDY_KEYS[f"{study}.{name}"]
+    key = names.find(name) or study_keys()[f"{study}.{name}"]
     label, before = f"{study}.{name}", len(mistakes)
     if not key.numeric:
         found = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"

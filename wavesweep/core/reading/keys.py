@@ -22,15 +22,6 @@ VELOCITIES = {
     "exact": "the velocity itself, as an ideal sensor measures it",
     "difference": "the last step of the position over the tick, as an encoder gives it",
 }
-INPUTS = {
-    "sine": "one frequency",
-    "stepped-sine": "several frequencies in turn, each until it has settled and is measured",
-    "chirp": "a sine whose frequency rises steadily",
-    "step": "a constant force from at_s on",
-    "pulse": "a constant force for width_s",
-    "noise": "white noise, a new value in each tick",
-    "record": "the force of a CSV file",
-}
 STEPS = {"elapsed": "the time since its last frame, as game engines do", "nominal": "always rates.ratio ticks"}
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
 FILTERS = ("lp1", "hp", "lp2")
@@ -58,8 +49,8 @@ SYMBOLS = MappingProxyType(
 class Key:
     """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
 
-    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); [simulate] frames and show are
-    of type "list".
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); in other tables a "list" may
+    hold anything.
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
@@ -110,44 +101,42 @@ def word(path: str, default: str | None, description: str, meanings: Iterable[st
     return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=known)
 
 
-_positive = partial(number, positive=True)
-_gain = partial(number, low=0.0)
+positive = partial(number, positive=True)
+gain = partial(number, low=0.0)
 
 
 def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
     prefix = f"filters.{name}"
     return [
         whole(f"{prefix}.order", order, f"Butterworth order of {what}; 0 for no filter", 0, HIGHEST_ORDER),
-        _positive(f"{prefix}.cutoff_hz", cutoff_hz, "Hz", f"-3 dB frequency of {what}, below half the fast rate"),
-        _positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}"),
-        _positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}"),
+        positive(f"{prefix}.cutoff_hz", cutoff_hz, "Hz", f"-3 dB frequency of {what}, below half the fast rate"),
+        positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}"),
+        positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}"),
         # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from overflowing.
-        _positive(f"{prefix}.passband_db", None, "dB", f"largest loss in the passband of {what}", high=300.0),
-        _positive(f"{prefix}.stopband_db", None, "dB", f"least attenuation in the stopband of {what}", high=300.0),
+        positive(f"{prefix}.passband_db", None, "dB", f"largest loss in the passband of {what}", high=300.0),
+        positive(f"{prefix}.stopband_db", None, "dB", f"least attenuation in the stopband of {what}", high=300.0),
     ]
 
 
 _LOOP = [
-    _positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
+    positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
     whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", 1, HIGHEST_RATIO),
-    _positive(
-        "rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio; need not divide the fast rate"
-    ),
+    positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio; need not divide the fast rate"),
     word(
         "device.preset",
         None,
         "device by name; sets mass, damping and [simulate]'s friction, resolution and max_force if they are not given",
         {name: device.title for name, device in DEVICES.items()},
     ),
-    _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
-    _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
+    positive("device.mass", 0.1, "kg", "mass of the haptic device"),
+    gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
     word("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
     whole("device.delay", 0, "fast ticks until the motors exert the control force, as of an amplifier", 0, 1000, "tick"),
-    _gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
-    _gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
-    _gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),
-    _gain("environment.K_VE", 500.0, "N/m", "stiffness of the virtual environment"),
-    _gain("environment.B_VE", 1.0, "N*s/m", "damping of the virtual environment"),
+    gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
+    gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
+    gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),
+    gain("environment.K_VE", 500.0, "N/m", "stiffness of the virtual environment"),
+    gain("environment.B_VE", 1.0, "N*s/m", "damping of the virtual environment"),
     word("environment.integration", "implicit", "how the avatar's velocity is integrated", INTEGRATIONS),
     whole(
         "environment.delay",
@@ -163,153 +152,51 @@ _LOOP = [
         choices=CONTROLLERS.keys(),
         meanings={kind: controller.description for kind, controller in CONTROLLERS.items()},
     ),
-    _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
-    _gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
+    positive("controller.b", 25.0, "N*s/m", "wave impedance"),
+    gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
     *_filter("lp1", 1, 10.0, "the anti-aliasing low-pass before the downsampler"),
     *_filter("hp", 1, 10.0, "the high-pass to the local model"),
     *_filter("lp2", 2, 20.0, "the low-pass on the local model's returned wave"),
-    _gain("local_model.K_LM", 500.0, "N/m", "stiffness of the local model"),
-    _gain("local_model.B_LM", 0.0, "N*s/m", "damping of the local model"),
+    gain("local_model.K_LM", 500.0, "N/m", "stiffness of the local model"),
+    gain("local_model.B_LM", 0.0, "N*s/m", "damping of the local model"),
     word("local_model.integration", "implicit", "how the local model's velocity is integrated", INTEGRATIONS),
     Key("local_model.delay", "integer", 1, "tick", "fast ticks until the local model's wave is used", choices=(0, 1)),
 ]
 
-_SIMULATE = [
-    word("simulate.input", "sine", "force of the hand, or signal of another input; without a hand a step by default", INPUTS),
-    word("simulate.from", None, "input of a drawn loop that it is fed to; by default the hand, or the first input"),
-    number("simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"),
-    _positive("simulate.frequency_hz", None, "Hz", "of the sine; of the stepped sine, in turn; both ends of the chirp"),
-    _gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
-    whole("simulate.periods", 5, "least number of whole periods in which a stepped sine is measured", 1, 10_000),
-    _gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
-    _gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
-    word(
-        "simulate.record",
-        None,
-        "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
-    ),
-    _gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
-    whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
-    number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
-    _gain("simulate.resolution", 0.0, "m", "step of the encoder; 0 for none"),
-    _positive("simulate.max_force", None, "N", "largest force of the motors; absent: no limit"),
-    _gain("simulate.friction", 0.0, "N", "Coulomb friction of the device"),
-    _gain("simulate.jitter", 0.0, "1", "largest share of a tick by which a tick is shorter or longer", high=0.9),
-    whole("simulate.late", 0, "largest number of ticks by which a slow result is late", 0, 1_000_000, "tick"),
-    _gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
-    Key(
-        "simulate.show",
-        "list",
-        None,
-        "",
-        "signals of a drawn loop that the table has in addition to its outputs: BLOCK.PORT, an output or an input of a block",
-    ),
-    Key(
-        "simulate.frames",
-        "list",
-        None,
-        "tick",
-        "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
-        "delay, or never comes (lost = true); absent: all of the same length",
-    ),
-    Key(
-        "simulate.messages",
-        "list",
-        None,
-        "tick",
-        'table: of a channel by its name, how late its messages are in turn, repeated for ever: ticks, "lost", or "3 lost" for '
-        "so many in a row; absent: all in time, or lost at random by the channel's own probabilities",
-    ),
-]
-
-_MEASURED = [
-    word(
-        "measured.z_width",
-        None,
-        "CSV file of limits that were measured: columns B_VE and K_VE; or of walls that were tried, with a column stable "
-        "(1 or 0); path from the spec's folder",
-    ),
-    word(
-        "measured.response",
-        None,
-        "CSV file of a response that was measured at the hand: frequency_hz, admittance_abs (m/N) and admittance_deg, or "
-        "admittance_re and admittance_im, and perhaps coherence; path from the spec's folder",
-    ),
-]
-
-# What [sweep] requires of every mode but those that drift.
-_REQUIRE = [
-    number(
-        "sweep.require.radius",
-        None,
-        "1",
-        "find the intervals in which no eigenvalue of a frame is larger than this, in place of the stable ones",
-        low=1e-6,
-        high=0.999999,
-    ),
-    _positive(
-        "sweep.require.settling",
-        None,
-        "s",
-        "find the intervals in which every mode falls to 2 % of its size in this time, which is 3.912 time constants",
-        high=1e6,
-    ),
-    number(
-        "sweep.require.damping_ratio",
-        None,
-        "1",
-        "find the intervals in which every mode has this damping ratio or more, by the principal logarithm of its eigenvalue",
-        low=0.001,
-        high=0.999,
-    ),
-    Key(
-        "sweep.require.bounded",
-        "boolean",
-        None,
-        "",
-        "for a loop that conserves energy: find the intervals in which no mode grows; all are on the unit circle, no two equal",
-    ),
+# What a device preset knows beyond the loop's own numbers, for a simulation and for what encoder and motors do to a wall.
+_HARDWARE = [
+    gain("simulate.resolution", 0.0, "m", "step of the encoder; 0 for none"),
+    positive("simulate.max_force", None, "N", "largest force of the motors; absent: no limit"),
+    gain("simulate.friction", 0.0, "N", "Coulomb friction of the device"),
 ]
 
 
-_DESIGN = [
-    whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
-    whole("design.population", 96, "designs of a generation", 8, 10_000),
-    whole("design.generations", 80, "generations of the search", 1, 100_000),
-]
-
-
-def _by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
+def by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
+    """Return keys by their paths."""
     return MappingProxyType({key.path: key for key in keys})
 
 
-MESSAGES = "simulate.messages"  # a table of lists
-KEYS, SIMULATE_KEYS, MEASURED_KEYS, REQUIRE_KEYS = map(_by_path, (_LOOP, _SIMULATE, _MEASURED, _REQUIRE))
-DESIGN_KEYS = _by_path(_DESIGN)
+KEYS, HARDWARE_KEYS = by_path(_LOOP), by_path(_HARDWARE)
 
 # Units at the port of a hand that turns, for those of one that slides.
 TURNED = MappingProxyType({"m": "rad", "N": "N*m", "m/s": "rad/s", "m/N": "rad/(N*m)", "N/m": "N*m/rad", "N*s/m": "N*m*s/rad"})
 
-# Keys of the studies, which cannot be axes.
-STUDY_KEYS = _by_path(
+# Keys of [sweep] and [bode], which cannot be axes.
+STUDY_KEYS = by_path(
     [
         word("sweep.along", "K_VE", "the axis whose stable intervals are wanted"),
-        *_REQUIRE,
-        _gain("bode.frequency_hz", None, "Hz", "frequencies of the responses; 0 for the static limit"),
+        gain("bode.frequency_hz", None, "Hz", "frequencies of the responses; 0 for the static limit"),
         word("bode.from", None, "input of a drawn loop, from which the responses are wanted; by default all inputs"),
         word(
             "bode.to",
             None,
             "output of a drawn loop to which they lead, or any signal, BLOCK.PORT; by default all outputs",
         ),
-        *_SIMULATE,
-        *_MEASURED,
-        *_DESIGN,
     ]
 )
 
 # Keys of an axis that is given as a span; `start` and `stop` have type, range and unit of the axis's own key.
-AXIS_KEYS = _by_path(
+AXIS_KEYS = by_path(
     [
         number("start", None, "", "first value of the axis, in the unit of its key"),
         number("stop", None, "", "last value of the axis, in the unit of its key"),

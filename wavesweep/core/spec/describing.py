@@ -6,21 +6,18 @@ from typing import Any
 from wavesweep.core.drawing.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
 from wavesweep.core.reading.checking import expectation, nearest, show
 from wavesweep.core.reading.devices import DEVICES, HapticDevice
-from wavesweep.core.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
-from wavesweep.designs.wish_keys import WISHES
+from wavesweep.core.reading.keys import AXIS_KEYS, HARDWARE_KEYS, KEYS, SYMBOLS, Key, find_key
+from wavesweep.core.reading.tables import study_keys, study_tables, tables
 
 Description = dict[str, Any]
 STUDIES = ("sweep", "bode")
 _AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
 _OF_STUDIES = {
-    path: key
-    for table in (*STUDIES, "simulate", "measured", "design")
-    for path, key in (STUDY_KEYS | _AXES).items()
-    if path.startswith(f"{table}.")
+    path: key for table in study_tables() for path, key in (study_keys() | _AXES).items() if path.startswith(f"{table}.")
 }
 EVERY_KEY: Mapping[str, Key] = {**KEYS, **_OF_STUDIES}
 # Tables with names of the user's own.
-TABLES = {
+_TABLES = {
     "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "
     'and so may a number in a block, "block.NAME.KEY"; NAME = "expression" follows from other numbers, which may be axes',
     "type": "classes of blocks: [type.NAME.block.motor], and tables numbers, signals, wire and ports = { inputs = [names], "
@@ -35,15 +32,12 @@ TABLES = {
     "wall = { stiffness = number, damping = number } for zwidth; "
     "inputs = { NAME = signal }, signals from outside that wires read, and outputs = { NAME = expression }, each perhaps "
     "{ signal = ..., unit = ... }, for bode, simulate and to_control",
-    "design.vary": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
-    "design.wish": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as possible",
-    "design.for_all": "what each design has to hold for; the worst case counts: NAME = [values] of device, hand, delay or "
-    'a ratio ("one key/another"); hand = { mass = [...], damping = [...], stiffness = [...] }',
-    "for_all": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that is not known, "
-    "with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or the number in every of "
-    "blocks); lost = slow results in a row that may fail to come; the last one that came is held",
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
+_OF_CAPABILITIES = {
+    path: each for table in sorted(tables().values(), key=lambda each: each.path) for path, each in table.described.items()
+}
+TABLES: Mapping[str, Description] = {path: {"description": text} for path, text in _TABLES.items()} | _OF_CAPABILITIES
 TAKEN = {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}  # names of columns, which no number or port may have
 
 
@@ -86,7 +80,12 @@ def _values(key: Key) -> str:
 def _device(device: HapticDevice) -> Description:
     wall = device.wall and dict(zip(("stiffness", "damping", "source"), device.wall, strict=True))
     numbers = {
-        path: {"value": number.value, "unit": EVERY_KEY[path].unit, "source": number.source, "assumed": number.assumed}
+        path: {
+            "value": number.value,
+            "unit": (KEYS | HARDWARE_KEYS)[path].unit,
+            "source": number.source,
+            "assumed": number.assumed,
+        }
         for path, number in device.numbers.items()
     }
     return {"title": device.title, "numbers": numbers, "not_known": list(device.unknown()), "recommended_wall": wall}
@@ -111,7 +110,7 @@ def named(name: str) -> dict[str, Description]:
     """
     path = SYMBOLS.get(name, name)
     if table := next((table for table in TABLES if path == table or path.startswith(f"{table}.")), ""):
-        return {table: _table(table)}
+        return {table: TABLES[table]}
     if path == "block":
         return {f"block.{kind}": _type(kind) for kind in TYPES}
     if path.startswith("block.") and path[6:] in TYPES:
@@ -133,16 +132,6 @@ def meant(name: str) -> str:
         return near and f"block.{near}"
     tables = (other.rpartition(".")[0] for other in EVERY_KEY)
     return nearest(name, SYMBOLS) or nearest(name, (*EVERY_KEY, *tables, *TABLES))
-
-
-def _table(name: str) -> Description:
-    description: Description = {"description": TABLES[name]}
-    if name == "design.wish":
-        description["wishes"] = {
-            wish: {"unit": kind.unit, "bound": kind.bound, "options": list(kind.options), "description": kind.description}
-            for wish, kind in WISHES.items()
-        }
-    return description
 
 
 def _type(name: str) -> Description:

@@ -14,9 +14,10 @@ from wavesweep.core.reading.checking import Mistakes
 from wavesweep.core.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.core.reading.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
 from wavesweep.core.reading.sorting import Path, leaves_of, normal_path, sort_leaves
+from wavesweep.core.reading.tables import missing
 from wavesweep.core.spec.resolving import TWINS, Given, resolve
 from wavesweep.core.spec.spec import Spec
-from wavesweep.core.spec.studies import build_studies, refuse_beyond_limits, refuse_beyond_rate, refuse_unknown_ends
+from wavesweep.core.spec.studies import Request, Studies, build_studies
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 
@@ -123,31 +124,35 @@ def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Pl
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
     tables = {each[0] for each in leaves}
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
-    rate, names, drawing = RATE if drawn else "rates.fast_hz", BUILT_IN, None
+    leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
     if drawn:
         leaves = expanded(as_meant(leaves, mistakes), mistakes)
         drawing, values, of_loop, names = read_drawing(leaves, place, mistakes)
         given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
-        hz = drawing.rate(values) if drawing else values.get(rate)
+        hz = drawing.rate(values) if drawing else values.get(RATE)
     else:
         belongs = sort_leaves(leaves, mistakes)
         given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
         values, wrong = resolve(given)
         mistakes += wrong
-        hz = None if any(mistake.key.startswith("rates.") for mistake in wrong) else values[rate]
-    studies = build_studies(belongs, given, mistakes, names, drawing, hz)
-    if hz:
-        refuse_beyond_rate(studies, hz, rate, mistakes)
-    if drawing and studies.design:
-        studies.design.refuse_unsuited(drawing, mistakes)
-    if drawing or not drawn:  # what the loop is
-        refuse_unknown_ends(belongs, drawing, mistakes)
-    if not (drawn or wrong):
-        refuse_beyond_limits(studies, values, mistakes)
+        hz = None if any(mistake.key.startswith("rates.") for mistake in wrong) else values["rates.fast_hz"]
+    known = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
+    studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **known))
     if mistakes:
         raise SpecError(_in_order(mistakes))
-    asked = {each.name: getattr(studies, each.name) for each in fields(studies)}
+    asked = {each.name: getattr(studies, each.name) for each in fields(Studies)}
     return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **asked)
+
+
+def _installed(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves without tables of capabilities that are not installed, and add a mistake for each of these."""
+    for table, capability in missing().items():
+        path = tuple(table.split("."))
+        if inside := [each for each in leaves if each[: len(path)] == path]:
+            found = f"a table of the capability {capability}, which is not installed"
+            mistakes.refuse(leaves[inside[0]].place.under(path), f"[{table}]", "only tables of what is installed", found)
+            leaves = {each: leaf for each, leaf in leaves.items() if each not in inside}
+    return leaves
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:

@@ -3,7 +3,11 @@
 It says what can be said of each key by itself: names, types, ranges, choices. What two keys say together is checked by `load`.
 """
 
-from collections.abc import Iterable, Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 from wavesweep.core.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
@@ -12,9 +16,7 @@ from wavesweep.core.drawing.drawing_ports import NAMED, OPTIONAL
 from wavesweep.core.drawing.drawing_ports import PORTS as OF_PORTS
 from wavesweep.core.drawing.drawing_tables import NUMBER_PARTS
 from wavesweep.core.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key
-from wavesweep.designs.wish_keys import WISHES
-from wavesweep.for_all.keys import LOST
-from wavesweep.simulation.keys import FRAME_KEYS as OF_FRAME
+from wavesweep.core.reading.tables import tables
 
 Schema = dict[str, Any]
 TEXT = {"type": "string"}
@@ -30,39 +32,36 @@ def _reference(name: str) -> Schema:
     return {"$ref": f"#/$defs/{name}"}
 
 
-AXIS, RANGE = _reference("axis"), _reference("range")  # of drawn loops
+AXIS = _reference("axis")  # of drawn loops
 
 
 def schema() -> Schema:
     """Return the schema of a spec, of a controller or of a drawn loop, as nested dicts that JSON can hold."""
     axis = _axis(Key("axis", "number", None, "", "number of the drawn loop"))
-    numeric = {path: key for path, key in KEYS.items() if key.numeric}
+    definitions: Schema = {}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Spec of wavesweep",
-        "oneOf": [_controlled(), _drawn()],
+        "oneOf": [_controlled(definitions), _drawn(definitions)],
         "$defs": {
             "axis": {"anyOf": [axis, _tables({}, AXIS)]},  # "numbers.k" may be a path of tables
-            "range": {"anyOf": [_range(), _tables({}, RANGE)]},
             **{path: _value(key) for path, key in KEYS.items()},
-            **{f"axis of {path}": _axis(key) for path, key in numeric.items()},
-            **{f"range of {path}": _range(key) for path, key in numeric.items()},
+            **{f"axis of {path}": _axis(key) for path, key in KEYS.items() if key.numeric},
+            **definitions,
         },
     }
 
 
-def _controlled() -> Schema:
-    named = {path: path for path, key in KEYS.items() if key.numeric} | SYMBOLS
-    axes, ranges = ({name: _reference(f"{kind} of {path}") for name, path in named.items()} for kind in ("axis", "range"))
-    tables = _nested({path: _reference(path) for path in KEYS})
-    tables["environment"]["properties"]["delay"] = {"anyOf": [_reference("environment.delay"), {"const": "frame"}]}
-    tables["controller"]["required"] = ["kind"]
-    tables |= _studies(axes | _nested(axes), ranges | _nested(ranges), WISHES)
-    del tables["bode"]["properties"]["from"], tables["bode"]["properties"]["to"]
-    return _tables(tables, title="loop of a controller", required=["controller"])
+def _controlled(definitions: Schema) -> Schema:
+    own = _nested({path: _reference(path) for path in KEYS})
+    own["environment"]["properties"]["delay"] = {"anyOf": [_reference("environment.delay"), {"const": "frame"}]}
+    own["controller"]["required"] = ["kind"]
+    own |= _studies(Shapes(False, definitions))
+    del own["bode"]["properties"]["from"], own["bode"]["properties"]["to"]
+    return _tables(own, title="loop of a controller", required=["controller"])
 
 
-def _drawn() -> Schema:
+def _drawn(definitions: Schema) -> Schema:
     number = _tables(dict.fromkeys(NUMBER_PARTS, TEXT) | {"value": {"type": ["number", "string"]}})
     end = {"anyOf": [TERMS, _tables({"signal": TERMS, "unit": TEXT}, required=["signal"])]}
     ports = {
@@ -73,7 +72,7 @@ def _drawn() -> Schema:
         for name, parts in OF_PORTS.items()
     } | {side: _tables({}, end) for side in NAMED}
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
-    tables = {
+    own = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
         "numbers": _tables({}, {"anyOf": [{"type": ["number", "string"]}, number]}),
         "type": _tables({}, _tables({part: {"type": "object"} for part in OF_CLASS})),
@@ -82,43 +81,21 @@ def _drawn() -> Schema:
         "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
         "ports": _tables(ports),
     }
-    tables |= _studies({}, {}, [wish for wish, kind in WISHES.items() if kind.ports is not None], AXIS, RANGE)
-    own = {"properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES]}}}}}}
-    classes = {"if": {"required": ["type"]}, "else": own}  # whose names are types of blocks too
-    return _tables(tables, title="drawn loop", required=["rates", "block"]) | classes
+    own |= _studies(Shapes(True, definitions))
+    of_program = {"properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES]}}}}}}
+    classes = {"if": {"required": ["type"]}, "else": of_program}  # whose names are types of blocks too
+    return _tables(own, title="drawn loop", required=["rates", "block"]) | classes
 
 
-def _studies(
-    axes: Schema, ranges: Schema, wishes: Iterable[str], other: Schema | bool = False, other_range: Schema | bool = False
-) -> Schema:
-    """The tables of studies. axes, ranges: of the numbers with known names; other, other_range: what any other names are."""
-    tables = _nested({path: _value(key) for path, key in STUDY_KEYS.items()})
-    sweep, bode, simulate, design = (tables[name]["properties"] for name in ("sweep", "bode", "simulate", "design"))
+def _studies(shapes: Shapes) -> Schema:
+    """The tables of studies."""
+    own = _nested({path: _value(key) for path, key in STUDY_KEYS.items()})
+    sweep, bode = (own[name]["properties"] for name in ("sweep", "bode"))
     bode["frequency_hz"] = _axis(STUDY_KEYS["bode.frequency_hz"])
-    tables |= {"sweep": _tables(sweep | axes, other), "bode": _tables(bode | axes, other)}
-    lost = {"anyOf": [_value(LOST), RANGE]} if other_range else _value(LOST)
-    tables["for_all"] = _tables(ranges | {"lost": lost}, other_range)
-    frequency = STUDY_KEYS["simulate.frequency_hz"]
-    simulate["frequency_hz"] = {"anyOf": [_value(frequency), _axis(frequency), {"type": "array", "maxItems": 0}]}
-    simulate["show"]["items"] = TEXT
-    frame = _tables({name: _value(key) for name, key in OF_FRAME.items()}, required=["ticks"])
-    simulate["frames"]["items"] = {"anyOf": [_value(OF_FRAME["ticks"]), frame]}
-    late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
-    simulate["messages"] = _tables({}, late, description=simulate["messages"]["description"])
-    values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
-    hand = _tables({path.partition(".")[2]: values for path in KEYS if path.startswith("operator.")})
-    wished = _tables({name: _wish(name) for name in wishes})
-    design |= {"vary": _tables(axes, other), "wish": wished, "for_all": _tables({"hand": hand}, AXIS)}
-    return tables
-
-
-def _wish(name: str) -> Schema:
-    kind = WISHES[name]
-    options = {
-        option: _value(key) if count == 1 else {"type": "array", "items": _value(key), "minItems": count or 1}
-        for option, (key, count) in kind.options.items()
-    }
-    return _tables({kind.bound: {"type": "number"}, **options}, description=_described(kind))
+    found = {table.path: table.schema(shapes) for table in tables().values()}
+    inner = {path.removeprefix("sweep."): shape for path, shape in found.items() if path.startswith("sweep.")}
+    others = {path: shape for path, shape in found.items() if "." not in path}
+    return {"sweep": shapes.axes(sweep | inner), "bode": shapes.axes(bode), **others}
 
 
 def _block(kind: str) -> Schema:
@@ -132,14 +109,6 @@ def _axis(key: Key) -> Schema:
     parts = {name: _value(part) for name, part in AXIS_KEYS.items()} | {"start": _value(key), "stop": _value(key)}
     values = {"type": "array", "items": _value(key), "minItems": 1}
     return {"anyOf": [values, _tables(parts, required=["start", "stop"])], "description": _described(key)}
-
-
-def _range(key: Key | None = None) -> Schema:
-    """A number of [for_all]: a range or values, which may vary from frame to frame; key: None for one of a drawn loop."""
-    value, varying = _value(key) if key else {"type": "number"}, {"varying": {"type": "boolean"}}
-    ends = _tables({"start": value, "stop": value, **varying}, required=["start", "stop"])
-    values = _tables({"values": {"type": "array", "items": value, "minItems": 1}, **varying}, required=["values"])
-    return {"anyOf": [ends, values, values["properties"]["values"]]} | ({"description": _described(key)} if key else {})
 
 
 def _value(key: Key, *, text: bool = False) -> Schema:
@@ -178,3 +147,35 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
     """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
     return {"type": "object", "properties": dict(properties), "additionalProperties": others, **more}
+
+
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """What the schema of a capability's table is made from. drawn: whether for a drawn loop; definitions: those of its own."""
+
+    drawn: bool
+    definitions: Schema = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> dict[str, Key]:
+        """The numbers with known names, by symbol and by path."""
+        paths = () if self.drawn else (path for path, key in KEYS.items() if key.numeric)
+        return {path: KEYS[path] for path in paths} | {name: KEYS[path] for name, path in SYMBOLS.items() if not self.drawn}
+
+    def axes(self, others: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
+        """A table of axes. others: keys beside them."""
+        axes = {name: _reference(f"axis of {key.path}") for name, key in self.numbers.items()}
+        return self.table({**others, **axes, **self.nested(axes)}, AXIS if self.drawn else False)
+
+    def define(self, name: str, shape: Schema) -> Schema:
+        """Keep a definition, and return the reference to it."""
+        self.definitions[name] = shape
+        return self.reference(name)
+
+    # How a capability makes the parts of its own.
+    reference = staticmethod(_reference)
+    value = staticmethod(_value)
+    axis = staticmethod(_axis)
+    described = staticmethod(_described)
+    nested = staticmethod(_nested)
+    table = staticmethod(_tables)

@@ -14,23 +14,35 @@ from wavesweep.core.reading.axes import Axis
 from wavesweep.core.reading.checking import Mistakes, nearest
 from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.core.reading.reading import Leaf, Place, plain
+from wavesweep.core.reading.tables import Asked, tables
 from wavesweep.core.spec.resolving import Given, is_frame, resolve, resolve_drawn
-from wavesweep.core.spec.studies import Studies, fitting, unknown_end
+from wavesweep.core.spec.studies import Studies, fitting, hardware_of, unknown_end
 from wavesweep.core.spec.writing import written
-from wavesweep.simulation.keys import Experiment
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class Spec(Studies):
-    """A request with all its values, made by `load`. Two specs are the same request if their `sha256` are equal."""
+    """A request with all its values, made by `load`. Two specs are the same request if their `sha256` are equal.
+
+    The value of a capability's table is an attribute of the table's name; it is None if the spec has no such table.
+    """
 
     name: str
     source: str | None
     _values: dict[str, float | int | str]
     _given: Given  # the keys of the loop as given, with their places; `with_values` starts from them
-    for_simulation: bool = False  # whether [simulate] is part of the request, see `as_simulated`
-    for_design: bool = False  # whether [design] is, see `as_designed`
+    parts: frozenset[str] = frozenset()  # names of tables that are part of this request and not of every one, see `asking`
     drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
+
+    def __getattr__(self, name: str) -> Asked | None:
+        """The value of the table of that name, with the numbers of the spec's device."""
+        asked = object.__getattribute__(self, "asked")
+        if name not in asked:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return None if asked[name] is None else asked[name].on(self._given.device())
+
+    def _asked(self) -> list[Asked]:
+        return [each for each in self.asked.values() if each is not None]
 
     @property
     def values(self) -> Mapping[str, float | int | str]:
@@ -39,23 +51,20 @@ class Spec(Studies):
 
     @property
     def files(self) -> list[Path]:
-        """The file of the spec, and those that it names: measured points, and the record of a force; none for a dict."""
-        own, record = Path(self.source or ""), self.simulate["record"]
-        return [
-            *filter(None, [self.source and own]),
-            *(own.parent / each for each in (*self.measured.values(), record) if each),
-        ]
+        """The file of the spec, and those that its tables name; none for a dict."""
+        own = [Path(self.source)] if self.source else []
+        return own + [Path(self.source or "").parent / name for each in self._asked() for name in each.files]
 
     @property
     def given(self) -> frozenset[str]:
-        """The paths of the keys of the loop and of [simulate] that were given, or follow from a device preset that was.
+        """The paths of the keys of the loop and of its device that were given, or follow from a device preset that was.
 
         Overrides by `--set` and values of `with_values` are given too. All others have their defaults. A swept key is given
         only if it has a value of its own as well; a slow rate appears as `rates.slow_hz`, and a filter's band edges under
         their own names.
         """
         device = self._given.device()
-        return frozenset((*self._given.leaves, *self.experiment.given, *(device.numbers if device else ())))
+        return self._own() | (device.numbers.keys() if device else frozenset())
 
     def builds(self, path: str, changes: Iterable[str]) -> bool:
         """Return whether a number decides how the loop is built, or others follow from it, so that it cannot vary smoothly.
@@ -69,7 +78,7 @@ class Spec(Studies):
 
     @property
     def preset(self) -> str | None:
-        """The name of the device in `device.preset`, None without one; its numbers are in `values` and `simulate`."""
+        """The name of the device in `device.preset`, None without one; its numbers are in `values` and `hardware`."""
         return str(self._given.leaves["device.preset"].value) if self._given.device() else None
 
     @property
@@ -77,8 +86,15 @@ class Spec(Studies):
         """The paths of the device preset's numbers that have no public source and that the spec does not give itself."""
         device = self._given.device()
         numbers = device.numbers.items() if device else ()
-        own = {*self._given.leaves, *self.experiment.given}
-        return frozenset(path for path, number in numbers if number.assumed and path not in own)
+        return frozenset(path for path, number in numbers if number.assumed and path not in self._own())
+
+    def _own(self) -> frozenset[str]:
+        return frozenset((*self._given.leaves, *(path for each in self._asked() for path in each.given)))
+
+    @property
+    def hardware(self) -> Mapping[str, float | None]:
+        """Friction, resolution and largest force of the device, as a table or else the device preset gives them."""
+        return hardware_of(self.asked, self._given.device())
 
     def without_hand(self) -> list[Mistake]:
         """The mistake of a drawn loop whose [ports] name no hand; empty for any other spec."""
@@ -92,14 +108,6 @@ class Spec(Studies):
             return []
         expected = "inputs = { NAME = SIGNAL }, or hand = { force = ..., displacement = ... }, which something comes from"
         return [self.mistake("ports", expected, "neither")]
-
-    @property
-    def entry(self) -> str:
-        """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
-        if self.drawing is None:
-            return ""
-        named = [signal for name, signal, _ in self.drawing.inputs if name == self.experiment.values["from"]]
-        return (*named, *self.drawing.outside, "")[0]
 
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
@@ -191,13 +199,9 @@ class Spec(Studies):
         return str(leaf.value) if leaf else "elapsed"
 
     def refuse_require(self, what: str) -> None:
-        """Raise UsageError if [sweep] requires more than stability, which is all that `what` is about."""
-        if self.require:
-            expected = f"no [sweep] require with {what}, which is about stability alone"
-            raise UsageError(
-                f"{self.name}: expected {expected} (--set sweep.require= leaves it out; columns low_hz and high_hz of "
-                "stability-region name the mode at each end), found one"
-            )
+        """Raise UsageError if a table asks for more than stability, which is all that `what` is about."""
+        for each in self._asked():
+            each.refuse_stability_alone(self.name, what)
 
     @property
     def frequency_hz(self) -> tuple[float, ...]:
@@ -209,72 +213,44 @@ class Spec(Studies):
         return fitting(self.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz")
 
     @property
-    def simulate(self) -> Mapping[str, float | int | str | tuple | None]:
-        """The resolved keys of [simulate] by their last name (`friction`), None if one is absent; read-only."""
-        return MappingProxyType(self._on_device().values)
-
-    @property
-    def unread(self) -> list[str]:
-        """The keys of [simulate] that are given, and that its input does not read."""
-        return self._on_device().unread()
-
-    def _on_device(self) -> Experiment:
-        device = self._given.device()
-        return self.experiment.on(device) if device else self.experiment
-
-    @property
     def uneven(self) -> bool:
         """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop, which has a common tick."""
         return isinstance(self._values.get("rates.ratio"), float)
 
-    def as_simulated(self) -> Spec:
-        """Return the spec of `simulate`, whose digest covers [simulate] too.
+    def asking(self, table: str) -> Spec:
+        """Return the spec with the table of that name as part of the request, in `tables()` and `sha256`.
 
-        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from.
+        Errors: UsageError or SpecError if the spec does not have it, or if it does not fit the loop.
         """
-        mistakes = Mistakes()
-        self.experiment.refuse_beyond_limits(self.tick_hz, RATE if self.drawing else "rates.fast_hz", mistakes)
-        mistakes += self.without_entry()
-        if mistakes:
-            raise SpecError(mistakes)
-        return replace(self, for_simulation=True)
-
-    def as_designed(self) -> Spec:
-        """Return the spec with [design] as part of the request, in `tables()` and `sha256`.
-
-        Errors: UsageError if the spec has no such table.
-        """
-        if self.design is None:
-            raise UsageError(f"{self.name}: expected the tables [design.vary] and [design.wish], found none")
-        return replace(self, for_design=True)
+        next(each for each in tables().values() if each.name == table).demand(self)
+        return replace(self, parts=self.parts | {table})
 
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
 
         If a filter was given by its band edges, these are included along with the order and cutoff that follow from them. A
-        slow rate appears as the ratio if that is a whole number. [simulate] is left out if nothing depends on it, see
-        `as_simulated`.
+        slow rate appears as the ratio if that is a whole number. Tables on which nothing depends are left out, see `asking`.
         """
-        tables: dict[str, dict] = {}
+        found: dict[str, dict] = {}
         for (*parents, last), value in self._written().items():
-            table = tables
+            table = found
             for parent in parents:
                 table = table.setdefault(parent, {})
             table[last] = value
         along = {"along": self.along} if self.along else {}
-        require = {"require": self.require.written()} if self.require else {}
-        tables["sweep"] = {**along, **require, **{axis.name: axis.written() for axis in self.sweep}}
-        if self.for_all and (ranges := self.for_all.written()):
-            tables["for_all"] = ranges
+        inner, like_sweep, others = self._written_tables()
+        found["sweep"] = {**along, **inner, **{axis.name: axis.written() for axis in self.sweep}}
         bode = (self._frequencies, *self.bode)
-        tables["bode"] = dict(self.route) | {axis.name: axis.written() for axis in bode}
-        if self.measured:
-            tables["measured"] = dict(self.measured)
-        if self.for_simulation:
-            tables["simulate"] = self._on_device().written()
-        if self.for_design:
-            tables["design"] = self.design.written()
-        return tables
+        return found | like_sweep | {"bode": dict(self.route) | {axis.name: axis.written() for axis in bode}} | others
+
+    def _written_tables(self) -> tuple[dict, dict, dict]:
+        """The tables of capabilities: those in [sweep], those that hold axes as it does, and all others."""
+        found: tuple[dict, dict, dict] = {}, {}, {}
+        for table in sorted(tables().values(), key=lambda table: not table.always):  # the order decides the digest
+            value = getattr(self, table.name)
+            if value is not None and (table.always or table.name in self.parts) and (written := value.written()):
+                found[0 if "." in table.path else 1 if table.path in table.sections else 2][table.name] = written
+        return found
 
     def _written(self) -> dict[tuple[str, ...], object]:
         if self.drawing:

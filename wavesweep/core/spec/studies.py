@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.drawing.drawing import RATE, Drawing
+from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis, logarithmic
-from wavesweep.core.reading.checking import Mistakes, Rejected, apart, check, nearest, show
-from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, KEYS, MEASURED_KEYS, MESSAGES, STUDY_KEYS, Names
-from wavesweep.core.reading.reading import Place
-from wavesweep.core.reading.sorting import FOR_DESIGNS, VARIED, Sorted, names_in_list
+from wavesweep.core.reading.checking import Mistakes, apart, nearest, show
+from wavesweep.core.reading.devices import HapticDevice
+from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, Names
+from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.sorting import Sorted
+from wavesweep.core.reading.tables import Asked, missing, tables
 from wavesweep.core.spec.resolving import LIMITS, Given, exceeds_limit
-from wavesweep.designs.keys import Design, build_design
-from wavesweep.for_all.keys import ForAll, build_for_all
-from wavesweep.require.keys import Require, build_require
-from wavesweep.simulation.keys import SHOW, Experiment, build_experiment
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
@@ -27,98 +26,166 @@ class Studies:
     """What a spec asks for, with its axes in the order of the spec.
 
     along: name of the axis whose stable intervals are wanted, as written. sweep: the axes of [sweep], that one among them.
-    bode: those of [bode] without the frequencies. design: the table [design]. require: what [sweep] requires of every mode,
-    None if it is stability alone. for_all: what every answer has to hold for; None if it is for the spec's own numbers alone
-    and there are no channels. route: the ends `from` and `to` of the responses that [bode] names. measured: the files that
-    [measured] names, `z_width` and `response`, relative to the spec's folder.
+    bode: those of [bode] without the frequencies. route: the ends `from` and `to` of the responses that [bode] names. asked:
+    the values of tables of capabilities by name; None of a table that the spec does not have.
     """
 
     along: str
     sweep: tuple[Axis, ...]
     bode: tuple[Axis, ...]
     frequencies: Axis
-    experiment: Experiment
-    design: Design | None = None
-    require: Require | None = None
-    for_all: ForAll | None = None
     route: Mapping[str, str] = field(default_factory=dict)
-    measured: Mapping[str, str] = field(default_factory=dict)
-
-    def axes_of_studies(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
-        """The axes of each study by its name."""
-        designed = (("design.vary", self.design.vary), ("design.for_all", self.design.for_all)) if self.design else ()
-        return ("sweep", self.sweep), ("bode", self.bode), *designed, ("for_all", self.for_all.axes if self.for_all else ())
+    asked: Mapping[str, Asked | None] = field(default_factory=dict)
 
 
-def build_studies(
-    belongs: Sorted,
-    given: Given,
-    mistakes: Mistakes,
-    names: Names = BUILT_IN,
-    drawing: Drawing | None = None,
-    hz: float | None = None,
-) -> Studies:
-    """Return the studies and add their mistakes; limits that the loop's values set are checked by `refuse_beyond_limits`.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What a table is built from: its leaves, and the loop, as far as it is known.
 
-    drawing: of a drawn loop, None if it has mistakes. hz: the rate of the tick, None if it is not known.
+    drawing: of a drawn loop, None if it has mistakes. hz: the rate of the tick, None if it is not known. values: of a
+    controller's loop, None if they have mistakes. asked: the values of the tables before it. sweep: the axes of [sweep].
     """
-    keys, device, drawn = belongs.keys, given.device(), names is not BUILT_IN
-    stepped = drawing is not None and drawing.hand is None and drawing.inputs  # a step of an input is what its user looks at
-    axes = {study: _axes(study, belongs, given, names, mistakes) for study in ("sweep", "bode", VARIED, FOR_DESIGNS)}
-    frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path] or [DEFAULT_FREQUENCIES]
-    if stepped and hz and frequencies == [DEFAULT_FREQUENCIES]:
-        start, stop = (share * hz for share in OF_PORTS)
-        frequencies = [replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)]
-    experiment = build_experiment(belongs, "step" if stepped else "sine", mistakes)
-    design = build_design(belongs, axes[VARIED], axes[FOR_DESIGNS], names, mistakes)
-    if design:
-        design = design.on((experiment.on(device) if device else experiment).values, mistakes)
-    for_all = build_for_all(belongs.axes["for_all"], keys.get("for_all.lost"), mistakes, names)
-    for axis in for_all.axes if for_all else ():
-        if axis.path in {other.path for other in axes["sweep"]}:
-            mistakes.refuse(axis.place, f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name)
-    if for_all and design:
-        design = replace(design, for_all=(*design.for_all, *for_all.ends(design)))
-    along = mistakes.check(STUDY_KEYS["sweep.along"], keys["sweep.along"]) if "sweep.along" in keys else None
-    if along is None and drawn:  # the only span, or the wall's stiffness
-        spans = [axis.name for axis in axes["sweep"] if not axis.values]
-        along = spans[0] if len(spans) == 1 else (*((drawing and drawing.wall) or ()), "")[0]
-    elif along and (fault := axis_fault(along, names)):
-        mistakes.refuse(keys["sweep.along"], "sweep.along", "the name of a numeric key", *fault, of_key=False)
-    files = mistakes.read(MEASURED_KEYS, {f"measured.{name}": leaf for name, leaf in belongs.below("measured").items()})
+
+    belongs: Sorted
+    given: Given
+    mistakes: Mistakes
+    names: Names = BUILT_IN
+    drawing: Drawing | None = None
+    hz: float | None = None
+    values: Mapping[str, float | int | str] | None = None
+    asked: dict[str, Asked | None] = field(default_factory=dict)
+    sweep: tuple[Axis, ...] = ()
+
+    @property
+    def drawn(self) -> bool:
+        """Whether the loop is drawn."""
+        return self.names is not BUILT_IN
+
+    @property
+    def rate(self) -> str:
+        """The path of the tick's rate."""
+        return RATE if self.drawn else "rates.fast_hz"
+
+    @property
+    def stepped(self) -> bool:
+        """Whether a step of an input is what the user of a drawn loop looks at, as there is no hand."""
+        return bool(self.drawing and self.drawing.hand is None and self.drawing.inputs)
+
+    def axes(self, section: str) -> list[Axis]:
+        """Return the axes of a section, and add their mistakes."""
+        axes, first = [], {}
+        for name, parts in self.belongs.axes[section].items():
+            path = getattr(self.names.find(name), "path", name)
+            path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
+            if path in first:
+                found = f"the key of the axis {first[path]} again"
+                self.mistakes.refuse(axis_place(parts), f"{section}.{name}", "each key once", found)
+            first.setdefault(path, name)
+            axis = build_axis(section, name, parts, self.mistakes, self.names)
+            axes += [axis] if axis else []
+        return axes
+
+    def refuse_other_edges(self, section: str, axes: Iterable[Axis], spared: bool = False) -> None:
+        """Add the mistakes of axes of a filter that is given in the other way. spared: whether edges of its band are none."""
+        for axis in axes:
+            table, _, last = axis.path.rpartition(".")
+            by_edges, edge = f"{table}.{BAND_EDGES[0]}" in self.given.leaves, last in BAND_EDGES
+            if table.startswith("filters.") and by_edges != edge and not (spared and edge):
+                expected = f"an axis that fits {table}, given by {'its band edges' if by_edges else 'order and cutoff_hz'}"
+                self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, axis.path)
+
+    def refuse_beyond_limits(self, section: str, axes: Iterable[Axis]) -> None:
+        """Add the mistakes of axes of a controller's loop that leave the range set by its other values.
+
+        Every combination of a section's axes is computed, so a cutoff has to suit the lowest swept rate. A delay along with a
+        swept ratio is left to `Spec.with_values`, which sees each combination.
+        """
+        if self.values is None:
+            return
+        swept = {axis.path: axis for axis in axes}
+        known = {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start} if "rates.fast_hz" in swept else self.values
+        for axis in axes:
+            if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
+                continue
+            if expected := exceeds_limit(axis.path, axis.stop, known):
+                self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, show(axis.stop))
+
+    def refuse_unknown_ends(self, path: str, names: Iterable[object], ports: str) -> None:
+        """Add the mistake of a key that names none of the `inputs` or `outputs` of the loop, if what it is is known."""
+        for name in names if self.drawing or not self.drawn else ():
+            if fault := unknown_end(self.drawing, name, ports):
+                self.mistakes.refuse(self.belongs.keys[path], path, *fault, of_key=False)
+
+
+def hardware_of(asked: Mapping[str, Asked | None], device: HapticDevice | None) -> dict[str, float | None]:
+    """Return the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. asked: as in `Studies`."""
+    found = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
+    found |= device.simulation() if device else {}
+    for value in asked.values():
+        found |= value.on(device).hardware if value is not None else {}
+    return found
+
+
+def build_studies(request: Request) -> Studies:
+    """Return the studies and add their mistakes."""
+    keys, mistakes = request.belongs.keys, request.mistakes
+    axes = {study: request.axes(study) for study in ("sweep", "bode")}
+    for study, some in axes.items():
+        request.refuse_other_edges(study, some)
+    for axis in axes["bode"]:
+        if not axis.values:
+            mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
+    frequencies = next((axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path), DEFAULT_FREQUENCIES)
+    if request.stepped and request.hz and frequencies is DEFAULT_FREQUENCIES:
+        start, stop = (share * request.hz for share in OF_PORTS)
+        frequencies = replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
+    bode = tuple(axis for axis in axes["bode"] if axis.path != DEFAULT_FREQUENCIES.path)
+    if request.hz and frequencies.place != Place():  # defaults are not checked, since `bode` may never run
+        refuse_beyond_half(frequencies, bode, request.hz, request.rate, mistakes)
+    for name, ports in (("from", "inputs"), ("to", "outputs")):
+        request.refuse_unknown_ends(f"bode.{name}", [keys[f"bode.{name}"].value] if f"bode.{name}" in keys else (), ports)
+    along = _along(request, axes["sweep"])
+    request = replace(request, sweep=tuple(axes["sweep"]))
+    for study, some in (("sweep", request.sweep), ("bode", bode)):
+        request.refuse_beyond_limits(study, some)
+    for table in tables().values():
+        request.asked[table.name] = table.build(request)
     return Studies(
-        along=STUDY_KEYS["sweep.along"].default if along is None else along,
-        sweep=tuple(axes["sweep"]),
-        bode=tuple(axis for axis in axes["bode"] if axis.path != DEFAULT_FREQUENCIES.path),
-        frequencies=frequencies[0],
-        experiment=experiment,
-        design=design,
-        require=build_require(belongs.below("sweep.require"), mistakes),
-        for_all=for_all or (ForAll(()) if drawing and drawing.channels else None),
+        along=along,
+        sweep=request.sweep,
+        bode=bode,
+        frequencies=frequencies,
         route={name: str(keys[f"bode.{name}"].value) for name in ("from", "to") if f"bode.{name}" in keys},
-        measured={path.removeprefix("measured."): name for path, name in files.items()},
+        asked=dict.fromkeys(path.rpartition(".")[2] for path in missing()) | request.asked,
     )
 
 
-def refuse_unknown_ends(belongs: Sorted, drawing: Drawing | None, mistakes: Mistakes) -> None:
-    """Add the mistakes of inputs, outputs, channels and ports that studies name, and the loop does not have.
+def _along(request: Request, axes: Iterable[Axis]) -> str:
+    """The name of the axis whose stable intervals are wanted; axes: of [sweep]."""
+    key, drawing, mistakes = STUDY_KEYS["sweep.along"], request.drawing, request.mistakes
+    leaf = request.belongs.keys.get(key.path)
+    along = mistakes.check(key, leaf) if leaf else None
+    if along is None and request.drawn:  # the only span, or the wall's stiffness
+        spans = [axis.name for axis in axes if not axis.values]
+        return spans[0] if len(spans) == 1 else (*((drawing and drawing.wall) or ()), "")[0]
+    if along and (fault := axis_fault(along, request.names)):
+        mistakes.refuse(leaf, key.path, "the name of a numeric key", *fault, of_key=False)
+    return key.default if along is None else along
 
-    drawing: None of a controller, which has a hand alone.
+
+def value_of(path: str, keys: Mapping[str, object]) -> Asked:
+    """Return the value of a table of a capability that no spec has, as its keys give it by name.
+
+    Errors: SpecError with every mistake, UsageError if the capability is not installed.
     """
-    for path in ("bode.from", "bode.to", "simulate.from", SHOW):
-        leaf = belongs.keys.get(path)
-        for name in (names_in_list(leaf) if path == SHOW else [leaf.value]) if leaf else ():
-            if fault := unknown_end(drawing, name, "inputs" if path.endswith(".from") else "outputs"):
-                mistakes.refuse(leaf, path, *fault, of_key=False)
-    channels = [block.name for block in drawing.channels] if drawing else []
-    for path, leaf in belongs.below(MESSAGES).items():
-        if path not in channels:
-            expected = f"channels of a drawn loop ({', '.join(channels) or 'it has none'}), each with a list"
-            found = path or show(leaf.value), nearest(path, channels)
-            mistakes.refuse(leaf, f"{MESSAGES}.{path}".rstrip("."), expected, *found, of_key=False)
-    for path, port, what in (("measured.z_width", "wall", "a wall"), ("measured.response", "hand", "a hand")):
-        if drawing and getattr(drawing, port) is None and path in belongs.keys:
-            mistakes.refuse(belongs.keys[path], path, f"{what} in [ports], where it was measured", "none")
+    if path in missing():
+        raise UsageError(f"[{path}]: expected the capability {missing()[path]}, which is not installed")
+    given = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {path: Leaf({}, Place())}
+    request = Request(belongs=Sorted(given), given=Given({}, Place()), mistakes=Mistakes())
+    value = tables()[path].build(request)
+    if request.mistakes:
+        raise SpecError(request.mistakes)
+    return value
 
 
 def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str, str, str] | None:
@@ -142,42 +209,6 @@ def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
     return None if key.numeric else (f"{show(name)}, which takes no number", "")
 
 
-def _axes(study: str, belongs: Sorted, given: Given, names: Names, mistakes: Mistakes) -> list[Axis]:
-    """Return the axes of a table, and add their mistakes."""
-    axes, first = [], {}
-    for name, parts in belongs.axes[study].items():
-        path = getattr(names.find(name), "path", name)
-        path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
-        if path in first:
-            found = f"the key of the axis {first[path]} again"
-            mistakes.refuse(axis_place(parts), f"{study}.{name}", "each key once", found)
-        first.setdefault(path, name)
-        axis = build_axis(study, name, parts, mistakes, names)
-        axes += [axis] if axis else []
-    for axis in axes:
-        table, _, last = axis.path.rpartition(".")
-        by_edges, edge = f"{table}.{BAND_EDGES[0]}" in given.leaves, last in BAND_EDGES
-        if table.startswith("filters.") and by_edges != edge and not (study == VARIED and edge):  # which no design varies
-            expected = f"an axis that fits {table}, given by {'its band edges' if by_edges else 'order and cutoff_hz'}"
-            mistakes.refuse(axis.place, f"{study}.{axis.name}", expected, axis.path)
-        if study == "bode" and not axis.values:
-            mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
-    return axes
-
-
-def refuse_beyond_rate(studies: Studies, hz: float, rate: str, mistakes: Mistakes) -> None:
-    """Add the mistakes of frequencies and times that do not fit the rate of the tick (Hz); rate: its path.
-
-    Defaults are not checked, since the command that reads them may never run.
-    """
-    if studies.frequencies.place != Place():
-        refuse_beyond_half(studies.frequencies, studies.bode, hz, rate, mistakes)
-    if studies.experiment.given:
-        studies.experiment.refuse_beyond_limits(hz, rate, mistakes)
-    if studies.design:
-        studies.design.refuse_beyond_half(hz, rate, mistakes)
-
-
 def refuse_beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str, mistakes: Mistakes) -> None:
     """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held force is not defined.
 
@@ -197,26 +228,3 @@ def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axi
     stop, num = least / 2, len(frequency.values)
     start = stop * frequency.start / frequency.stop
     return replace(frequency, values=logarithmic(start, stop, num), start=start, stop=stop)
-
-
-def refuse_beyond_limits(studies: Studies, values: Mapping, mistakes: Mistakes) -> None:
-    """Add the mistakes of axes of a controller's loop that leave the range set by its other values.
-
-    Every combination of a study's axes is computed, so a cutoff has to suit the lowest swept rate. A delay along with a
-    swept ratio is left to `with_values`, which sees each combination.
-    """
-    wall = next((axis.stop for axis in studies.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1])
-    followers = tuple(studies.design.followers(values, wall)) if studies.design else ()  # set by ratios of [design.for_all]
-    for study, axes in (*studies.axes_of_studies(), ("design.for_all", followers)):
-        swept = {axis.path: axis for axis in axes}
-        known = {**values, "rates.fast_hz": swept["rates.fast_hz"].start} if "rates.fast_hz" in swept else values
-        for axis in axes:
-            if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
-                continue
-            if expected := exceeds_limit(axis.path, axis.stop, known):
-                mistakes.refuse(axis.place, f"{study}.{axis.name}", expected, show(axis.stop))
-    for axis, end in ((each, end) for each in followers for end in (each.start, each.stop)):
-        try:
-            check(KEYS[axis.path], float(end))
-        except Rejected as error:
-            mistakes.refuse(axis.place, f"design.for_all.{axis.name}", error.expected, f"{show(end)} of {axis.path}")

@@ -183,7 +183,7 @@ def _limits_of_walls(spec, along, swept) -> dict:
     """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
     from wavesweep.core.analyses.hardware import deciding, limits_of_walls
 
-    given = any(spec.simulate[name] for name in ("resolution", "friction"))
+    given = spec.hardware["resolution"] or spec.hardware["friction"]
     if spec.drawing or not given or along != spec.wall[0] or any(map(deciding, swept)):
         return {}
     limits = limits_of_walls(spec)

@@ -59,7 +59,7 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     _refuse_existing(paths, overwrite)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(*zip(paths, found.values(), strict=True))
-    simulated = loaded.as_simulated()
+    simulated = loaded.asking("simulate")
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     outputs = terms_of(loaded)
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1

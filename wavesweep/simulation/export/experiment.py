@@ -12,6 +12,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.spec import Spec
 from wavesweep.simulation.from_spec import effects_of, frames_of
+from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.march import SLOW_ALONE, March, refuse
 from wavesweep.simulation.parts import SEEN, Frames, Loop, loop_of
 
@@ -100,7 +101,7 @@ def march_of(spec: Spec, loop: Loop, steps: Steps | None, inputs: list[str], out
         return {SEEN + name: tuple(term for term in sums[port] if term[1] not in loop.inputs) for name, port in outputs.items()}
 
     whole = replace(whole, wires={**whole.wires, **seen(loop.wires)}, away={**whole.away, **seen(loop.away)})
-    entry, messages = spec.entry or loop.hand, spec.simulate["messages"] or {}
+    entry, messages = entry_of(spec) or loop.hand, spec.simulate["messages"] or {}
     return March(whole, effects_of(spec), (*inputs, *(SEEN + name for name in outputs)), entry, messages=messages)
 
 

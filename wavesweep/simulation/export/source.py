@@ -63,7 +63,7 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, if it has no device, nothing but a device, or
     one that responds within the tick, or too many terms; `IllPosedLoopError` if what goes round within a tick has no solution.
     """
-    spec = spec.as_simulated()
+    spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
     effects, steps = effects_of(spec), steps_of(spec)
     drawing = drawing_of(spec, steps, gains=gains)

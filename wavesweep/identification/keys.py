@@ -1,0 +1,60 @@
+"""The table [measured]: files of points that were measured of the device."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from wavesweep.core.reading.keys import by_path, word
+from wavesweep.core.reading.tables import Asked, Table
+
+if TYPE_CHECKING:
+    from wavesweep.core.spec.schema import Shapes
+    from wavesweep.core.spec.studies import Request
+
+KEYS = by_path(
+    [
+        word(
+            "measured.z_width",
+            None,
+            "CSV file of limits that were measured: columns B_VE and K_VE; or of walls that were tried, with a column stable "
+            "(1 or 0); path from the spec's folder",
+        ),
+        word(
+            "measured.response",
+            None,
+            "CSV file of a response that was measured at the hand: frequency_hz, admittance_abs (m/N) and admittance_deg, or "
+            "admittance_re and admittance_im, and perhaps coherence; path from the spec's folder",
+        ),
+    ]
+)
+
+
+class Measured(dict, Asked):
+    """The files `z_width` and `response`, relative to the spec's folder; empty without the table."""
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All of them."""
+        return tuple(self.values())
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        return dict(self)
+
+
+def build(request: Request) -> Measured:
+    """Return the files and add the mistakes of the table."""
+    given = {f"measured.{name}": leaf for name, leaf in request.belongs.below("measured").items()}
+    files = request.mistakes.read(KEYS, given)
+    for path, port, what in (("measured.z_width", "wall", "a wall"), ("measured.response", "hand", "a hand")):
+        if request.drawing and getattr(request.drawing, port) is None and path in given:
+            request.mistakes.refuse(given[path], path, f"{what} in [ports], where it was measured", "none")
+    return Measured({path.removeprefix("measured."): name for path, name in files.items()})
+
+
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the table."""
+    return shapes.table({path.rpartition(".")[2]: shapes.value(key) for path, key in KEYS.items()})
+
+
+TABLE = Table(path="measured", build=build, keys=KEYS, always=True, schema=schema)
