@@ -15,7 +15,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.spec import load
 from wavesweep.picture.diagram import WIDEST, placed
-from wavesweep.picture.routes import APART, ROW
+from wavesweep.picture.layout import APART, ROW
 from wavesweep.picture.wiring import wiring_of_drawing
 
 TINY = 1e-6

@@ -8,13 +8,11 @@ from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.plots.style import distinct_look, family_looks, figure, paler
 from wavesweep.core.plots.words import as_it_stands
 from wavesweep.core.spec import Spec
-from wavesweep.picture.layers import Box, lay_out
-from wavesweep.picture.routes import ROW, Routes, dots, route
+from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
 from wavesweep.picture.wiring import Part, Terms, Wiring, wiring_of_drawing
 
 WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
 NARROWEST = 4.5
-CHANNEL = 0.5  # inch, a usual space between two columns
 MARGIN = 0.12
 TITLE, NAME, SMALL = 9.0, 8.0, 7.0  # points
 PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from it
@@ -69,15 +67,15 @@ def wiring(loop: Wiring, title: str) -> Any:
 
 
 def placed(loop: Wiring) -> tuple[list[Box], Routes]:
-    """The boxes of the parts, first in their order, and the places and routes of the picture.
+    """The boxes of the parts, and the places and routes of the picture.
 
     Errors: UsageError for more than MOST_WIRES wires.
     """
     wires = sum(len(terms) for part in loop.parts for _, terms in part.inputs)
     if wires > MOST_WIRES:
         raise UsageError(f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}")
-    boxes, bands = lay_out([_box(part) for part in loop.parts], WIDEST - 2 * MARGIN, CHANNEL)
-    return boxes, route(boxes, bands)
+    boxes = [_box(part) for part in loop.parts]
+    return boxes, lay_out(boxes, WIDEST - 2 * MARGIN)
 
 
 def _when(every, phase=0):
