@@ -190,6 +190,18 @@ def test_the_force_before_the_log_is_not_needed():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.0, 0.27])
+def test_a_delay_that_turns_a_fast_force_round_is_found(friction):
+    """4.56 ticks are more than a quarter of a period at 60 Hz: without the delay the force has the wrong sign."""
+    time = np.arange(-0.01, 0.3, 1e-3)
+    force = 2 * np.sin(2 * np.pi * (50 + 50 * time) * time)
+    position = 1e-7 * np.round(marched(0.1, 1.0, force, 4.56, 0.0, friction)[10:] / 1e-7)
+    fit = fitted(Model(friction=bool(friction)), force[10:], position, 1e-3, 1e-7)
+    for name, truth in {"mass": 0.1, "damping": 1.0, "friction": friction, "delay": 4.56}.items():
+        assert fit.numbers[name] == pytest.approx(truth, rel=1e-2), name
+
+
+@pytest.mark.slow
 def test_an_outlier_is_left_out_and_named(tmp_path):
     """And not called noise."""
     force = force_of("chirp", np.random.default_rng(0), 400)
@@ -335,6 +347,12 @@ def test_units_and_names_of_columns_can_be_told(tmp_path):
         UsageError, match=r"found a mass of 60 kg \(usual: 0.001 to 20\); are time, force and position in s, N and m"
     ):
         wavesweep.identify(wrong)
+    small = written(tmp_path / "millimetres.csv", force, 1000 * places)
+    with pytest.raises(UsageError, match=r"in s, N and m\? It would be 0.0[56]\S* with --scale position=0.001\. --scale"):
+        wavesweep.identify(small)
+    slow = written(tmp_path / "milliseconds.csv", force, places, period=1000 / RATE)
+    with pytest.raises(UsageError, match=r"in s, N and m\? It would be 0.0[56]\S* with --scale time=0.001\. --scale"):
+        wavesweep.identify(slow)
     named = written(tmp_path / "counts.csv", force, np.round(places / 1e-5), "t,force_N,enc")
     found = wavesweep.identify(named, columns={"position": "enc", "time": "t"}, scales={"position": 1e-5})
     mass = found.attrs["summary"]["parameters"]["mass"]

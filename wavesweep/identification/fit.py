@@ -22,7 +22,7 @@ RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
 TONES = np.geomspace(0.2, 100, 16)  # natural frequencies tried first (Hz)
 NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
-SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force
+SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force, and of a log in which no mass shows without
 NO_MASS = "no mass, however large or small, fits the log; do force and position have the same sign?"
 NO_RESONANCE = (
     "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
@@ -275,11 +275,13 @@ def _begun(model, rows):
         return _begun_with_load(model, rows)
     known = dict(zip(model.names, _first(model, rows), strict=True))
     late = float(known.get("delay", model.delay or 0.0))
-    shares = [share * float(np.std(rows.force)) for share in (0.05, 0.3)] if model.friction else [0.0]
-    lates = dict.fromkeys([late, 0.0] if model.friction and model.delay is None else [late])
-    best = min((_near(model, known, each, share, rows) for each in lates for share in shares), key=lambda each: each[0])
+    pushed = float(np.std(rows.force))
+    starts = [(late, 0.05 * pushed), (late, 0.3 * pushed)] if model.friction else [(late, 0.0)]
+    if model.friction and model.delay is None:  # what friction takes shows as another delay in the rough numbers
+        starts += [(each, 0.3 * pushed) for each in LATE[:5] if each != late]
+    best = min((_near(model, known, *each, rows) for each in starts), key=itemgetter(0))
     if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
-        others = [_near(model, known, each, shares[-1], rows) for each in LATE]
+        others = [_near(model, known, each, starts[-1][1], rows) for each in LATE]
         best = min(best, *others, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
     shift = np.array([name == "delay" for name in model.names])
     while (
@@ -382,7 +384,7 @@ def _first(model, rows):
         return min(filter(None, (best, *found)), default=None, key=itemgetter(0))
 
     best = tried(RATES, tones, [model.delay or 0.0])
-    if model.measured == "acceleration" and model.delay is None:  # which at another delay may show no mass at all
+    if model.delay is None and (best is None or model.measured == "acceleration"):  # at another delay no mass may show
         best = tried(RATES[::4], tones[:1], SOONER)
     for near in (NEAR, NEAR**0.25) if best else ():  # values between those tried, and delays
         best = tried(near * best[2], near * best[3] if model.spring else [0.0], [best[4]])

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
-from math import exp, isnan
+from math import exp, inf, isnan, sqrt
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -44,6 +44,7 @@ MISSING = {
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
+SLOW = 10  # periods in a log, below which it is not told whether something is a resonance
 MISSING_OF_TWO = {
     "resonance": "another resonance, near {frequency_hz:.3g} Hz",
     "unknown": "an effect that is no delay or resonance, as Coulomb friction, which is a constant force (offset) if the motor "
@@ -112,7 +113,7 @@ def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
     for each in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
         each["unit"] = "ms"
-    _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N")
+    _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N", {})
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
         "correlation": fit.correlation,
@@ -159,6 +160,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
 
 def _of_log(path: str, given: Asked, model: Any) -> Table:
     from wavesweep.identification.log import MOTIONS, read_log, step_of
+    from wavesweep.identification.model import ORDER
     from wavesweep.identification.verdict import identified
 
     started = time.perf_counter()
@@ -179,7 +181,8 @@ def _of_log(path: str, given: Asked, model: Any) -> Table:
     units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
     names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
     named = "time, {} and {} in s, {} and {}".format(*names, *units)
-    _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}")
+    powers = {"time": 2 - ORDER[log.measured], names[0]: 1, names[1]: -1}
+    _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}", powers)
     asked = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
     asked |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
     asked |= {"scales": dict(scales), "columns": dict(columns)}
@@ -235,8 +238,13 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool,
     return parameters
 
 
-def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, question: str) -> None:
-    """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks."""
+def _refuse_unknown(
+    path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, question: str, powers: Mapping[str, int]
+) -> None:
+    """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks.
+
+    powers: of the scales of columns, to which the mass is proportional.
+    """
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
         others = ", ".join(f"{name} {spoken(each)}" for name, each in parameters.items() if name != "mass")
@@ -257,8 +265,12 @@ def _refuse_unknown(path: str, parameters: Mapping[str, Any], turns: bool, scale
     low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
     if not low <= mass["value"] <= high and not scaled:
         found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
-        hint = "--scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
-        raise UsageError(f"{path}: {found}; {question}?{f' {hint}' if question.startswith('are') else ''}")
+        sizes = {column: 0.001**power * mass["value"] for column, power in powers.items()}
+        likely = [f"{size:.3g} with --scale {column}=0.001" for column, size in sizes.items() if low <= size <= high]
+        hint = f" It would be {' or '.join(likely)}." if likely else ""
+        if powers:
+            hint += " --scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
+        raise UsageError(f"{path}: {found}; {question}?{hint}")
 
 
 def _residual(fit, verdict) -> dict[str, Any]:
@@ -337,8 +349,14 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
         yield "push harder, or record a chirp or noise", True
         return
-    known = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {})
-    missing = known[found["missing"]].format(frequency_hz=found["residual"]["frequency_hz"] or 0.0)
+    known, left = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}), found["residual"]
+    hertz = left["frequency_hz"] or 0.0
+    missing = known[found["missing"]].format(frequency_hz=hertz)
+    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < SLOW:
+        size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
+        unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
+        beyond = " beyond the steps of the encoder" * bool(found["resolution"])
+        missing = f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
     yield f"the model does not explain the {what}, and the intervals are widened by what is left: it lacks {missing}", True
 
 
