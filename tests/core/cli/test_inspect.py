@@ -54,6 +54,13 @@ def test_a_folder_without_results_is_refused(tmp_path, wavesweep):
     assert "found none" in err
 
 
+@pytest.mark.parametrize("command", ["inspect", "verify"])
+def test_a_name_that_is_too_long_is_a_mistake_of_the_command_line(command, wavesweep):
+    code, out, err = wavesweep(command, "a" * 300 + ".csv")
+    assert (code, out) == (2, "")
+    assert err.rstrip().endswith("; choose another name")
+
+
 def test_pandas_has_the_units_of_a_parquet_file(folder):
     units = pandas.read_parquet(folder / "zwidth.parquet").attrs["units"]
     assert (units["B_VE"], units["high"], units["along"]) == ("N*s/m", "N/m", "")

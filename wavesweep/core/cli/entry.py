@@ -5,6 +5,7 @@ The core's commands are listed here, those of capabilities in `wavesweep.capabil
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import warnings
@@ -226,6 +227,8 @@ def _line(error: BaseException) -> tuple[int, str]:
             return error.exit_code, _with_notes(f"Error: {error}", error)
         case MemoryError():
             said = "Error: out of memory; fewer values per axis or fewer --jobs take less"
+        case OSError() if error.errno == errno.ENAMETOOLONG:  # a name that was given
+            return 2, f"Error: {_os_error(error)}; choose another name"
         case OSError():
             said = f"Error: {_os_error(error)}"
         case _ if type(error).__name__ in BEYOND_DOUBLES:

@@ -130,13 +130,17 @@ class KeyReader:
         texts: path and leaf of each name. signals: whether they are linear in signals; otherwise they are numbers.
         """
         trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
-        rest = {name: tree for name, tree in trees.items() if tree is not None}
+        rest, beyond = {name: tree for name, tree in trees.items() if tree is not None}, set()
         while ready := [name for name, tree in rest.items() if not rest.keys() & {each for each, _ in names_in(tree)}]:
             for name in ready:
                 tree = rest.pop(name)
+                if beyond & {each for each, _ in names_in(tree)}:  # whose mistake is the same
+                    beyond.add(name)
+                    continue
                 try:
                     check_extent(tree, self.extents)
                 except Fault as fault:
+                    beyond.add(name)
                     self.fault(*texts[name], fault)
                     continue
                 self.extents[name], self.meanings[name] = extent(tree, self.extents), with_trees(tree, self.meanings)

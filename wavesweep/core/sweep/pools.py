@@ -74,7 +74,10 @@ def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tu
     if why := why_no_processes() if backend == "loky" else "":
         raise WavesweepError(f"{why}; --jobs 1 needs none")
     from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
 
+    # The tracker of what processes share, which loky starts anew if it was killed, does not know what is shared already.
+    tracker._launch = _started_here()(type(tracker)._launch).__get__(tracker)  # noqa: SLF001 - there is no other way to it
     tasks, options = (delayed(attested)(*call) for call in calls), {}
     if backend == "loky":  # one BLAS thread each, since the matrices are small and the workers many
         options = {
