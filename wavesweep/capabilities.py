@@ -14,6 +14,11 @@ bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `
 on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
     `lines(spec, found)`, ranked, of its verdict; `sweep_plan(spec)`, lines and jobs of a command over [sweep]; `plan(spec)`,
     lines of another; `refuse(spec)`, before anything is printed; `is_next(spec, found)`, whether its command goes on from it.
+verdict: what is known beside a spec's own numbers, `further(spec, own)` and `verdict_lines(spec, found)`.
+section: a section of a report: `TITLE`, `PLACE`, `KNOWN` (how its numbers are known), and `section(spec, cut)`: the command of
+    its table and what makes it.
+panel: what a page of `explore` shows in addition: `data(spec)`; `quick(spec, question, data, stable)` while a slider moves;
+    `ANSWERS`, more questions that it answers, of (spec, question, data).
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
@@ -73,7 +78,7 @@ CAPABILITIES = (
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
         library=("verdict", "Loop.plot_root_locus"),
-        offers=("on_check",),
+        offers=("on_check", "verdict"),
     ),
     Capability(
         "compare",
@@ -89,7 +94,7 @@ CAPABILITIES = (
         tables=("simulate",),
         kinds=("simulate", "simulate-response"),
         library=("simulate", "Loop.simulate", "Loop.plot_simulate", "DrawnLoop.simulate"),
-        offers=("keys",),
+        offers=("keys", "section"),
     ),
     Capability(
         "passive",
@@ -103,13 +108,14 @@ CAPABILITIES = (
         {"why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number."},
         kinds=("why",),
         library=("why", "Loop.sensitivity"),
+        offers=("section",),
     ),
     Capability(
         "margins",
         {"margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal."},
         kinds=("margins",),
         library=("Loop.margins", "Loop.plot_margins"),
-        offers=("on_check",),
+        offers=("on_check", "panel", "section"),
     ),
     Capability(
         "designs",
@@ -130,7 +136,7 @@ CAPABILITIES = (
         tables=("measured",),
         kinds=("identify", "identify-response"),
         library=("identify",),
-        offers=("keys", "marks", "on_check"),
+        offers=("keys", "marks", "on_check", "panel"),
     ),
     Capability(
         "explore",

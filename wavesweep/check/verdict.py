@@ -13,7 +13,6 @@ Facts = Mapping[str, Any]
 Ranked = tuple[float, str]
 
 
-@np.errstate(all="ignore")  # numbers that overflow are told from what they leave
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
@@ -23,7 +22,7 @@ def verdict(spec: Spec) -> dict:
     return own | further(spec, own)
 
 
-@np.errstate(all="ignore")
+@np.errstate(all="ignore")  # of numbers that overflow
 def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
     """What capabilities say in addition to the numbers of `own_design`.
 

@@ -27,7 +27,6 @@ from wavesweep.core.sweep.running import in_memory
 from wavesweep.core.tables.regions import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
-from wavesweep.identification.measured import read_points
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
 SECONDS = 0.4  # that these may take
@@ -219,20 +218,6 @@ def frequencies(spec: Spec) -> np.ndarray:
     rate = spec.drawing.rate(spec.values) if spec.drawing else spec.values["rates.fast_hz"]
     wanted = [each for each in spec.frequency_hz if 0 < each <= rate / 2] or [rate / 1e4, rate / 2]
     return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), POINTS), None, rate / 2))
-
-
-def measured(spec: Spec) -> dict:
-    """What [measured] names: the walls as (damping, stiffness, whether stable, None of a limit), and the response; if any."""
-    walls, response = read_points(spec)
-    found: dict[str, object] = {}
-    if walls is not None:
-        kinds = [None] * len(walls.K_VE) if walls.stable is None else walls.stable.tolist()
-        points = list(zip(walls.B_VE.tolist(), walls.K_VE.tolist(), kinds, strict=True))
-        found["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
-    if response is not None:
-        columns = {"frequency_hz": response.frequency_hz} | complex_columns("admittance", response.admittance)
-        found["response"] = {name: column.tolist() for name, column in columns.items()}
-    return found
 
 
 def first_plane(spec: Spec, sliders) -> Plane | None:

@@ -6,13 +6,17 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import reduce
 from html import escape
 from importlib.resources import files
 from itertools import product
 from math import prod
+from operator import or_
+from types import MappingProxyType
 
 import numpy as np
 
+from wavesweep.capabilities import asked, modules
 from wavesweep.core.controllers import WALL
 from wavesweep.core.errors import SpecError, WavesweepError
 from wavesweep.core.plots.marks import facts_of_marks
@@ -23,12 +27,10 @@ from wavesweep.explore.answers import (
     first_plane,
     fitted,
     is_gain,
-    measured,
     preview,
     quick,
     stable_ranges,
 )
-from wavesweep.explore.behaviour import behaviour, choices, proved_margins
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 
@@ -38,6 +40,7 @@ WIDEST = 64.0  # times the range of a number that is searched for a limit, if th
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_ROWS = 5000  # of its table
+NOTHING = MappingProxyType({"measured": {}, "cuts": [], "routes": []})  # that capabilities show in addition
 
 
 class Page:
@@ -47,7 +50,7 @@ class Page:
         self.spec = spec
         self.sliders = sliders_of(spec)
         self.plane = first_plane(spec, self.sliders)
-        self.choices = choices(spec)
+        self.shown = reduce(or_, asked("panel", "data", spec), dict(NOTHING))
         self._cells, self._by_gain = FIRST_CELLS, {}
         search = {slider.path: slider.search for slider in self.sliders if slider.path in WALL}
         self.first = quick(spec)
@@ -66,8 +69,9 @@ class Page:
             "certified": self._certified,
             "fit": self._fit,
             "toml": self._toml,
-            "margins": self._margins,
         }
+        for panel in modules("panel"):
+            answers |= {name: self._of_panel(answer) for name, answer in getattr(panel, "ANSWERS", {}).items()}
         return {name: self._said(answer) for name, answer in answers.items()}
 
     def _data(self) -> dict:
@@ -85,8 +89,7 @@ class Page:
             "hand": self.first["response"] is not None,
             "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
             "first": self.first,
-            "measured": measured(spec),
-            **self.choices,
+            **self.shown,
         }
 
     def _said(self, answer):
@@ -113,9 +116,7 @@ class Page:
         found = quick(spec, bool(question.get("response", True)))
         if plane:
             found |= self._preview(spec, plane, search, bool(question.get("preview", True)))
-        if question.get("cut"):
-            found |= behaviour(spec, *self._chosen(question), stable=found["own"]["stable"])
-        return found
+        return reduce(or_, asked("panel", "quick", spec, question, self.shown, found["own"]["stable"]), found)
 
     def _preview(self, spec, plane, search, wanted=True):
         """The fastest preview of a plane, with as many cells as the one before shows that there is time for."""
@@ -128,15 +129,9 @@ class Page:
             self._cells = int(np.clip(self._cells * more, LEAST_CELLS, MOST_CELLS))
         return found
 
-    def _margins(self, question):
-        return proved_margins(self._changed(question), self._chosen(question)[0])
-
-    def _chosen(self, question):
-        """The signal at which the loop is broken, and the input and the output of a step, if there are any."""
-        cut, route = question["cut"], question.get("route")
-        if cut not in self.choices["cuts"] or (route and tuple(route) not in self.choices["routes"]):
-            raise KeyError(cut)
-        return cut, route
+    def _of_panel(self, answer):
+        """A question to a capability, about the design that the page asks for."""
+        return lambda question: answer(self._changed(question), question, self.shown)
 
     def _certified(self, question):
         spec = self._changed(question)

@@ -9,6 +9,7 @@ from hashlib import sha256
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.capabilities import modules
 from wavesweep.core.errors import WavesweepError
 from wavesweep.reports import page as html
 from wavesweep.reports.words import counterexamples, interval_rows, question, words_of_spec
@@ -18,14 +19,8 @@ if TYPE_CHECKING:
     from wavesweep.core.tables.kind import Line
     from wavesweep.core.tables.table import Table
 
-INTERVALS, WHY, MARGINS = "Stable intervals", "What sets the limits", "Margins"
-RUN, RESPONSE = "Simulation", "Frequency response"
-KNOWN = {  # how the numbers of a section are known
-    WHY: "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one.",
-    MARGINS: "Certified, to a relative 1e-6 or better, unless a line says that it is not certified.",
-    RUN: "A run of the model, tick by tick from rest. It shows one experiment and proves nothing.",
-    RESPONSE: "Computed in double precision with a bound on the error of every row; a doubt is named where there is one.",
-}
+INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
+BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
 CERTIFIED = "Every value between the ends of an interval is stable, and every other value of the range is not."
 OWN = (
     "Each number is changed alone, all others are kept. Ranges are certified unless a line says otherwise; eigenvalues, modes "
@@ -48,7 +43,7 @@ SAME = (
 class Request:
     """What is asked of a report in addition to the spec.
 
-    cut: the signal for the margins, the first of `cuts_of` if it is empty. hands: words for guarantees, see `hands_of`.
+    cut: the signal for the margins, by default the one that acts on the plant. hands: words for guarantees, see `hands_of`.
     overrides: the texts of --set that the spec was loaded with. at_work: gives a context, for what is done in it, with a
     function of (done, total) or None.
     """
@@ -61,9 +56,13 @@ class Request:
 
 @dataclass(frozen=True)
 class Found:
-    """A table as the report has it: its summary, its figure, and the command that makes it with the hash of its CSV."""
+    """A table as the report has it: its summary, its figure, and the command that makes it with the hash of its CSV.
+
+    known: how its numbers are; empty of the intervals, which are the answer.
+    """
 
     title: str
+    known: str
     table: Table
     lines: tuple[Line, ...]
     svg: str
@@ -79,10 +78,10 @@ def report(spec: Spec, asked: Request) -> str:
     name = quote(f"{spec.name}.toml") + "".join(f" --set {quote(each)}" for each in asked.overrides)
     found: dict[str, Found] = {}
     missing = []
-    for title, (command, make) in _tables(spec, asked).items():
+    for title, (known, command, make) in _tables(spec, asked).items():
         with asked.at_work(title.lower()) as watch:
             try:
-                found[title] = _found(title, make(watch), f"wavesweep {command.format(name)}")
+                found[title] = _found(title, known, make(watch), f"wavesweep {command.format(name)}")
             except WavesweepError as error:
                 text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
@@ -94,52 +93,37 @@ def report(spec: Spec, asked: Request) -> str:
     body += [*_answer(spec, found.get(INTERVALS), own[0], certified), *_counterexamples(spec, found.get(INTERVALS))]
     body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(own)]
     for number, each in enumerate(found.values(), start=1):
-        if each.title in KNOWN:
-            known = KNOWN[each.title] + " Of the spec's own numbers." * bool(spec.for_all)
+        if each.known:
+            known = each.known + " Of the spec's own numbers." * bool(spec.for_all)
             body += [html.element("h2", each.title), html.element("p", known, "small"), html.listing(each.lines)]
             body.append(html.figure(each.svg, number, f"{each.title}: {each.command}"))
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
     return html.page(spec.name, [*body, *_verification(spec, found.values(), name, asked), *_text(spec, asked)])
 
 
-def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, Callable[[Any], Table]]]:
-    """Title -> the command of a table, with {} for the spec, and a function of the watcher of its progress that makes it."""
+def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
+    """Title -> how the numbers of a section are known, the command of its table, with {} for the spec, and a function of the
+    watcher of its progress that makes the table.
+    """
     from wavesweep.core.tables import intervals, responses
     from wavesweep.core.tables.hands import hands_of
-    from wavesweep.margins import table as margins
-    from wavesweep.margins.broken_loops import cuts_of
-    from wavesweep.sensitivity import table as why
-    from wavesweep.simulation import table as simulation
 
-    hands, cut = hands_of(asked.hands), asked.cut or next(iter(cuts_of(spec)), "")
+    hands = hands_of(asked.hands)
     along_wall = not spec.drawing and spec.names.find(spec.along).path == spec.wall[0]
     command = ("zwidth" if along_wall else "stability-region") + " {}" + _for_hands(asked)
     kind = command.partition(" ")[0] + ("-hands" if hands else "")
-    step = "" if "simulate.input" in spec.given else " --set simulate.input=step"
-    return {
-        INTERVALS: (command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind)),
-        WHY: ("why {}", lambda _: why.why(spec)),
-        MARGINS: (f"margins {{}} --cut {quote(cut)}", lambda _: margins.margins(spec, cut)),
-        RUN: (f"simulate {{}}{step}", lambda _: simulation.simulate(_with_step(spec) if step else spec.asking("simulate"))[0]),
-        RESPONSE: ("bode {}", lambda _: responses.responses([spec])),
-    }
+    found = {INTERVALS: ("", command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind))}
+    for offered in sorted(modules("section"), key=lambda each: each.PLACE):
+        said, make = offered.section(spec, asked.cut)
+        found[offered.TITLE] = offered.KNOWN, said, lambda _, make=make: make()
+    return found | {RESPONSE: (BOUNDED, "bode {}", lambda _: responses.responses([spec]))}
 
 
 def _for_hands(asked: Request) -> str:
     return "".join(f" --for-hands {quote(word)}" for word in asked.hands)
 
 
-def _with_step(spec: Spec) -> Spec:
-    """The spec of `simulate` with a step in place of the sine that is the default of a hand's force."""
-    from wavesweep.core.spec import load
-
-    tables = replace(spec, parts=frozenset({"simulate"})).tables()
-    kept = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
-    run = load(tables | {"simulate": kept | {"input": "step"}})
-    return replace(run, name=spec.name, source=spec.source).asking("simulate")
-
-
-def _found(title: str, table: Table, command: str) -> Found:
+def _found(title: str, known: str, table: Table, command: str) -> Found:
     """A table written, drawn and summarised, as its command does all of it."""
     from wavesweep.core import results
     from wavesweep.core.plots import drawn
@@ -149,19 +133,22 @@ def _found(title: str, table: Table, command: str) -> Found:
     tally = kind.tally(table)
     csv, svg = results.pictured(drawn(table, lambda text: notices.append((text, False))).watched(tally.add))
     lines = (*kind.lines(tally.numbers(table.facts)), *notices)
-    return Found(title, table, lines, svg, command, sha256(csv).hexdigest())
+    return Found(title, known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
-    """The verdict of `check` on the spec's own numbers, and whether they lie in a certified range."""
-    from wavesweep.check.verdict import verdict, verdict_lines
+    """The verdict on the spec's own numbers, and whether they lie in a certified range."""
     from wavesweep.core.analyses.assumptions import over_preset, unusual
-    from wavesweep.core.analyses.own_design import own_lines
+    from wavesweep.core.analyses.own_design import own_design, own_lines
 
-    found = verdict(spec)
-    lines = (*own_lines(spec, found), *(line for _, line in verdict_lines(spec, found)), *unusual(spec), *over_preset(spec))
+    found = own_design(spec)
+    lines = [*own_lines(spec, found)]
+    for judging in modules("verdict"):
+        found |= judging.further(spec, found)
+        lines += [line for _, line in judging.verdict_lines(spec, found)]
+    lines += [*unusual(spec), *over_preset(spec)]
     marked = [(line, any(word in line for word in ("not certified", "not known", "not stable", "UNSTABLE"))) for line in lines]
-    return marked, any(each["stable"] and each["certified"] for each in found["limits"])
+    return marked, any(each["stable"] and each["certified"] for each in found.get("limits", ()))
 
 
 def _answer(spec: Spec, intervals: Found | None, own: Line, certified: bool) -> Iterator[str]:

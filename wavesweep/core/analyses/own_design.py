@@ -21,6 +21,7 @@ USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}
 SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 
+@np.errstate(all="ignore")  # of numbers that overflow
 def own_design(spec: Spec, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
 

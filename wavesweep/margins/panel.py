@@ -1,6 +1,10 @@
-"""How a drawn loop without a hand behaves: its step response, L of the loop broken at a signal, and the margins of that."""
+"""For a page of `explore`, how a drawn loop without a hand behaves: its step response, L of the loop broken at a signal, and
+the margins of that.
+"""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +24,10 @@ MOST = 1_000_000  # samples of a step response times states
 SAMPLES = 600  # of a step response that are sent
 
 
-def choices(spec: Spec) -> dict[str, list]:
+Shown = Mapping[str, Any]  # what a page has, with `cuts` and `routes`
+
+
+def data(spec: Spec) -> dict[str, list]:
     """The signals at which a drawn loop without a hand can be broken, and its pairs of an input and an output."""
     if not spec.drawing or spec.drawing.hand:
         return {"cuts": [], "routes": []}
@@ -35,12 +42,24 @@ def _returns(spec: Spec, cut: str) -> bool:
     return True
 
 
-def behaviour(spec: Spec, cut: str, route: Sequence[str] | None, *, stable: bool) -> dict:
-    """L over frequency, and the response to a step: of an input of `route`, or without one of the loop closed at the cut.
+def _chosen(question: Mapping[str, Any], shown: Shown) -> tuple[str, list[str] | None]:
+    """The signal at which the loop is broken, and the input and the output of a step, if there are any."""
+    cut, route = question["cut"], question.get("route")
+    if cut not in shown["cuts"] or (route and tuple(route) not in shown["routes"]):
+        raise KeyError(cut)
+    return cut, route
+
+
+def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -> dict:
+    """L over frequency, and the response to a step: of an input of the route that is asked for, or without one of the loop
+    closed at the cut; nothing without a cut.
 
     L is exact up to rounding at its points. The step response has bounds on its errors and on what comes after it, so that its
     numbers are proved. If the loop is not `stable`, or does not come to rest, it has an `error` in place of these.
     """
+    if not question.get("cut"):
+        return {}
+    cut, route = _chosen(question, shown)
     loop = broken_at(spec, cut)
     hertz, L = response_of(loop, COARSE, FIRST, FIRST)
     decibels, degrees = decibels_and_degrees(L, loop.times > 1)
@@ -74,8 +93,9 @@ def _numbers(step: Step, sign: float) -> dict:
     }
 
 
-def proved_margins(spec: Spec, cut: str) -> dict:
+def margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     """The margins of the loop that is broken at a signal, as the table has them, with L where each is set."""
+    cut, _ = _chosen(question, shown)
     loop = broken_at(spec, cut)
     found, doubt = margins_of(loop)
     marks = marks_of(loop, {each.name: (each.value, each.omega) for each in found})
@@ -93,3 +113,6 @@ def proved_margins(spec: Spec, cut: str) -> dict:
         for each, word, line in zip(found, words([each.doubt for each in found]), lines_at(spec, cut, loop, found), strict=True)
     ]
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}
+
+
+ANSWERS = MappingProxyType({"margins": margins})

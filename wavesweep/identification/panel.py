@@ -1,0 +1,19 @@
+"""What a page of `explore` shows of the points of [measured]."""
+
+from wavesweep.core.columns import complex_columns
+from wavesweep.core.spec import Spec
+from wavesweep.identification.measured import read_points
+
+
+def data(spec: Spec) -> dict[str, dict[str, object]]:
+    """What [measured] names: the walls as (damping, stiffness, whether stable, None of a limit), and the response; if any."""
+    walls, response = read_points(spec)
+    found: dict[str, object] = {}
+    if walls is not None:
+        kinds = [None] * len(walls.K_VE) if walls.stable is None else walls.stable.tolist()
+        points = list(zip(walls.B_VE.tolist(), walls.K_VE.tolist(), kinds, strict=True))
+        found["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
+    if response is not None:
+        columns = {"frequency_hz": response.frequency_hz} | complex_columns("admittance", response.admittance)
+        found["response"] = {name: column.tolist() for name, column in columns.items()}
+    return {"measured": found}

@@ -1,0 +1,16 @@
+"""The section of a report on what sets the limits."""
+
+from collections.abc import Callable
+
+from wavesweep.core.spec import Spec
+from wavesweep.core.tables.table import Table
+
+TITLE, PLACE = "What sets the limits", 1
+KNOWN = "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one."
+
+
+def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:
+    """The command of the table `why`, with {} for the spec, and what makes the table."""
+    from wavesweep.sensitivity.table import why
+
+    return "why {}", lambda: why(spec)
