@@ -9,6 +9,7 @@ marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `
 keys: what the core has to know of a table of a spec, `TABLE` (see `core.reading.tables`).
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`); `of_word`, the one
 for a word of --for-hands; `of_run`, those of a run (see `core.tables.hands`).
+boxes: all loops of a box of numbers, for margins that hold for all of them.
 ticks: `Loop`, a loop tick by tick in ball arithmetic.
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
 on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
@@ -73,7 +74,7 @@ def _published() -> Iterator[Capability]:
 
 
 CAPABILITIES = (
-    Capability("for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check")),
+    Capability("for_all", tables=("for_all",), offers=("boxes", "guarantee", "keys", "on_check")),
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},

@@ -9,9 +9,9 @@ from support.teleoperator import FREE, radius, termination
 
 import wavesweep
 from wavesweep.core.analyses.loops import held_loop
+from wavesweep.core.stability.positive import Cover
 from wavesweep.core.sweep.grid import own_loop
 from wavesweep.core.tables.hands import hands_of
-from wavesweep.for_all.boxes import Cover
 from wavesweep.passive import two_ports
 from wavesweep.passive.port_rows import index, pair_margin
 from wavesweep.passive.two_ports import Pair, pairs_of, worst

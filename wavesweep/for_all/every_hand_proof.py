@@ -235,7 +235,7 @@ def _ticks(plan: Plan):
     """The index of each kind of tick at each period of the slow blocks, and its map of a loop with a ruler."""
     index, maps, balls = {}, {}, next(modules("ticks"), None)
     if balls is None:
-        raise UsageError("hand passive while frames vary: proofs are of the capability prove, which is not there")
+        raise UsageError("hand passive while frames vary: expected the capability prove, found that it is not there")
     for step in plan.steps:
         loop = balls.Loop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
         running = plan.schedule.running([block.name for block in loop.blocks])

@@ -1,11 +1,22 @@
-"""Critical functions of a frame, from coefficients or eigenvalues: they vanish if eigenvalues are on the unit circle."""
+"""Critical functions of a frame, from coefficients or eigenvalues: they vanish if eigenvalues are on the unit circle.
 
+With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are positive if it is
+stable, and one of them vanishes where an eigenvalue reaches the unit circle (L. Saydy, A. L. Tits, E. H. Abed, Math. Control
+Signals Systems 3, 1990). So if they do not vanish on a connected set of loops, and one of these loops is stable, all are. On a
+box the maps are analytic in all of its numbers.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from math import comb
 
 import numpy as np
 
 from wavesweep.core.monodromy.circle import inverse
+from wavesweep.core.monodromy.rounding import balance
+from wavesweep.core.stability.frames import Frames
+from wavesweep.core.stability.positive import Box, Cover, positive
 
 PAIR, ONE, MINUS_ONE = 0, 1, 2  # the functions: a complex pair, z = 1, z = -1
 LARGEST_ENTRY = 1e150  # of an entry; products of two eigenvalues overflow beyond
@@ -14,6 +25,7 @@ MOST_OF_EIGENVALUES = 1e12  # the same where nothing is better: an eigenvalue is
 CAUTION = 20  # roundings of the largest entry that an eigenvalue is believed to
 BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
+SWEEPS = 12  # of balancing
 MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
 
 
@@ -214,3 +226,31 @@ def _last_but_one(q, reach):
             total += np.abs(back[j, i]) * error[i, j]
     # A matrix that is exactly singular has no inverse to say what errors do to it.
     return phase, np.where(phase == 0, -690.0, log), np.where(lost | (phase == 0), np.inf, total)
+
+
+def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: int) -> Cover:
+    """Prove that all loops of a box are stable, except in the parts that are left open; stop at the first unstable loops.
+
+    frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: a number whose two ends are equal is no
+    dimension of it. bounds: the range of each number in which the loops are analytic. most: frames to compute at most.
+    """
+    return positive(GuardianMaps(frames), box, bounds, most)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GuardianMaps:
+    """The guardian maps of frames as `Functions` of the numbers of a box."""
+
+    frames: Callable[[np.ndarray], Frames]
+
+    def units(self, middle) -> np.ndarray:
+        """See `Functions`."""
+        E = np.nan_to_num(np.abs(self.frames(middle[None]).E), posinf=0.0)
+        return balance(E, SWEEPS)[1][0]
+
+    def values(self, x, units):
+        """See `Functions`."""
+        found = self.frames(x)
+        n = found.E.shape[-1]
+        of = from_coefficients if n <= MOST_ORDER else from_eigenvalues
+        return *of(found.E, np.broadcast_to(units, (len(x), n))), found.pivots

@@ -69,6 +69,12 @@ class ForAll(Asked):
         axes += [Axis(path, path, values, min(values), max(values), False) for path, values in hand if path not in known]
         return replace(self, axes=(*self.axes, *axes))
 
+    def verdict(self, spec: Any) -> str:
+        """Whether the loop of a spec with this table is stable for all of it, in words."""
+        from wavesweep.for_all.rows import in_words, verdict
+
+        return in_words(verdict(spec))
+
     def proof(self, spec: Any) -> DesignProof:
         """What proves the designs of a spec with this table."""
         from wavesweep.for_all.design_proof import DesignProof

@@ -10,8 +10,9 @@ from itertools import groupby, product
 import numpy as np
 
 from wavesweep.core.monodromy.product import pattern_of
+from wavesweep.core.stability.positive import along, nodes, to_series
 from wavesweep.for_all.loop_frames import Symbol, alive
-from wavesweep.for_all.polynomials import UNIT, Polynomials, along, monomials, nodes, to_powers, to_series
+from wavesweep.for_all.polynomials import UNIT, Polynomials, monomials, to_powers
 
 ORDER = 5  # total degree of the polynomials
 MOST_COUNT = 20  # of nodes for a number

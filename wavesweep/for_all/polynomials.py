@@ -103,26 +103,7 @@ def _binomials(order):
     return table
 
 
-@lru_cache(maxsize=64)
-def nodes(count: int) -> np.ndarray:
-    """Return so many Chebyshev nodes on [-1, 1]."""
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-@lru_cache(maxsize=64)
-def to_series(count: int) -> np.ndarray:
-    """Return the matrix from values at the nodes to the coefficients of Chebyshev polynomials."""
-    series = 2 / count * np.cos(np.outer(np.arange(count), np.arccos(nodes(count))))
-    series[0] /= 2
-    return series
-
-
 @lru_cache(maxsize=32)
 def to_powers(count: int) -> np.ndarray:
     """Return the matrix from coefficients of Chebyshev polynomials to those of powers."""
     return np.array([np.append(np.polynomial.chebyshev.cheb2poly(row), np.zeros(count))[:count] for row in np.eye(count)]).T
-
-
-def along(matrix: np.ndarray, array: np.ndarray, axis: int) -> np.ndarray:
-    """Return the array with a matrix applied along an axis."""
-    return np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)

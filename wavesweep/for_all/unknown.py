@@ -14,8 +14,9 @@ from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.analyses.loops import drift_of, radii_of
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.reading.axes import Axis
+from wavesweep.core.stability.positive import Cover, largest_free
 from wavesweep.core.sweep.grid import Loops, distinct
-from wavesweep.for_all.boxes import Cover, cover
+from wavesweep.for_all.guardian_maps import cover
 
 SCATTERED = 24  # points of a box that are tried in addition to its corners, its middle and the spec's own numbers
 SHRINK = 12  # halvings of the steps of the search for the worst numbers
@@ -95,18 +96,6 @@ def proofs(
         for each in parts:
             inner = each.within(near)
             yield each, largest_free(max(low, inner[0]), min(high, inner[1]), open_)
-
-
-def largest_free(low, high, spans):
-    """The largest part of an interval that some spans leave free; None if none does."""
-    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
-    for a, b in edges:
-        if a > at:
-            free.append((at, min(a, high)))
-        at = max(at, b)
-    if at < high:
-        free.append((at, high))
-    return max((each for each in free if each[0] < each[1]), key=lambda each: each[1] - each[0], default=None)
 
 
 class Case:

@@ -1,10 +1,10 @@
 """Margins that hold for all numbers of [for_all]: searched for the worst numbers, then proved for all of them.
 
 A factor k of the signal is one more number of the loop, and a margin is a path of k that starts at 1, over its size p: gains
-`exp(p)` and `exp(-p)`, the phase `exp(j p)`. The guardian maps of `robust.boxes` prove that the frame is stable along the path
-for all numbers of the box; one with complex k has a real form of twice the size. A disk is proved if the frame is stable all
-along its rim, `k = (1 + p exp(j psi))/(1 - p exp(j psi))`, as the spectral radius of a frame that is analytic in k has no peak
-inside. Delays are no factors of a frame: see `Arc`.
+`exp(p)` and `exp(-p)`, the phase `exp(j p)`. Guardian maps, which [for_all] offers, prove that the frame is stable along the
+path for all numbers of the box; one with complex k has a real form of twice the size. A disk is proved if the frame is stable
+all along its rim, `k = (1 + p exp(j psi))/(1 - p exp(j psi))`, as the spectral radius of a frame that is analytic in k has no
+peak inside. Delays are no factors of a frame: see `Arc`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,6 +14,7 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.core.analyses.open_loops import ANY
 from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.loops.controllers import loop_drawing
@@ -23,16 +24,15 @@ from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.stability.certificate import NONE, SEARCH
 from wavesweep.core.stability.frames import Frames
+from wavesweep.core.stability.positive import Cover, any_positive, positive
 from wavesweep.core.sweep.grid import Loops
-from wavesweep.for_all.boxes import Cover, GuardianMaps, any_positive, positive
-from wavesweep.for_all.guardian_maps import of_complex_frames
-from wavesweep.for_all.rows import NEAR, SETTLED, numbers_in_words, refuse_unsuitable_ranges, values_of_range
-from wavesweep.for_all.unknown import drift_over, frames_over
-from wavesweep.for_all.varying import Rules
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_block, with_gain
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, SPANS, BrokenLoop, Margin, disk_margins
 
+boxes = next(modules("boxes"))  # there, as the spec has its table
+NEAR = 4e-3  # of a margin that is refuted, how far from it a proof is tried
+SETTLED = 1e-2  # of a margin, how far proof and refutation may be apart
 HALVINGS = 6  # of the steps of the search for the worst numbers
 SHARES = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
 FRAMES, FRAMES_OF_DELAY = 60_000, 200_000  # that a proof may take
@@ -69,10 +69,7 @@ class BoxMargin:
 
 def refused(spec: Spec) -> str:
     """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
-    varying = [axis.name for axis in spec.for_all.changing]
-    varying += ["lost"] * bool(spec.for_all.lost) + ["messages"] * Rules.of(spec).messages
-    if not varying:
-        refuse_unsuitable_ranges(spec, "")
+    varying = boxes.varying(spec)
     return (
         varying and f"margins for all of [for_all] need constant numbers, but {', '.join(varying)} may vary: these rows are not"
     )
@@ -84,11 +81,11 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     axes = spec.for_all.unknown
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
-    each = product(*map(values_of_range, listed))
+    each = product(*map(boxes.values_of_range, listed))
     cases = [_Case(spec, cut, ranges, dict(zip((axis.path for axis in listed), values, strict=True))) for values in each]
     unstable = next((point for case in cases for point in case.unstable()), None)
     if unstable is not None:
-        text = numbers_in_words(unstable)
+        text = boxes.numbers_in_words(unstable)
         return [BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True) for name in cases[0].names]
     found = [_for_all_cases([(case, *case.margin(name)) for case in cases], name) for name in cases[0].names]
     return [row for margin in found for row in (_with_gain_and_phase(margin) if margin.name == "disk" else [margin])]
@@ -101,7 +98,7 @@ def _for_all_cases(found, name) -> BoxMargin:
     least, doubt = size_of(worst, case.period), max(margin.doubt for *_, margin in found)
     known = np.isfinite(least) and least < ENDS[name]
     settled = proved >= (1 - SETTLED) * min(least, ENDS[name])
-    at = (worst.value, worst.omega, numbers_in_words(case.named(point))) if known else (np.nan, np.nan, "")
+    at = (worst.value, worst.omega, boxes.numbers_in_words(case.named(point))) if known else (np.nan, np.nan, "")
     value = _value(name, proved, case.period) if proved > 0 else np.nan
     return BoxMargin(name, value, *at, bool(settled), bool(known or not settled), doubt or (NONE if proved > 0 else SEARCH))
 
@@ -156,7 +153,8 @@ class _Case:
         paths = [path_of(GAIN), *self.ranged]
         limits = [domain(*self.loop, path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
         self.limits = np.array(limits).T
-        self.frames_at = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, np.column_stack([ANY, self.box])))
+        drift = boxes.drift_over(self.loop, paths, np.column_stack([ANY, self.box]))
+        self.frames_at = partial(boxes.frames_over, self.loop, paths, drift)
 
     def named(self, point) -> dict[str, object]:
         """The numbers of a point of the box."""
@@ -234,7 +232,7 @@ class _Case:
     def _along(self, turn, low, high) -> Cover:
         """The proof of a part of the path `k = exp(turn p)`."""
         if turn.real:
-            functions = GuardianMaps(lambda x: self.closed(np.exp(turn * x[:, 0]), x[:, 1:]))
+            functions = boxes.GuardianMaps(lambda x: self.closed(np.exp(turn * x[:, 0]), x[:, 1:]))
         else:
             functions = Turned(self.closed, lambda p, sign: (np.exp(sign * turn * p), np.ones(p.shape)), 1)
         return positive(functions, *self._beside([[low, high]]), FRAMES)
@@ -292,7 +290,7 @@ class Turned:
         k, pole = (np.concatenate(part) for part in zip(*turns, strict=True))
         found = self.closed(k, np.concatenate([x[:, self.sides :]] * 2))
         pivots = np.multiply(*np.split(found.pivots * pole[:, None], 2))
-        return *of_complex_frames(*np.split(found.E, 2), units), pivots
+        return *boxes.of_complex_frames(*np.split(found.E, 2), units), pivots
 
 
 def _units(frames):

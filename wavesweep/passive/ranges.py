@@ -14,10 +14,9 @@ from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.energy.held_loop import HAND, HeldLoop
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.domain import domain
+from wavesweep.core.stability.positive import largest_free, positive
 from wavesweep.core.stability.spectrum import is_stable
 from wavesweep.core.sweep.grid import Loops
-from wavesweep.for_all.boxes import positive
-from wavesweep.for_all.unknown import largest_free
 from wavesweep.passive.any_hand import runs_of
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.over_ranges import (

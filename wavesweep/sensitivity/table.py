@@ -37,7 +37,6 @@ def why(spec: Spec, along: str | None = None) -> Table:
     from wavesweep.core.analyses.intervals import job_over, method
     from wavesweep.core.sweep.grid import make_grid
     from wavesweep.core.sweep.running import in_memory
-    from wavesweep.for_all import rows as for_all
     from wavesweep.sensitivity.elasticities import elasticities, without_derivatives
 
     started = time.perf_counter()
@@ -58,7 +57,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
         )
     if spec.for_all:
-        notices.append(f"the spec's own design, {for_all.in_words(for_all.verdict(spec))}")
+        notices.append(f"the spec's own design, {spec.for_all.verdict(spec)}")
     notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}

@@ -75,7 +75,7 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
         except ValueError as error:
             raise UsageError(str(error)) from error
         if guarantee is None and kind in HOMES and not any(kind in each.ROWS for each in modules("guarantee")):
-            raise UsageError(f"hands: {kind} is of the capability {HOMES[kind]}, which is not there")
+            raise UsageError(f"hands: expected the capability {HOMES[kind]} for {kind}, found that it is not there")
         if guarantee is None:
             raise UsageError(f"hands: expected passive, box, port or box:RANGES, found {word!r:.60}")
         if kind in found:

@@ -1,0 +1,317 @@
+"""Analytic functions of the numbers of a box, proved to be positive on all of it.
+
+They are interpolated at Chebyshev nodes; their size on an ellipse about each number in turn bounds the error between the nodes.
+If the Bernstein coefficients of the interpolant do not prove that it is positive, the box is divided.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from math import comb
+from typing import Protocol
+
+import numpy as np
+
+MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
+ELLIPSE, RIM_POINTS = 4.0, 8  # sum of the semi-axes of the ellipse about a number; points on its upper half
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
+RIM = (RIM + 1 / RIM) / 2
+EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
+COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers at which the ellipse about one is evaluated
+SHARE = 0.25  # largest error of the interpolant, relative to the smallest value seen
+MOST_GRID = 20_000  # nodes in all
+WIDE = 3.0  # ratio of the ends of a number above which it is divided at their geometric mean
+LEBESGUE = 0.7  # logarithm of the factor by which each further number increases the error of an interpolant
+SPARED = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
+HALVES = 9  # halvings of an interpolant, for each number
+MOST_PIECES = 4096
+NARROW = 1e-5  # of each side of a box, below which a part is not divided
+STEEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
+EPS = np.finfo(float).eps
+
+Box = np.ndarray
+"""Low and high ends of some numbers, `(2, numbers)`."""
+
+
+class Functions(Protocol):
+    """Functions of the numbers of a box, real at real points and analytic within the bounds."""
+
+    def units(self, middle: np.ndarray) -> np.ndarray:
+        """What makes values near a point well known; `values` is given it."""
+
+    def values(self, x: np.ndarray, units: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Phase, logarithm of the size, and relative error in units of EPS of each function, `(functions, n)`, and the pivots
+        `(n, k)` (see `Frames`), at points `(n, numbers)`, real or complex."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cover:
+    """What is known about a box.
+
+    open: the parts that are not proved, `(parts, 2, numbers)`; empty if all of the box is proved. unstable: points at which a
+    function is negative, `(points, numbers)`. used: points at which they were computed.
+    """
+
+    open: np.ndarray
+    unstable: np.ndarray
+    used: int
+
+
+def positive(functions: Functions, box: Box, bounds: Box, most: int) -> Cover:
+    """Prove that functions are positive on a box; the points `unstable` are those where one is surely negative.
+
+    box: a number whose two ends are equal is no dimension of it. bounds: the range of each number in which the functions are
+    analytic. most: points to compute at most.
+    """
+    box, pieces = np.asarray(box, float), _Pieces(functions, np.asarray(bounds, float))
+    queue, negative = [box], np.zeros((0, box.shape[1]))
+    while queue and pieces.used < most and not len(negative):
+        piece = queue.pop(0)
+        with np.errstate(all="ignore"):  # what overflows is not proved
+            negative, open_ = pieces.judged(piece)
+        queue += open_
+    return Cover(np.array(queue).reshape(-1, *box.shape), negative, pieces.used)
+
+
+def any_positive(alternatives: Sequence[Functions], box: Box, bounds: Box, most: int) -> Cover:
+    """Prove that at every point of a box one of these is positive, except in the parts that are left open; see `positive`."""
+    box, pieces = np.asarray(box, float), [_Pieces(each, np.asarray(bounds, float)) for each in alternatives]
+    queue = [box]
+    while queue and sum(each.used for each in pieces) < most and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any():
+        piece, negatives, rest = queue.pop(), [], None
+        for each in pieces:
+            with np.errstate(all="ignore"):
+                negative, open_ = each.judged(piece)
+            if not len(negative):
+                rest = open_
+                break
+            negatives.append(negative)
+        if rest is None:  # divide where it parts the points at which one of them is negative from the others
+            wide = np.flatnonzero(piece[0] < piece[1])
+            away = [np.abs(each.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide] for each in negatives]
+            rest = _divided(piece, wide, np.max(away, 0))
+        queue += rest
+    return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])), sum(each.used for each in pieces))
+
+
+def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> tuple[float, float] | None:
+    """The largest part of an interval that some spans leave free; None if none does."""
+    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
+    for a, b in edges:
+        if a > at:
+            free.append((at, min(a, high)))
+        at = max(at, b)
+    if at < high:
+        free.append((at, high))
+    return max((each for each in free if each[0] < each[1]), key=lambda each: each[1] - each[0], default=None)
+
+
+class _Pieces:
+    """Functions on the pieces of a box, with a count of the points at which they were computed."""
+
+    def __init__(self, functions, limits):
+        self.functions, self.limits, self.used = functions, limits, 0
+
+    def judged(self, piece):
+        """The unstable points found in a piece, and its parts that are not proved."""
+        wide = np.flatnonzero(piece[0] < piece[1])
+        middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
+        units = self.functions.units(middle)
+        grid = _grid([COARSE] * wide.size)
+        sign, log, error, pivots = self._at(middle, half, wide, grid, units)
+        if (surely := (sign < 0) & (EPS * error < 1)).any():
+            return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
+        outside = (middle - EXTENT * half < self.limits[0]) | (middle + EXTENT * half > self.limits[1])
+        if not np.isfinite(log).all() or outside[wide].any():
+            return self._none, _divided(piece, wide, half[wide] * (outside[wide] | ~outside[wide].any()))
+        trend = _trend(log, grid)
+        peak = (log - trend @ grid.T).max(1)
+        least = np.exp((log - trend @ grid.T).min(1) - peak)
+        centre = pivots.real.mean(0)
+        rims = [self._beyond(middle, half, wide, at, units, trend, peak, centre) for at in range(wide.size)]
+        far, steps = np.stack([size for size, _ in rims]), np.max([step for _, step in rims], axis=0)
+        needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(1, initial=0.0)
+        counts = np.clip(np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf)
+        if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
+            # Divide along the number along which the sizes on the other ellipses change most.
+            steep = np.isfinite(counts).all() and steps.max() > STEEP
+            return self._none, _divided(piece, wide, steps if steep else counts)
+        return self._within(piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far)
+
+    @property
+    def _none(self):
+        return np.zeros((0, self.limits.shape[1]))
+
+    def _within(self, piece, wide, nodes, units, trend, peak, far):
+        """The same, from the values at these nodes."""
+        middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
+        grid, counts = _grid(nodes), [len(each) for each in nodes]
+        sign, log, error, _ = self._at(middle, half, wide, grid, units)
+        if (surely := (sign < 0) & (EPS * error < 1)).any():
+            return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
+        if not np.isfinite(log).all():
+            return self._none, _divided(piece, wide, half[wide])
+        value = sign * np.exp(log - trend @ grid.T - peak[:, None])
+        constants = np.array([_lebesgue(count) for count in counts])
+        noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
+        sizes = np.array([4 * ELLIPSE ** (1 - count) / (ELLIPSE - 1) for count in counts])
+        noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
+        open_ = [each for row, off in zip(value, noise, strict=True) for each in _positive(row.reshape(counts), off)]
+        if not open_:
+            return self._none, []
+        low, high = np.min([low for low, _ in open_], 0), np.max([high for _, high in open_], 0)
+        part = piece.copy()
+        part[0, wide], part[1, wide] = middle[wide] + half[wide] * low, middle[wide] + half[wide] * high
+        if (high - low).prod() <= 2 ** (wide.size - 1):
+            return self._none, [part]
+        return self._none, _divided(part, wide, (high - low) * np.array(counts))
+
+    def _at(self, middle, half, wide, grid, units):
+        phase, log, error, pivots = self._values(_placed(middle, half, wide, grid), units)
+        return phase.real, log, error, pivots
+
+    def _values(self, x, units):
+        self.used += len(x)
+        return self.functions.values(x, units)
+
+    def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
+        """Bounds on the size of each function on the ellipse about one number, with the others at COARSE, infinite near a pole;
+        and
+        the change of its logarithm along each of the others."""
+        others = _grid([COARSE] * (wide.size - 1))
+        place = np.insert(others.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2).reshape(-1, wide.size)
+        _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
+        log = log + np.log1p(np.minimum(EPS * error, 10.0)) - (trend @ place.T).real - peak[:, None]
+        log = log.reshape(len(log), *[len(COARSE)] * (wide.size - 1), RIM_POINTS)
+        # Between two points it may be larger than at both, by no more than they differ.
+        steps = [np.abs(np.diff(log, axis=axis)).max(tuple(range(1, wide.size + 1))) for axis in range(1, wide.size + 1)]
+        size = 2 * np.exp(log.max(tuple(range(1, wide.size + 1))) + sum(steps) / 2)
+        turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1  # a pole may be inside
+        own = np.nan_to_num([0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)], posinf=1e9)
+        return np.where(np.isfinite(size) & ~turns, size, np.inf), own
+
+
+def _grid(nodes):
+    return np.array(list(product(*nodes)), float).reshape(int(np.prod([len(each) for each in nodes])), len(nodes))
+
+
+def _placed(middle, half, wide, grid):
+    """Points of a piece: a row of `grid`, from -1 to 1, for each."""
+    x = np.repeat(middle[None].astype(grid.dtype), len(grid), 0)
+    x[:, wide] += grid * half[wide]
+    return x
+
+
+def _divided(piece, wide, size):
+    """The halves of a piece, divided along the number with the largest `size`."""
+    which = wide[np.argmax(size)]
+    both = [piece.copy(), piece.copy()]
+    low, high = piece[:, which]
+    both[0][1, which] = both[1][0, which] = np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
+    return both
+
+
+def _trend(log, grid):
+    """The exponential growth rate of each function with each number, by least squares."""
+    whole = np.column_stack([grid, np.ones(len(grid))])
+    return np.linalg.lstsq(whole, log.T, rcond=None)[0][:-1].T
+
+
+@lru_cache
+def _lebesgue(count):
+    """An upper bound on the Lebesgue constant of so many Chebyshev nodes."""
+    return 2 / np.pi * np.log(count) + 1
+
+
+@lru_cache
+def _to_bernstein(count):
+    """From coefficients of Chebyshev polynomials to Bernstein coefficients on [-1, 1]."""
+    k, x = np.arange(count), np.linspace(-1, 1, count)
+    T = np.polynomial.chebyshev.chebvander(x, count - 1)
+    B = np.stack([comb(count - 1, j) * ((1 + x) / 2) ** j * ((1 - x) / 2) ** (count - 1 - j) for j in k.tolist()], axis=1)
+    return np.linalg.solve(B, T)
+
+
+def _turned(array, matrices):
+    """The array with a matrix applied along each axis."""
+    for axis, matrix in enumerate(matrices):
+        array = along(matrix, array, axis)
+    return array
+
+
+def _positive(values, noise):
+    """The parts of [-1, 1]^n in which an interpolant is not proved to exceed the noise, as pairs (low, high).
+
+    Small terms of high degree are dropped, and their size is added to the noise: the rest is divided faster, and its Bernstein
+    coefficients lose fewer digits.
+    """
+    dimensions = values.ndim
+    series = _turned(values, map(to_series, values.shape))
+    noise += 2**dimensions * values.size * EPS * np.abs(values).max()
+    series, left_out = _shortened(series, SPARED * max(values.min() - noise, 0.0))
+    to = list(map(_to_bernstein, series.shape))
+    noise += left_out
+    rounding = 50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(each, np.inf) for each in to])
+    pieces = _turned(series, to)
+    pieces, low, high = pieces[None], np.full((1, dimensions), -1.0), np.full((1, dimensions), 1.0)
+    over = tuple(range(1, dimensions + 1))
+    for _ in range(HALVES * dimensions):
+        open_ = pieces.min(over) <= noise + rounding
+        pieces, low, high = pieces[open_], low[open_], high[open_]
+        if not len(pieces) or len(pieces) > MOST_PIECES:
+            break
+        which = np.stack([np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0) for axis in range(dimensions)]).argmax(
+            0
+        )
+        parts = []
+        for axis in np.unique(which):
+            some = which == axis
+            lower, upper = low[some], high[some]
+            middle = (lower[:, axis] + upper[:, axis]) / 2
+            below, above = upper.copy(), lower.copy()
+            below[:, axis] = above[:, axis] = middle
+            parts += zip(_halved(pieces[some], 1 + axis), (lower, above), (below, upper), strict=True)
+        pieces, low, high = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return list(zip(low, high, strict=True))
+
+
+def _shortened(series, room):
+    """The series without its highest degrees in each number, and the sum of the dropped terms, at most `room`."""
+    size = np.abs(series)
+    kept = []
+    for axis in range(size.ndim):
+        each = size.sum(tuple(other for other in range(size.ndim) if other != axis))
+        tail = np.cumsum(each[::-1])[::-1]  # of this degree and all above
+        kept.append(slice(max(1, int((tail > room / size.ndim).sum()))))
+    return series[tuple(kept)], size.sum() - size[tuple(kept)].sum()
+
+
+def _halved(b, axis):
+    """The Bernstein coefficients of both halves, by de Casteljau's algorithm."""
+    b = np.moveaxis(b, axis, -1)
+    count, left, right, now = b.shape[-1], [], [], b
+    for _ in range(count):
+        left.append(now[..., 0])
+        right.append(now[..., -1])
+        now = (now[..., :-1] + now[..., 1:]) / 2
+    return np.moveaxis(np.stack(left, -1), -1, axis), np.moveaxis(np.stack(right[::-1], -1), -1, axis)
+
+
+@lru_cache(maxsize=64)
+def nodes(count: int) -> np.ndarray:
+    """Return so many Chebyshev nodes on [-1, 1]."""
+    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+@lru_cache(maxsize=64)
+def to_series(count: int) -> np.ndarray:
+    """Return the matrix from values at the nodes to the coefficients of Chebyshev polynomials."""
+    series = 2 / count * np.cos(np.outer(np.arange(count), np.arccos(nodes(count))))
+    series[0] /= 2
+    return series
+
+
+def along(matrix: np.ndarray, array: np.ndarray, axis: int) -> np.ndarray:
+    """Return the array with a matrix applied along an axis."""
+    return np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)
