@@ -33,7 +33,7 @@ def test_every_number_fits_its_key_and_has_a_source(name):
 def test_a_device_sets_keys_that_are_not_given(name):
     device, spec = DEVICES[name], load(on(name))
     assert {path: spec.values[path] for path in device.loop()} == device.loop()
-    assert {key: spec.simulate[key] for key in device.simulation()} == device.simulation()
+    assert {key: spec.hardware[key] for key in device.simulation()} == device.simulation()
     assert (spec.preset, load(LOOP).preset) == (name, None)
     assert spec.given == {"controller.kind", "device.preset", *device.numbers}
 
@@ -41,7 +41,7 @@ def test_a_device_sets_keys_that_are_not_given(name):
 def test_given_keys_take_precedence():
     spec = load(on("touch", mass=0.1) | {"simulate": {"friction": 0.0}})
     assert (spec.values["device.mass"], spec.values["device.damping"]) == (0.1, 0.5)
-    assert (spec.simulate["friction"], spec.simulate["resolution"]) == (0.0, 0.055e-3)
+    assert (spec.hardware["friction"], spec.hardware["resolution"]) == (0.0, 0.055e-3)
     assert load(on("touch"), ["device.mass=0.2"]).values["device.mass"] == 0.2
 
 
@@ -65,7 +65,7 @@ def test_a_number_that_is_not_published_has_to_be_given(name):
 def test_a_device_may_be_changed_afterwards():
     spec = load(LOOP).with_values({"device.preset": "falcon"})
     assert spec.sha256 == load(on("falcon")).sha256
-    assert spec.simulate["friction"] == 0.5
+    assert spec.hardware["friction"] == 0.5
     assert spec.with_values({"device.mass": 1.0}).values["device.mass"] == 1.0
 
 

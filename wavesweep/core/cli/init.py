@@ -20,7 +20,7 @@ from wavesweep.core.reading.checking import nearest, show
 from wavesweep.core.reading.devices import DEVICES
 from wavesweep.core.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, Key
 from wavesweep.core.reading.reading import read_override, scan
-from wavesweep.core.reading.tables import Table, tables
+from wavesweep.core.reading.tables import Table, missing, tables
 from wavesweep.core.spec import load
 from wavesweep.core.spec.describing import described, meaning_of
 from wavesweep.core.spec.studies import DEFAULT_FREQUENCIES
@@ -148,6 +148,8 @@ def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> Non
 def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
     """The text of a drawn loop with numbers of the user's own, and with the name of its file in the commands that it shows."""
     text = path.read_text(encoding="utf-8").replace(f"sweeps/{path.parent.name}/{path.name}", shown)
+    for table in missing():
+        text = re.sub(rf"(?ms)^\[{re.escape(table)}[].].*?(?=^\[|\Z)", "", text)
     places = {".".join(place): place for place in scan(text)}
     numbers = {path: place for path, place in places.items() if path in (RATE, *KEYS)}
     numbers |= {symbol: numbers[path] for symbol, path in SYMBOLS.items() if path in numbers}

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.capabilities import TABLES, modules
+from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.devices import HapticDevice
 from wavesweep.core.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, Key
 
@@ -94,6 +95,15 @@ def tables() -> Mapping[str, Table]:
 def missing() -> dict[str, str]:
     """Return the capabilities that are not installed by the paths of their tables."""
     return {path: capability for path, capability in TABLES.items() if path not in tables()}
+
+
+def table_at(path: str) -> Table:
+    """Return the table of that path. Errors: UsageError that names its capability, if this is not installed."""
+    if path not in tables():
+        raise UsageError(
+            f"[{path}]: expected a table of what is installed, found one of the capability {TABLES[path]}, which is not"
+        )
+    return tables()[path]
 
 
 @cache

@@ -14,7 +14,7 @@ from wavesweep.core.reading.axes import Axis
 from wavesweep.core.reading.checking import Mistakes, nearest
 from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.core.reading.reading import Leaf, Place, plain
-from wavesweep.core.reading.tables import Asked, tables
+from wavesweep.core.reading.tables import Asked, table_at, tables
 from wavesweep.core.spec.resolving import Given, is_frame, resolve, resolve_drawn
 from wavesweep.core.spec.studies import Studies, fitting, hardware_of, unknown_end
 from wavesweep.core.spec.writing import written
@@ -218,11 +218,11 @@ class Spec(Studies):
         return isinstance(self._values.get("rates.ratio"), float)
 
     def asking(self, table: str) -> Spec:
-        """Return the spec with the table of that name as part of the request, in `tables()` and `sha256`.
+        """Return the spec with a table as part of the request, in `tables()` and `sha256`. table: its path.
 
         Errors: UsageError or SpecError if the spec does not have it, or if it does not fit the loop.
         """
-        next(each for each in tables().values() if each.name == table).demand(self)
+        table_at(table).demand(self)
         return replace(self, parts=self.parts | {table})
 
     def tables(self) -> dict[str, dict]:

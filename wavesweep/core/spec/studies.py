@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from wavesweep.core.drawing.drawing import RATE, Drawing
-from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.errors import SpecError
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis, logarithmic
 from wavesweep.core.reading.checking import Mistakes, apart, nearest, show
 from wavesweep.core.reading.devices import HapticDevice
 from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, Names
 from wavesweep.core.reading.reading import Leaf, Place
 from wavesweep.core.reading.sorting import Sorted
-from wavesweep.core.reading.tables import Asked, missing, tables
+from wavesweep.core.reading.tables import Asked, missing, table_at, tables
 from wavesweep.core.spec.resolving import LIMITS, Given, exceeds_limit
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
@@ -178,11 +178,10 @@ def value_of(path: str, keys: Mapping[str, object]) -> Asked:
 
     Errors: SpecError with every mistake, UsageError if the capability is not installed.
     """
-    if path in missing():
-        raise UsageError(f"[{path}]: expected the capability {missing()[path]}, which is not installed")
+    table = table_at(path)
     given = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {path: Leaf({}, Place())}
     request = Request(belongs=Sorted(given), given=Given({}, Place()), mistakes=Mistakes())
-    value = tables()[path].build(request)
+    value = table.build(request)
     if request.mistakes:
         raise SpecError(request.mistakes)
     return value
