@@ -1,5 +1,7 @@
 """The house without some capabilities: `python -m tests.without NAME...` runs, in a copy, the tests that are left.
 
+Words behind `--` go to pytest: `python -m tests.without margins -- -m "not slow"`.
+
 `all` leaves the core alone; then the tables of the paper's specs have to be the same bytes as with everything there.
 """
 
@@ -64,6 +66,9 @@ def tables_of(folder):
 
 def main(arguments):
     """Take capabilities away in a copy, and return the exit code of the tests that are left."""
+    arguments, more = (
+        (arguments[: arguments.index("--")], arguments[arguments.index("--") + 1 :]) if "--" in arguments else (arguments, [])
+    )
     names = NAMES if arguments == ["all"] else tuple(arguments)
     if not names or set(names) - set(NAMES):
         print(f"usage: python -m tests.without all, or names of {', '.join(NAMES)}", file=sys.stderr)
@@ -71,7 +76,7 @@ def main(arguments):
     with tempfile.TemporaryDirectory() as made:
         folder, whole = Path(made) / "left", Path(made) / "whole"
         copy_without(names, folder)
-        code = run(folder, "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider").returncode
+        code = run(folder, "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider", *more).returncode
         if names == NAMES:
             copy_without((), whole)
             left, there = tables_of(folder), tables_of(whole)
