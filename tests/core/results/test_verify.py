@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,22 +13,15 @@ import numpy as np
 import pytest
 
 from wavesweep.core import results
-from wavesweep.core.analyses.intervals import job_of, searches_of
 from wavesweep.core.cli import main
 from wavesweep.core.errors import UsageError
 from wavesweep.core.results import publish
 from wavesweep.core.results.verification import verify
 from wavesweep.core.spec import load
-from wavesweep.core.sweep.job import cut_otherwise
 from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.core.tables.responses import responses
 from wavesweep.core.tables.table import Table
-from wavesweep.margins.table import margins
-from wavesweep.passive.table import filter_choices, passivity
-from wavesweep.prove.again import prove_again
-from wavesweep.sensitivity.table import why
-from wavesweep.simulation.table import simulate
 
 SWEEPS = Path(__file__).parents[3] / "sweeps"
 TABLES = {
@@ -44,32 +36,41 @@ TABLES = {
         "environment.delay": [0, 3],
     },
     "bode": {"frequency_hz": [0, 1, 10], "Kp": [0, 20]},
-    "simulate": {"input": "sine", "frequency_hz": 5, "amplitude": 1, "duration_s": 1},
 }
+SIMULATED = {"simulate": {"input": "sine", "frequency_hz": 5, "amplitude": 1, "duration_s": 1}}
 
 
 ALONG_B = {"along": "b", "b": {"start": 5, "stop": 50}, "B_VE": [0.5, 1, 2]}
 
 
+def of(capability):
+    """The tables of a capability, if it is there."""
+    return pytest.importorskip(f"wavesweep.{capability}.table")
+
+
 def files_of(spec, kind):
     """The tables of a kind, computed."""
-    hands = hands_of(["passive", "port"])
     short = replace(spec, name="short")
     calls = {
         "zwidth": lambda: [intervals(spec, "K_VE", jobs=1)],
         "hands": lambda: [
             replace(
-                intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1),
+                intervals(
+                    load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}),
+                    "K_VE",
+                    of("passive") and hands_of(["passive", "port"]),
+                    jobs=1,
+                ),
                 kind="zwidth-hands",
             )
         ],
         "stability-region": lambda: [replace(intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")],
         "bode": lambda: [responses([short])],
         "two specs": lambda: [responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
-        "passivity": lambda: [passivity(spec, 0.01, jobs=1), filter_choices(spec, 0.01)],
-        "why": lambda: [why(load(TABLES | {"sweep": ALONG_B}))],
-        "margins": lambda: [margins(load(TABLES | {"environment": {"K_VE": 50}}), "avatar.out")],
-        "simulate": lambda: simulate(short.asking("simulate")),
+        "passivity": lambda: [of("passive").passivity(spec, 0.01, jobs=1), of("passive").filter_choices(spec, 0.01)],
+        "why": lambda: [of("sensitivity").why(load(TABLES | {"sweep": ALONG_B}))],
+        "margins": lambda: [of("margins").margins(load(TABLES | {"environment": {"K_VE": 50}}), "avatar.out")],
+        "simulate": lambda: of("simulation").simulate(replace(load(TABLES | SIMULATED), name="short").asking("simulate")),
     }
     return calls[kind]()
 
@@ -244,49 +245,6 @@ def test_rows_of_another_numpy_are_compared_with_a_tolerance(folder, change, dif
     found = verify(folder)
     assert len(found.differences) == differences
     assert differences or "equal to 1e-09, since another version" in found.checked[-1]
-
-
-@pytest.mark.slow
-def test_certified_rows_are_proved_again_and_false_ones_are_refuted(tmp_path, capfd):
-    folder = str(tmp_path)
-    publish(intervals(load(SWEEPS / "paper" / "fig4.toml"), "K_VE", jobs=1), tmp_path)
-    assert main(["verify", folder, "--prove", "--json"]) == 0
-    confirmed = {"table": str(tmp_path / "zwidth.parquet"), "certified": 151, "proved_again": 20, "whole": 20}
-    assert json.loads(capfd.readouterr().out)["proved"] == [confirmed | {"ends": 0, "unsettled": 0, "refuted": 0}]
-    columns, facts = results.read(tmp_path / "zwidth.parquet"), package_of(tmp_path)["wavesweep"]
-    true, factors = columns["high"], np.ones(len(columns["high"]))
-    factors[[0, -1]] = 1.001, 100
-    publish(Table.of("zwidth", columns | {"high": true * factors}, facts), tmp_path)
-    assert main(["verify", folder, "--prove", "7"]) == 1
-    out, err = capfd.readouterr()
-    assert "7 of 151 certified slices proved again in ball arithmetic: 5 confirmed on the whole range" in out
-    refuted = "is certified, but ball arithmetic refutes it"
-    assert f"row 1 {refuted}, high is {str(true[0])[:12]}" in err
-    assert f" and not {true[0].item() * 1.001!r}; unless the file was changed, this is a fault of wavesweep" in err
-    assert f"row 151 {refuted}, its ends are not in order within 0.0 and " in err
-    assert main(["verify", "--prove", folder]) == 2
-    assert "--prove: expected a number of slices from 1 on, or none behind DIR, found " in capfd.readouterr().err
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("recipe", "wires", "operations", "change", "verdict"),
-    [
-        ("batch-reactor", {}, 1e8, 1, "whole"),
-        ("batch-reactor", {}, 3e6, 1, "ends"),  # the whole range takes more
-        ("batch-reactor", {}, 3e6, 1.001, "refuted"),
-        ("batch-reactor", {}, 1e4, 1, "unsettled"),
-        ("current-loop", {}, 1e8, 1, "whole"),  # with dead times
-        ("current-loop", {}, 1e8, 1.001, "refuted"),
-        ("current-loop", {"pwm.u": "pi.y - 0.1*motor.y"}, 1e8, 1, "unsettled"),  # a plant that is sampled for itself
-    ],
-)
-def test_a_slice_is_proved_on_the_whole_range_or_about_its_ends(recipe, wires, operations, change, verdict):
-    tables = tomllib.loads((SWEEPS / "recipes" / f"{recipe}.toml").read_text(encoding="utf-8"))
-    job = cut_otherwise(job_of(load(tables | {"wire": tables["wire"] | wires})), deep=1, wide=1)
-    (search,), (row,) = searches_of(job, job.chunks[1]).searches, job.task(job.chunks[1])()
-    claim = row["low"].item(), row["high"].item() * change, row["low_omega"].item(), row["high_omega"].item()
-    assert prove_again(search, [claim], operations).verdict == verdict
 
 
 def test_a_table_whose_package_is_lost_is_a_difference(folder):
