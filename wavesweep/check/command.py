@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.capabilities import asked, home_of
+from wavesweep.capabilities import asked, home_of, modules
 from wavesweep.core.cli.messages import width
 from wavesweep.core.cli.options import FORMATS, folder, override
 from wavesweep.core.cli.talk import talk
@@ -197,6 +197,8 @@ def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[st
     refuse_other_things(*places.values())
     refuse_inputs(spec.files, *places.values())
     plots.refuse_settings()
+    if "diagram" in figures and not any(modules("diagram")):
+        raise click.UsageError("--plot: expected the capability picture, found that it is not there")
     return places
 
 

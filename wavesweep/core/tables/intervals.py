@@ -142,7 +142,9 @@ def _finished(block, stage, stages, hands) -> Columns:
 
     if len(stages) == 1:
         return block
-    own = {name: each.job.dtype[name].kind for each in stages for name in each.job.dtype.names if name not in RECORD.names}
+    own = {
+        name: each.job.dtype[name].kind for each in stages for name in each.job.dtype.names if name not in (RECORD.names or ())
+    }
     rows = len(block["along"])
     missing = {name: np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan) for name, kind in own.items()}
     missing |= {"settled": block["certified"]} if "settled" in own else {}
