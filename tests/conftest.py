@@ -15,12 +15,13 @@ os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 os.environ.pop("COLUMNS", None)  # pytest-xdist gives its workers the width of a narrow terminal
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a script's background has ignored, and processes inherit
-from support.command_line import (  # noqa: E402, F401 - fixtures of all tests of commands
+from support.command_line import (  # noqa: E402, F401 - fixtures of all tests of commands and specs
     a_word_on_the_time_after_one_sample,
     command_line,
     no_word_on_a_busy_machine,
     spec,
     sweep,
+    write,
 )
 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth

@@ -3,6 +3,7 @@
 import pickle
 
 import pytest
+from support.drawn import ARM
 
 from wavesweep.core.errors import SpecError
 from wavesweep.core.spec import load
@@ -91,3 +92,34 @@ def test_a_slow_loop_is_no_mistake_until_it_is_simulated():
 def test_a_step_lasts_whole_periods_and_a_second():
     assert step_seconds(0.5, 2.0, 3) == 8.0
     assert step_seconds(40.0, 0.0, 5) == 1.0
+
+
+def test_the_resolved_tables_load_to_the_same_simulation():
+    simulated = load(
+        LOOP | {"device": {"preset": "falcon"}, "simulate": {"input": "stepped-sine", "frequency_hz": [1, 2]}}
+    ).asking("simulate")
+    again = load(simulated.tables()).asking("simulate")
+    assert again.tables() == simulated.tables()
+    assert again.sha256 == simulated.sha256
+
+
+def test_given_keys_take_precedence_over_those_of_a_device():
+    spec = load(LOOP | {"device": {"preset": "touch"}, "simulate": {"friction": 0.0}})
+    assert (spec.simulate["friction"], spec.hardware["friction"], spec.hardware["resolution"]) == (0.0, 0.0, 0.055e-3)
+
+
+def test_keys_of_a_file_and_of_overrides_are_given(tmp_path):
+    path = tmp_path / "wall.toml"
+    path.write_text('controller.kind = "pmw"\n[simulate]\nfriction = 0\n')
+    assert load(path).given == {"controller.kind", "simulate.friction"}
+    assert load(path, ["simulate.seed=3"]).given == {"controller.kind", "simulate.friction", "simulate.seed"}
+
+
+def test_the_hand_of_a_drawn_loop_is_simulated(write):
+    spec = load(write(ARM + "[simulate]\ninput = 'step'\nduration_s = 0.5\n"))
+    assert "simulate" not in spec.tables()
+    simulated = spec.asking("simulate")
+    tables = simulated.tables()
+    assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
+    assert tables["simulate"]["friction"] == 0.0
+    assert load(simulated.tables()).asking("simulate").sha256 == simulated.sha256

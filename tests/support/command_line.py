@@ -131,3 +131,15 @@ def command_line(capfdbinary, no_word_on_a_busy_machine, a_word_on_the_time_afte
         return code, streams.out.decode(), streams.err.decode()
 
     return run
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Write a spec into a new current folder; give its name."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(text):
+        (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+        return "a.toml"
+
+    return write

@@ -1,8 +1,12 @@
 """Flat values of a spec: the paper's, and random ones of every kind."""
 
+import tomllib
+from pathlib import Path
+
 import numpy as np
 
 from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.reading.tables import missing
 
 DEFAULTS = {
     "rates.fast_hz": 1000.0, "rates.ratio": 20,
@@ -16,6 +20,7 @@ DEFAULTS = {
     "local_model.K_LM": 500.0, "local_model.B_LM": 0.0, "local_model.integration": "implicit", "local_model.delay": 1,
 }  # fmt: skip
 KINDS = tuple(CONTROLLERS)
+ROOT = Path(__file__).parents[2]
 INTEGRATIONS = ("explicit", "implicit", "trapezoidal")
 _SHORT = {path.split(".", 1)[1]: path for path in DEFAULTS}
 _SHORT |= {"delay": "environment.delay", "integration": "environment.integration", "kind": "controller.kind"}
@@ -76,3 +81,16 @@ def nested(values):
             table = table.setdefault(parent, {})
         table[last] = value
     return tables
+
+
+def shipped():
+    """The specs of the project, without those that have a table of a capability that is not there."""
+    return [path for path in sorted(ROOT.glob("sweeps/**/*.toml")) if not any(_has(path, table) for table in missing())]
+
+
+def _has(path, table):
+    """Whether the spec at a path has a table."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    for name in table.split("."):
+        tables = tables.get(name, {})
+    return bool(tables)

@@ -11,7 +11,6 @@ from wavesweep.core.reading.devices import DEVICES
 from wavesweep.core.reading.keys import AXIS_KEYS
 from wavesweep.core.reading.tables import study_keys
 from wavesweep.core.spec import KEYS, SYMBOLS
-from wavesweep.designs.wish_keys import WISHES
 
 EVERY = {**KEYS, **study_keys()}
 
@@ -97,18 +96,6 @@ def test_the_tables_of_a_drawn_loop_are_explained(capfd):
         assert ("phase" in said, "counterexample" in said) == (name == "ports", name in ("numbers", "ports"))
     assert main(["keys", "block.buterworth"]) == 2
     assert capfd.readouterr().err.strip().endswith("did you mean block.butterworth?")
-
-
-def test_the_tables_of_design_are_explained(wavesweep):
-    code, out, _ = wavesweep("keys", "design.wish")
-    assert (code, all(f"  {wish} (" in out for wish in WISHES)) == (0, True)
-    code, out, _ = wavesweep("keys", "design.wish", "--json")
-    assert json.loads(out)["design.wish"]["wishes"]["z_width"]["bound"] == "at_least"
-    code, out, _ = wavesweep("keys", "design")
-    for name in ("seed", "population", "generations"):
-        assert f"design.{name}" in out
-    for name in ("design.vary.b", "numbers.kp", "ports.hand", "design.for_all", "for_all.lost"):
-        assert wavesweep("keys", name)[0] == 0
 
 
 def test_a_table_of_keys_fits_a_terminal(wavesweep, monkeypatch):

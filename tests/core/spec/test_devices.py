@@ -39,9 +39,9 @@ def test_a_device_sets_keys_that_are_not_given(name):
 
 
 def test_given_keys_take_precedence():
-    spec = load(on("touch", mass=0.1) | {"simulate": {"friction": 0.0}})
+    spec = load(on("touch", mass=0.1))
     assert (spec.values["device.mass"], spec.values["device.damping"]) == (0.1, 0.5)
-    assert (spec.hardware["friction"], spec.hardware["resolution"]) == (0.0, 0.055e-3)
+    assert (spec.hardware["friction"], spec.hardware["resolution"]) == (0.26, 0.055e-3)
     assert load(on("touch"), ["device.mass=0.2"]).values["device.mass"] == 0.2
 
 
@@ -73,10 +73,3 @@ def test_a_spec_with_a_device_is_the_one_with_its_numbers():
     numbers = DEVICES["touch"].loop()
     explicit = load(LOOP | {"device": {path.split(".")[1]: value for path, value in numbers.items()}})
     assert load(on("touch")).sha256 == explicit.sha256
-
-
-def test_the_resolved_tables_load_to_the_same_simulation():
-    simulated = load(on("falcon") | {"simulate": {"input": "stepped-sine", "frequency_hz": [1, 2]}}).asking("simulate")
-    again = load(simulated.tables()).asking("simulate")
-    assert again.tables() == simulated.tables()
-    assert again.sha256 == simulated.sha256

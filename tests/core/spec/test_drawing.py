@@ -92,16 +92,6 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
     } <= COLUMNS
 
 
-def test_the_hand_of_a_drawn_loop_is_simulated(write):
-    spec = load(write(ARM + "[simulate]\ninput = 'step'\nduration_s = 0.5\n"))
-    assert "simulate" not in spec.tables()
-    simulated = spec.asking("simulate")
-    tables = simulated.tables()
-    assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
-    assert tables["simulate"]["friction"] == 0.0
-    assert load(simulated.tables()).asking("simulate").sha256 == simulated.sha256
-
-
 def test_a_number_in_a_block_is_an_axis_by_its_path():
     tables = tomllib.loads(ARM)
     assert "block.net.every" not in load(tables).values
@@ -185,11 +175,3 @@ a = { start = -3, stop = 3 }
 """
     found = wavesweep.compile(load(write(text))).stable_intervals()
     assert found[["low", "high", "certified"]].to_numpy().tolist() == [[pytest.approx(-1), pytest.approx(1), True]]
-
-
-def test_a_number_may_have_the_name_of_a_key_of_a_study(write):
-    text = changed(PD, ("kp", "lost"), ("kd", "require"))
-    spec = load(write(text + 'along = "lost"\nlost = { start = 1, stop = 9 }\nrequire = [1, 2]\n'))
-    assert (spec.require, [axis.path for axis in spec.sweep]) == (None, ["numbers.lost", "numbers.require"])
-    spec = load(write(text + "[for_all]\nlost = { start = 1, stop = 9 }\n"))
-    assert [axis.path for axis in spec.for_all.axes] == ["numbers.lost"]

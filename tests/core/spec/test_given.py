@@ -7,10 +7,10 @@ LOOP = {"controller": {"kind": "pmw"}}
 
 def test_keys_of_a_file_and_of_overrides_are_given(tmp_path):
     path = tmp_path / "wall.toml"
-    path.write_text('controller.kind = "pmw"\n[environment]\nB_VE = 1.0\n[sweep]\nb = [1, 2]\n[simulate]\nfriction = 0\n')
-    assert load(path).given == {"controller.kind", "environment.B_VE", "simulate.friction"}
-    added = {"controller.b", "environment.integration", "simulate.seed"}
-    spec = load(path, ["b=40", "environment.integration=implicit", "simulate.seed=3", "sweep.Kp=[1]"])
+    path.write_text('controller.kind = "pmw"\n[environment]\nB_VE = 1.0\n[sweep]\nb = [1, 2]\n')
+    assert load(path).given == {"controller.kind", "environment.B_VE"}
+    added = {"controller.b", "environment.integration"}
+    spec = load(path, ["b=40", "environment.integration=implicit", "sweep.Kp=[1]"])
     assert spec.given == load(path).given | added
 
 

@@ -2,10 +2,10 @@
 
 import json
 import tomllib
-from pathlib import Path
 
 import jsonschema
 import pytest
+from support.specs import shipped
 
 from wavesweep.core.cli import main
 from wavesweep.core.drawing.block_types import TYPES
@@ -13,7 +13,6 @@ from wavesweep.core.errors import SpecError
 from wavesweep.core.spec import KEYS, load
 from wavesweep.core.spec.schema import schema
 
-ROOT = Path(__file__).parents[3]
 CHECKED = jsonschema.Draft202012Validator(schema())
 KIND = '[controller]\nkind = "pmw"\n'
 DRAWN = (
@@ -22,7 +21,7 @@ DRAWN = (
 )
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("sweeps/**/*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
 def test_every_spec_of_the_project_is_valid(path):
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     assert [error.message[:300] for error in CHECKED.iter_errors(tables)] == []

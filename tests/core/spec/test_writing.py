@@ -1,17 +1,15 @@
 """Specs as TOML text: loading the text gives the same request."""
 
 import tomllib
-from pathlib import Path
 
 import pytest
+from support.specs import shipped
 
 from wavesweep.core.spec import load
 from wavesweep.core.spec.writing import as_toml
 
-ROOT = Path(__file__).parents[3]
 
-
-@pytest.mark.parametrize("path", sorted(ROOT.glob("sweeps/**/*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
 def test_the_text_of_a_spec_is_the_same_request(path):
     spec = load(path)
     tables = spec.tables()
