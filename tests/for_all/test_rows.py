@@ -19,6 +19,7 @@ from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frames import Slow
+from wavesweep.for_all.on_check import facts, lines
 from wavesweep.for_all.rows import ForAllGuarantee, text_of_part
 from wavesweep.for_all.unknown import Part
 
@@ -170,8 +171,8 @@ def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
         steps = rng.choice([0.005, 0.010], 1 + rng.integers(6))
         frames = (np.array([[1, T], [0, 1]]) - np.outer([T**2 / 2, T], [kp, kd]) / 0.2 for T in steps)
         assert np.abs(np.linalg.eigvals(reduce(np.matmul, frames))).max() < 1
-    assert wavesweep.verdict(PD | {"for_all": ranges})["for_all"]["verdict"] == "proved"
-    bad = wavesweep.verdict(PD | {"for_all": ranges | {"kd": {"start": 0.2, "stop": 5}}})["for_all"]
+    assert facts(load(PD | {"for_all": ranges}))["for_all"]["verdict"] == "proved"
+    bad = facts(load(PD | {"for_all": ranges | {"kd": {"start": 0.2, "stop": 5}}}))["for_all"]
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2, frames 10")
 
 
@@ -205,7 +206,7 @@ def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_re
     _, (row,) = for_all(loop, **varying)
     assert row["high"] > 60
     assert (row["certified"], row["settled"], row["doubt"]) == (False, False, "contradiction")
-    said = wavesweep.verdict(loop | {"for_all": varying})["for_all"]
+    said = facts(load(loop | {"for_all": varying}))["for_all"]
     assert (said["verdict"], said["doubt"]) == ("unknown", "contradiction")
     assert "please report it" in for_all_module.in_words(said)
 
@@ -243,7 +244,7 @@ n = {{ values = [2, 3], varying = true }}
     ):
         path.write_text(text.format(every, other) + "m = { values = [2, 4], varying = true }\n" * (every == "m"))
         with pytest.raises(SpecError, match=said):
-            wavesweep.verdict(path)
+            facts(load(path))
 
 
 @pytest.mark.parametrize(
@@ -289,18 +290,17 @@ def test_what_cannot_vary_is_said(spec, ranges, expected):
 
 
 def test_check_says_whether_the_design_holds_for_all():
-    good = wavesweep.verdict(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})["for_all"]
+    good = facts(load(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}}))["for_all"]
     assert good == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
-    bad = wavesweep.verdict(PD | {"for_all": {"kd": {"start": 0.2, "stop": 5}}})["for_all"]
+    bad = facts(load(PD | {"for_all": {"kd": {"start": 0.2, "stop": 5}}}))["for_all"]
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2")
 
 
 def test_check_says_that_its_own_numbers_are_not_among_those_of_the_table():
-    check = pytest.importorskip("wavesweep.check.verdict")
     for values, without in (([2, 3], ", without the spec's own n = 5"), ([2, 5], "")):
         spec = load(PD | {"for_all": {"n": {"values": values}, "kd": {"start": 3, "stop": 5}}})
-        lines = [line for _, line in check.verdict_lines(spec, check.verdict(spec))]
-        assert lines[0] == f"  for all of [for_all]: proved stable{without}"
+        said = [line for _, line in lines(spec, facts(spec))]
+        assert said[0] == f"for all of [for_all]: proved stable{without}"
 
 
 def test_an_end_that_is_not_known_is_no_counterexample(monkeypatch):
@@ -353,7 +353,7 @@ def sampled_frame(ticks):
 def test_periods_in_any_order_are_judged_without_an_axis(nominal, lengths):
     """Each period by itself is stable; a counterexample has to grow, and where there is none no word of nine frames does."""
     spec = SAMPLED | {"numbers": {"n": nominal}, "for_all": {"n": {"values": lengths, "varying": True}}}
-    found, frames = wavesweep.verdict(spec)["for_all"], {ticks: sampled_frame(ticks) for ticks in lengths}
+    found, frames = facts(load(spec))["for_all"], {ticks: sampled_frame(ticks) for ticks in lengths}
 
     def radius(word):
         return np.abs(np.linalg.eigvals(reduce(np.matmul, [frames[ticks] for ticks in reversed(word)]))).max()

@@ -8,9 +8,6 @@ from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.energy.held_loop import HAND, HeldLoop
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.sweep.grid import Loops, distinct, selected
-from wavesweep.for_all.hand_box import BoxGuarantee
-from wavesweep.passive import any_hand, channel, margin
-from wavesweep.passive.ranges import hand_ranges, port_ranges
 
 WALL = "environment.K_VE"
 THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])  # rad per frame
@@ -23,26 +20,38 @@ def held(values, along=""):
 
 
 def port_margin(values):
+    from wavesweep.passive import margin
+
     return margin.port_margin(held(values))
 
 
 def more_damping(values):
+    from wavesweep.passive import margin
+
     return margin.more_damping(held(values))
 
 
 def damping_needed(values):
+    from wavesweep.passive import any_hand
+
     return any_hand.damping_needed(held(values))
 
 
 def channel_norm(values):
+    from wavesweep.passive import channel
+
     return channel.channel_norm(loop_drawing(values), values)
 
 
 def any_hand_walls(values, span, hand_damping=0.0, path=WALL):
+    from wavesweep.passive.ranges import hand_ranges
+
     return hand_ranges(held(values, path), path, span, hand_damping)
 
 
 def passive_walls(values, span, path=WALL):
+    from wavesweep.passive.ranges import port_ranges
+
     return port_ranges(held(values, path), path, span)
 
 
@@ -90,4 +99,6 @@ def worst_modes(values, hands, K_VE, B_VE):
 
 def box_intervals(values, span, box):
     """The rows for a box of hands, as records."""
+    from wavesweep.for_all.hand_box import BoxGuarantee
+
     return BoxGuarantee(box).records(held(values), WALL, span)

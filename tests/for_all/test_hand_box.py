@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support.held import box_intervals, hands_at, worst_modes
+from support.specs import values_of
 
 from wavesweep.for_all.hand_box import HOLDING_A_DEVICE, HandBox
 
@@ -35,8 +36,8 @@ def hand_of(row, end="high"):
 
 @pytest.mark.parametrize("box", BOXES)
 @pytest.mark.parametrize("kind", LOOPS)
-def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, kind, box):
-    v = values(kind, **LOOPS[kind])
+def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(kind, box):
+    v = values_of(kind, **LOOPS[kind])
     rows = box_intervals(v, SPAN, box)
     assert rows["settled"].all()
     assert rows["intervals"][0]
