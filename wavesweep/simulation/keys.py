@@ -366,7 +366,9 @@ def demand(spec: Spec) -> None:
     """Raise SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from."""
     mistakes = Mistakes()
     spec.simulate.refuse_beyond_limits(spec.tick_hz, RATE if spec.drawing else "rates.fast_hz", mistakes)
-    mistakes += spec.without_entry()
+    if spec.drawing and not spec.drawing.outside:
+        expected = "inputs = { NAME = SIGNAL }, or hand = { force = ..., displacement = ... }, which something comes from"
+        mistakes.append(spec.mistake("ports", expected, "neither"))
     if mistakes:
         raise SpecError(mistakes)
 

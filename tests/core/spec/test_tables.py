@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from wavesweep.capabilities import TABLES
+from wavesweep.capabilities import CAPABILITIES, TABLES
+from wavesweep.core.reading.tables import tables
 
 ALONE = """
 from wavesweep import capabilities
@@ -13,6 +14,10 @@ capabilities.CAPABILITIES = ()
 from wavesweep.core.cli import main
 raise SystemExit(main(["bode", "a.toml", "--no-plot", "--quiet", "--set", "bode.frequency_hz=[1]"]))
 """
+
+
+def test_the_lines_of_capabilities_name_the_tables_that_they_read():
+    assert {path for each in CAPABILITIES for path in each.tables} == {*tables()}
 
 
 @pytest.mark.parametrize("table", TABLES)

@@ -113,9 +113,9 @@ class PortReader(KeyReader):
     def read_asked(
         self, blocks: Iterable[DrawnBlock], wires: Mapping[str, Leaf], numbers: Iterable[tuple], given: Mapping[str, dict]
     ) -> Iterator[tuple[str, Terms, str]]:
-        """Yield an output for each signal that [bode] or [simulate] names and [ports] does not declare; see `Drawing.signals`.
+        """Yield an output for each signal that a table names and [ports] does not declare; see `Drawing.signals`.
 
-        Its unit is that of a port with the same signal. Names of no signal are left to `refuse_unknown_ends`.
+        Its unit is that of a port with the same signal. Names of no signal are left to `Request.refuse_unknown_ends`.
         """
         ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
         units = {name: unit for name, unit, _ in numbers}

@@ -102,13 +102,6 @@ class Spec(Studies):
             return []
         return [self.mistake("ports", "hand = { force = ..., displacement = ... }, where the hand's force acts", "no hand")]
 
-    def without_entry(self) -> list[Mistake]:
-        """The mistake of a drawn loop whose [ports] name neither a hand nor an input, which stays at rest."""
-        if self.drawing is None or self.drawing.outside:
-            return []
-        expected = "inputs = { NAME = SIGNAL }, or hand = { force = ..., displacement = ... }, which something comes from"
-        return [self.mistake("ports", expected, "neither")]
-
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
         """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; empty if it asks for the hand's.

@@ -71,7 +71,7 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
             unit, description = (word.value if word else "" for word in words)
             tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
     asked = [each for each in drawing.outputs if path_of_port("outputs", each[0]) not in given.leaves]
-    for name, terms, unit in asked:  # by [bode] or [simulate], see `Drawing.signals`
+    for name, terms, unit in asked:  # by [bode] or another table, see `Drawing.signals`
         tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
     return tables
 
