@@ -6,7 +6,6 @@ import numpy as np
 
 from wavesweep.core.stability.along_any import EXACT
 from wavesweep.core.stability.certificate import CROWDED, NONE, ROUNDING, SEARCH
-from wavesweep.core.stability.covering import ATTACHED
 from wavesweep.core.stability.frames import level, pole_inside
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.regions import NEAR_ZERO
@@ -14,6 +13,7 @@ from wavesweep.require.discs import BAD, GOOD, LOST, OPEN, Circle, Spiral, verdi
 
 PANELS, MANY = 16, 1024  # panels of a column to begin with; so many that are open, beyond which it is given up
 LARGE, OFTEN = 50_000, 16  # entries of so many frames, of fewer panels then; times that in all
+ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 NARROW = 256.0  # so many of the narrowest panels are as wide as an end is exact: eigenvalues may move along the spiral
 RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)  # of a disc; its lower half is the conjugate
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at

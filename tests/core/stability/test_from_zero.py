@@ -10,6 +10,7 @@ import wavesweep
 from wavesweep.core.drawing.expressions import degree
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.errors import UsageError
+from wavesweep.core.stability.along_any import BENT, stable_along_any
 
 T, M = 0.005, 0.1
 
@@ -44,6 +45,37 @@ def test_the_range_may_begin_where_the_root_or_power_vanishes(force, limits):
     assert (found["intervals"] == 1).all()
     assert (found[["low", "low_omega"]] == 0).all(axis=None)
     np.testing.assert_allclose(found["high"], [min(limits(each)) for each in z], rtol=1e-9)
+
+
+@pytest.mark.parametrize("high", [1e9, 1e11, 1e13])
+@pytest.mark.parametrize(
+    ("force", "stable"),
+    [
+        ("K**2*arm.x + z*K*arm.v", (0.0, 2 * M / T)),
+        ("100*z*arm.x + K*K*arm.v", (np.sqrt(50 * T), np.sqrt(2 * M / T))),
+    ],
+)
+def test_ends_next_to_0_are_found_in_a_range_that_goes_far_beyond(force, stable, high):
+    found = wavesweep.compile(joint(force)).stable_intervals("K", (0, high), z=[1.0])
+    assert found["certified"].all()
+    np.testing.assert_allclose(found[["low", "high"]], [stable], rtol=1e-9)
+
+
+@pytest.mark.parametrize("high", [1e3, 1e9, 1e11])
+def test_a_crossing_next_to_the_low_end_is_no_drift(high):
+    """Eigenvalues 0.7 + p/2, and 0.5 - p/2 + 0.3i with its conjugate: the first is outside from 0.6 on."""
+
+    def frames(column, p):
+        p = np.broadcast_arrays(column, p)[1].ravel()
+        E = np.zeros((p.size, 3, 3), p.dtype)
+        E[:, 0, 0], E[:, 1, 1], E[:, 2, 2] = p / 2 - 0.3, -0.5 - p / 2, -0.5 - p / 2
+        E[:, 1, 2], E[:, 2, 1] = 0.3, -0.3
+        return E
+
+    found = stable_along_any(frames, (0.0, high), 1, np.ones(1), variable=BENT)
+    assert found.certified.all()
+    assert found.low.tolist() == [0.0]
+    np.testing.assert_allclose(found.high, 0.6, rtol=1e-9, atol=1e-14 * high)
 
 
 def test_a_root_that_is_zero_in_some_loops_is_no_hindrance_to_others():

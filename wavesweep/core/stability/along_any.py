@@ -7,8 +7,8 @@ import numpy as np
 
 from wavesweep.core.monodromy.rounding import uneven_units
 from wavesweep.core.stability.certificate import NONE
-from wavesweep.core.stability.covering import ATTACHED, Tiles, proved_by_balls, regions_of, tiles_of
-from wavesweep.core.stability.entries import DEGREES, EPS, panels_of
+from wavesweep.core.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
+from wavesweep.core.stability.entries import DEGREES, EPS, NARROW, panels_of
 from wavesweep.core.stability.frames import Frames
 from wavesweep.core.stability.intervals import Intervals, doubts_of, intervals_of
 from wavesweep.core.stability.regions import NEAR_ZERO, Regions
@@ -47,21 +47,22 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
     errors(column, p): frames less identity in the same states, and bounds on the errors of their entries; by default these are
     a few roundings.
     variable: BENT, the logarithm of the distance from the low end and a TURN-th of the span, as stiffnesses and dampings have
-    poles below zero; FROM_ZERO, the logarithm of p from ATTACHED of the span on, for a span from 0, at which the loop need not
-    be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is the logarithm of p if high > WIDE low > 0, as
-    masses, impedances and cutoffs act by their ratios, or else p.
+    poles below zero; FROM_ZERO, the logarithm of p from where ends are told from 0, for a span from 0, at which the loop need
+    not be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is that of p if high > WIDE low > 0,
+    as masses, impedances and cutoffs act by their ratios, or else p.
     balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
 
     The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
     these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
     that leaves are windows about crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is
     not known: its column is in doubt, and the rest of it is given.
-    Accuracy: ends to 1e-9 relative, usually 1e-12; those within 1e-9 of the span of its low end are given as that end, and as
-    its high end those that are as near to it as ends are exact.
+    Accuracy: ends to 1e-9 relative, usually 1e-12; those that are as near to an end of the span as ends are exact, or that
+    rounding does not tell from its low end, are given as that end. Entries that are not followed within 1e-9 of the span of
+    its low end leave no doubt.
     """
     low, high = span
     if variable == FROM_ZERO:
-        low = ATTACHED * high
+        low = EXACT * NEAR_ZERO * high
     if variable == BENT:
         unit, slope = (high - low) / TURN, lambda t: unit * np.exp(t)
         into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
@@ -155,7 +156,9 @@ def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
             own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
             parts.append(tiles_of(some, own, span, names.size, slack))
         tiles = Tiles.join(parts)
-    attached = ATTACHED * (span[1] - span[0]), slack(span[1])
+    attached, (owner, left, right, _) = (np.full(names.size, slack(span[0])), slack(span[1])), lost
+    first = (left == span[0]) & (right - left <= NARROW * (span[1] - span[0]))
+    np.maximum.at(attached[0], owner[first].astype(int), (right - left)[first])
     if balls is not None:
         tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))
     found = regions_of(tiles, lost, span, names.size, attached)
