@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.held import box_intervals, hands_at, worst_modes
+from support.held import box_intervals, ends_of, hands_at, worst_modes
 from support.specs import values_of
 
 from wavesweep.for_all.hand_box import HOLDING_A_DEVICE, HandBox
@@ -27,7 +27,7 @@ BOXES = [
 def sampled(box, count, seed=7):
     shares = np.random.default_rng(seed).random((count, 3))
     shares[: count // 4] = np.round(shares[: count // 4])  # corners and edges as well
-    return hands_at(box, shares)
+    return hands_at(*ends_of(box), shares)
 
 
 def hand_of(row, end="high"):

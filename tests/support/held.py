@@ -72,9 +72,9 @@ def ends_of(box):
     return np.array(list(box.ranges().values())).T
 
 
-def hands_at(box, shares):
-    """Hands of a box at shares of its ranges, `(n, 3)`: evenly in the logarithm, from 0 on in the cube root."""
-    low, high = ends_of(box)
+def hands_at(low, high, shares):
+    """Hands of a box with these ends at shares of its ranges, `(n, 3)`: evenly in the logarithm, from 0 on in the cube root."""
+    low, high = np.array([low, high])
     start = np.where(low > 0, low, 1.0)
     return np.clip(np.where(low > 0, start * (high / start) ** shares, high * shares**3), low, high)
 
