@@ -31,6 +31,7 @@ from wavesweep.designs.wishes import evaluate
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
+PROVED = 6  # designs with [for_all], the best in the search and the spec's own, that are proved for all of it
 TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
 RUNNERS_UP, APART = 3, 0.1  # further designs next to a single best one, and how far apart, as a share of a number's range
 ADDED = 4  # combinations at a time that the search holds for besides
@@ -80,7 +81,7 @@ def _task(job, chunk):
 def _evaluation(job, scenarios, designs, count: int, last: bool):
     """What computes the records of designs; last: whether they are of the front, for which more is checked."""
     spec = job.grid.spec
-    box, proof = (job.asked.box, _proof_of(spec)) if last else (None, None)
+    box, proof = (job.asked.box, _proof_of(spec)) if last else (None, spec.for_all and spec.for_all.ranking(spec))
     return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, proof)
 
 
@@ -166,10 +167,11 @@ def design(
         raise WavesweepError(said)
     genes = spread(best, FRONT).genes
     if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
-        others = np.concatenate([first[: spec.for_all is not None], run.feasible()])  # the search sees little of [for_all]
-        genes = np.concatenate([genes, run.next_to(others, genes)])
+        others, proved = run.feasible(), spec.for_all is not None  # the search proves nothing of [for_all]
+        others = np.concatenate([first[:proved], others])
+        genes = np.unique(np.concatenate([genes, others[: PROVED * proved], run.next_to(others, genes)]), axis=0)
     job.asked.genes[settings["generations"]] = genes
-    proved = {"proved": len(genes)} if spec.for_all else {}
+    proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None} if spec.for_all else {}
     genes, records = run.kept(genes, run.records(settings["generations"]))
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
         said = miss(spec, records, job.asked.finest, wish_units(spec))

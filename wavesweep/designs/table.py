@@ -49,7 +49,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "bounds_hold_between": int(columns["holds"].sum()),
         "searched": facts["slices"]["computed"],
         "scenarios": facts["scenarios"],
-        **({"proved": facts["proved"]} if "proved" in facts else {}),
+        **{name: facts[name] for name in ("proved", "ranked") if name in facts},
         "best": values,
         "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
         "own": dict(facts["own"]),
@@ -83,7 +83,8 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
 def _lines(found: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
     over, tried = count(found["scenarios"], "combination"), count(found["searched"], "design")
-    ranked = f", without [for_all]; {found['proved']} of them then for all of [for_all]" if "proved" in found else ""
+    by = "by what short patterns of frames refute" if found.get("ranked") else "without [for_all]"
+    ranked = f", {by}; {found['proved']} of them then for all of [for_all]" if "proved" in found else ""
     yield f"{tried} evaluated, each at its worst over {over}{ranked}", False
     tried = f"these {found['proved']}" if ranked else f"{tried} tried"
     if found["designs"] > 1:

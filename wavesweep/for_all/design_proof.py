@@ -1,10 +1,12 @@
-"""What a search for designs asks of [for_all]: whether loops are proved for all of it."""
+"""What a search for designs asks of [for_all]: whether loops are proved for all of it, and how they rank before that."""
 
 from dataclasses import dataclass, replace
 
 from wavesweep.core.spec import Spec
-from wavesweep.for_all.rows import proved_from_zero, refuse_unsuitable_ranges, verdict
+from wavesweep.core.sweep.grid import loops_of
+from wavesweep.for_all.rows import cases_of, proved_from_zero, refuse_unsuitable_ranges, verdict
 from wavesweep.for_all.varying import Rules
+from wavesweep.for_all.words import seems_refuted, seems_refuted_from
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,3 +37,20 @@ class DesignProof:
     def stiffest(self, spec: Spec, path: str, stop: float) -> float:
         """The stiffest wall, at most `stop`, up to which every loop of a design is proved to be stable."""
         return proved_from_zero(spec, path, stop, self.rules)
+
+
+class DesignRanking(DesignProof):
+    """Ranks designs whose frames vary by what short patterns of frames refute, at the spec's own values of ranges."""
+
+    def verdict(self, spec: Spec) -> str:
+        """Whether the loop of a design is "refuted"; otherwise it counts as "proved"."""
+        return "refuted" if any(seems_refuted(family, 0.0) for family in self._families(spec, "")) else "proved"
+
+    def stiffest(self, spec: Spec, path: str, stop: float) -> float:
+        """The softest wall, at most `stop`, with which some short pattern of frames is unstable."""
+        return min((seems_refuted_from(family, stop) for family in self._families(spec, path)), default=stop)
+
+    def _families(self, spec, along):
+        cases = cases_of(self.rules, along, (0.0, 0.0), loops_of(spec, dict(spec.values), along))
+        families = (self.rules.family(case.values, along) for case in cases)
+        return [family for family in families if family.drift is None]  # one that drifts never decays

@@ -14,7 +14,7 @@ from wavesweep.core.reading.tables import Asked, Section, Table
 if TYPE_CHECKING:
     from wavesweep.core.spec.schema import Shapes
     from wavesweep.core.spec.studies import Request
-    from wavesweep.for_all.design_proof import DesignProof
+    from wavesweep.for_all.design_proof import DesignProof, DesignRanking
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
 GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
@@ -80,6 +80,13 @@ class ForAll(Asked):
         from wavesweep.for_all.design_proof import DesignProof
 
         return DesignProof.of(spec)
+
+    def ranking(self, spec: Any) -> DesignRanking | None:
+        """The same for a search, which takes longer if it proves; None if nothing varies, where it looks at `ends`."""
+        from wavesweep.for_all.design_proof import DesignProof, DesignRanking
+
+        rules = DesignProof.of(spec).rules
+        return DesignRanking(rules) if rules.vary and not rules.at_random else None
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""

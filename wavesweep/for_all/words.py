@@ -15,6 +15,8 @@ LEADING = 8  # words of each length, and of all lengths, that are joined in pair
 IMPROVED = 3  # of these, the words that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
+SHORT = 2  # matrices of the words that are looked for to rank numbers, before these are joined and improved
+RANKED, STEPS, HALVED = 1e-2, 24, 6  # of the limit, from where on numbers are tried; how many, and bisections after them
 
 Word = tuple[int, ...]
 
@@ -137,6 +139,29 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         low, high = (low, middle) if growth(family.at(middle), word) >= 1 else (middle, high)
+    return high
+
+
+def seems_refuted(family: Family, x: float) -> bool:
+    """Return whether some short word grows at x, in plain doubles: a search, which proves nothing."""
+    A = family.at(x)
+    return not np.isfinite(A).all() or bool(growing(A, family.follows, np.eye(A.shape[-1]), longest=SHORT))
+
+
+def seems_refuted_from(family: Family, limit: float) -> float:
+    """Return about the least number up to the limit at which some short word grows, or else the limit.
+
+    To rank what it is too long to prove: a proof from 0 on hardly reaches further.
+    """
+    low, high = 0.0, limit
+    for x in np.geomspace(RANKED * limit, limit, STEPS):
+        if seems_refuted(family, x):
+            high = float(x)
+            break
+        low = float(x)
+    for _ in range(HALVED):
+        middle = (low + high) / 2
+        low, high = (low, middle) if seems_refuted(family, middle) else (middle, high)
     return high
 
 
