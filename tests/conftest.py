@@ -6,6 +6,8 @@ import signal
 import sys
 from pathlib import Path
 
+import pytest
+
 from wavesweep.core.reproducibility import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
@@ -37,6 +39,8 @@ def pytest_collection_modifyitems(items):
             sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
         if THOROUGH.intersection(item.fixturenames):
             item.add_marker("thorough")
+        if "WAVESWEEP_WITHOUT" in os.environ and item.get_closest_marker("whole"):
+            item.add_marker(pytest.mark.skip(reason="asks for capabilities that are taken away"))
     for number, same in sampled.values():
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}
         for at, item in enumerate(same):

@@ -17,7 +17,7 @@ from wavesweep.capabilities import CAPABILITIES
 
 ROOT = Path(__file__).parents[1]
 NAMES = tuple(each.name for each in CAPABILITIES)
-WHOLE = "whole"  # the folder of the tests that are about everything together
+WHOLE = ("tests/whole/", "tests/stress/")  # tests that are about everything together
 ASKED = (("zwidth", "fig4"), ("zwidth", "fig5"), ("stability-region", "fig4-b25"), ("bode", "fig6"))
 
 
@@ -28,7 +28,7 @@ def copy_without(names, folder):
     ).stdout.splitlines()
     gone = tuple(f"{top}/{name}/" for name in names for top in ("wavesweep", "tests"))
     for name in listed:
-        if not name.startswith((*gone, f"tests/{WHOLE}/")) and (ROOT / name).is_file():
+        if not name.startswith((*gone, *WHOLE)) and (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
     listing = folder / "wavesweep" / "capabilities.py"
@@ -49,7 +49,7 @@ def without_lines(text, names):
 
 def run(folder, *arguments):
     """Run Python in a copy, which it imports the package from."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1", "WAVESWEEP_WITHOUT": "some"}
     return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, check=False)
 
 

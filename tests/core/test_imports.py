@@ -146,6 +146,7 @@ def test_nothing_heavy_is_loaded_before_it_is_used(program):
     assert rooms == set() if program == "import wavesweep" else not rooms & {"sweep", "stability"}
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 def test_a_small_run_loads_neither_pandas_nor_scipy_and_check_no_matplotlib(tmp_path):
     spec = tmp_path / "wall.toml"

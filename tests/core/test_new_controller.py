@@ -103,6 +103,7 @@ def test_the_response_is_that_of_the_march(values):
         assert complex(row.impedance_re, row.impedance_im) == pytest.approx(f / x, rel=1e-8)
 
 
+@pytest.mark.whole
 def test_passivity_and_the_verdict_on_hands_ask_the_drawing():
     """Without waves there is no channel; the port's margin is what a scan of the lifted map has, from the same march."""
     loop = compiled(HELD)

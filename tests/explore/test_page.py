@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from tests.core.plots.test_near_boundaries import within
 from tests.explore.conftest import ARM, DRIVE, HOLE, UNEVEN
+from tests.whole.plots.test_near_boundaries import within
 from wavesweep.core.cli import main
 from wavesweep.core.spec import load
 from wavesweep.explore.page import saved_page

@@ -132,6 +132,7 @@ def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
     assert compared > 3
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0), ("pmw-lm", 25.0), ("dc", 25.0)])
 def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
     tables = nested(values_of(kind, b=b, K_VE=300.0, damping=3.0))
@@ -155,6 +156,7 @@ def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
         assert above < 0 < below
 
 
+@pytest.mark.whole
 def test_every_band_is_named_in_which_free_motion_outweighs_the_wall():
     """A wall of 100 N/m wins only about the resonance of a stage on a spring of 500 N/m, where |500 - m w w + j w c| < 100."""
     felt = wavesweep.verdict(braked(0.0, stiffness=500.0))["felt"]
@@ -179,6 +181,7 @@ def braked(brake, stiffness=0.0, **design):
     } | design
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("brake", [0.0, 20.0])
 def test_neither_a_brake_nor_a_mass_is_felt_as_a_wall(brake):
     """Forces and position at the same ticks: the wall adds K at every frequency."""
@@ -193,6 +196,7 @@ def test_neither_a_brake_nor_a_mass_is_felt_as_a_wall(brake):
     assert band["free"] == pytest.approx(np.abs((z - 1) / moved), rel=1e-8)
 
 
+@pytest.mark.whole
 def test_what_is_felt_without_a_wall_in_ports_has_no_band():
     tables = braked(1.0, 5.0)
     del tables["ports"]["wall"]

@@ -94,6 +94,7 @@ def strongest(tables, along, end, kind):
     return np.argmax(line) * RATES[kind] / len(moved), RATES[kind] / len(moved)
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "number"), [("drive", n) for n in range(len(DRIVES))] + [("wall", n) for n in range(len(WALLS))]
@@ -126,6 +127,7 @@ def test_both_lines_of_a_real_eigenvalue_are_one(theta, turns, hz):
     assert found == pytest.approx([hz, np.nan], nan_ok=True)
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 def test_two_lines_are_told_of_a_mode_that_position_and_velocity_show_at_different_ones():
     tables = wall("pmw", 20, velocity="difference", controller={"b": 202.4})

@@ -21,6 +21,7 @@ def around(k, start, stop, blocks=None, through="a.y"):
     }
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
@@ -41,6 +42,7 @@ def test_it_is_stable_where_its_direct_terms_have_a_solution(spec):
     assert (found["stable"], found["slowest"]["time_constant_s"]) == (True, 0)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("blocks", [{}, {"d": DELAY}, {"h": HELD}])
 @pytest.mark.parametrize(
     ("stop", "ends"), [(3.0, [[-3.0, 1.0], [1.0, 3.0]]), *((stop, [[-3.0, 1.0]]) for stop in (1.0, 1 - 1e-16, 1 + 1e-10))]

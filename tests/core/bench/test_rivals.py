@@ -36,6 +36,7 @@ def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
     assert np.array_equal(bisected_by_feedback(spec, 0.1).high, bisected_together(spec, 0.1).high)
 
 
+@pytest.mark.whole
 def test_random_loops_that_it_misses_are_certified_here():
     """A loop with filters of first order, and an angle for every degree."""
     pytest.importorskip("flint", reason="python-flint is the witness")

@@ -39,6 +39,7 @@ EXAMPLES = [
 ]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_the_examples_in_the_helps_are_valid(example, tmp_path):
     """Words and settings are accepted; `mine.toml` and `other.toml` are those of a user."""
@@ -100,6 +101,7 @@ def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
     assert sweep.seen[0][1]["along"] is None
 
 
+@pytest.mark.whole
 def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     code, out, err = wavesweep("zwidth", spec, "--no-plot", "--json")
     assert (code, err) == (0, "")
@@ -116,6 +118,7 @@ def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("words", [("-q", "check", "SPEC"), ("check", "-q", "SPEC"), ("check", "SPEC", "--quiet")])
 def test_how_the_program_speaks_may_stand_anywhere_in_the_line(words, wavesweep, spec):
     assert wavesweep(*(spec if word == "SPEC" else word for word in words)) == (0, "", "")

@@ -103,6 +103,7 @@ type = "delay"
 """
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("words", "found"),
     [
@@ -129,6 +130,7 @@ def test_the_numbers_and_blocks_of_a_drawn_loop_are_completed(words, found, comp
     assert complete("why", "mine.toml", "--along", "k") == ["kp", "kd"]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 @pytest.mark.usefixtures("specs")
 def test_no_name_that_a_shell_would_run_and_no_line_of_a_description_is_offered(shell, complete):

@@ -20,6 +20,7 @@ def test_all_words_of_doubt_columns_and_values_are_explained_in_five_lines_at_mo
     assert [each.word for each in entries() if each.group in ("doubt", "message") and not each.advice] == []
 
 
+@pytest.mark.whole
 def test_a_word_is_found_however_it_is_spelt_and_with_all_its_meanings(wavesweep):
     code, out, _ = wavesweep("explain", "Felt_Low", "--json")
     assert (code, list(json.loads(out))) == (0, ["felt_low"])
@@ -53,6 +54,7 @@ wire = { "x.u" = "v.y", "v.u" = "-k*x.y" }
 """
 
 
+@pytest.mark.whole
 def test_a_doubt_in_check_leads_to_its_explanation(wavesweep, tmp_path):
     """The eigenvalues of the ring stay on the circle, whatever k is."""
     (tmp_path / "ring.toml").write_text(RING)

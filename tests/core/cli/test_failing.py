@@ -121,6 +121,7 @@ def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("words", [("zwidth",), ("bode",), ("check", "--plot")])
 def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words, wavesweep, spec, tmp_path):
@@ -131,6 +132,7 @@ def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
 def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
     make, made = os.open, []
@@ -181,6 +183,7 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, ca
     ]
 
 
+@pytest.mark.whole
 def test_a_folder_that_cannot_be_used_is_refused_before_the_work(wavesweep, spec, monkeypatch):
     code, _, err = wavesweep("zwidth", spec, "--out", "a" * 300)
     assert code == 2
@@ -214,18 +217,21 @@ def test_a_figure_of_a_table_with_a_damaged_package_is_refused_in_a_line(resourc
     assert "fault of wavesweep" not in err
 
 
+@pytest.mark.whole
 def test_the_largest_number_of_a_spec_is_judged(wavesweep, spec):
     code, out, _ = wavesweep("check", spec, "--set", "K_VE=1e60", "--set", "controller.kind=dc", "--json")
     assert code == 0
     assert json.loads(out)["verdict"]["limits"][0]["to"] < float("inf")
 
 
+@pytest.mark.whole
 def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path):
     code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e60", "--no-plot", "--out", "here")
     assert (code, "fault of wavesweep" in err) == (0, False)
     assert (tmp_path / "here" / "simulate-response.csv").exists()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("command", "kind", "work"), [("bench", "bench", "bench.measure"), ("paper", "statements", "reproduce.tables")]
 )
@@ -286,6 +292,7 @@ REPLACING = [
 ]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("words", "name"), REPLACING)
 @pytest.mark.parametrize("linked", [False, True])
 def test_no_command_replaces_a_file_that_it_reads(wavesweep, spec, words, name, linked):

@@ -55,6 +55,7 @@ def test_the_spec_loads_and_has_a_sweep(kind, device, written):
     assert (along.stop, [axis.name for axis in others]) == (5000, ["B_VE", *(["b"] if kind.startswith("pmw") else [])])
 
 
+@pytest.mark.whole
 @pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
@@ -104,6 +105,7 @@ def test_wall_and_velocity_are_those_of_an_ordinary_engine(kind, written):
     assert package.compile(spec).spectral_radius() < 1
 
 
+@pytest.mark.whole
 def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert wavesweep("init", "--example", "first-hour") == (0, "", "first-hour.toml\n")
@@ -118,6 +120,7 @@ def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
 TO_BEGIN_WITH = sorted(path.stem for path in (SWEEPS / "templates").glob("*.toml")) + list(STARTING_RECIPES)
 
 
+@pytest.mark.whole
 @pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TO_BEGIN_WITH)
@@ -140,6 +143,7 @@ def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_pa
     assert spec.values[along.path] * 1.04 <= row.high
 
 
+@pytest.mark.whole
 def test_numbers_are_put_into_a_drawn_loop(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert wavesweep("init", "drive", "--set", "J=0.01", "--set", "numbers.kp=2e1")[0] == 0

@@ -15,6 +15,7 @@ from wavesweep.core.spec import KEYS, SYMBOLS
 EVERY = {**KEYS, **study_keys()}
 
 
+@pytest.mark.whole
 def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep, monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
     code, out, err = wavesweep("keys")
@@ -51,6 +52,7 @@ def test_a_table_and_an_axis_are_explained(wavesweep):
     assert [part for part in AXIS_KEYS if f"sweep.device.mass.{part} " not in out] == []
 
 
+@pytest.mark.whole
 def test_devices_are_listed_with_numbers_and_sources(wavesweep):
     out = wavesweep("keys", "device.preset")[1]
     for device in DEVICES.values():
@@ -98,6 +100,7 @@ def test_the_tables_of_a_drawn_loop_are_explained(capfd):
     assert capfd.readouterr().err.strip().endswith("did you mean block.butterworth?")
 
 
+@pytest.mark.whole
 def test_a_table_of_keys_fits_a_terminal(wavesweep, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     _, narrow, _ = wavesweep("keys", "simulate")

@@ -53,6 +53,7 @@ def spec(tmp_path):
     return path
 
 
+@pytest.mark.whole
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path, kind):
@@ -69,6 +70,7 @@ def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, 
     assert names == [f"{kind}-{form}" for form in ("csv", "parquet", "png")]
 
 
+@pytest.mark.whole
 def test_a_new_figure_beside_the_table_is_entered_in_the_package(wavesweep, spec, tmp_path):
     wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path)
     assert wavesweep("plot", tmp_path / "zwidth.csv", "--format", "svg")[0] == 0
@@ -79,6 +81,7 @@ def test_a_new_figure_beside_the_table_is_entered_in_the_package(wavesweep, spec
     assert json.loads((tmp_path / "zwidth.datapackage.json").read_text()) == package
 
 
+@pytest.mark.whole
 def test_figures_say_what_made_them(wavesweep, spec, tmp_path):
     import wavesweep as package
 
@@ -121,6 +124,7 @@ def spoilt(made, case):
     return made / "table.txt", "expected .csv or .parquet"
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("case", ["missing", "alone", "torn", "torn parquet", "other program", "other suffix"])
 def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")
@@ -132,6 +136,7 @@ def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     assert not table.with_suffix(".png").exists()
 
 
+@pytest.mark.whole
 @pytest.mark.sample(7)
 @pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
 @pytest.mark.parametrize(
@@ -168,6 +173,7 @@ def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, 
     assert sorted(each.name for each in place.parent.iterdir() if each.name.startswith(".")) == []
 
 
+@pytest.mark.whole
 def test_a_page_does_not_replace_its_spec(wavesweep, spec):
     before = spec.read_text()
     code, _, err = wavesweep("explore", spec, "--save", spec, "--overwrite")
@@ -175,6 +181,7 @@ def test_a_page_does_not_replace_its_spec(wavesweep, spec):
     assert "which is read" in err
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("command", ["zwidth", "bode", "compare", "why", "check --plot"])
 def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
@@ -202,6 +209,7 @@ def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_pat
     assert (tmp_path / "alone" / "compare.png").read_bytes() != (made / "compare.png").read_bytes()
 
 
+@pytest.mark.whole
 def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
     from reproduce.figures import _named
     from wavesweep.core import results
@@ -213,6 +221,7 @@ def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path)
     assert "found one of wavesweep paper, which draws it" in err
 
 
+@pytest.mark.whole
 def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesweep, spec, tmp_path):
     assert wavesweep("zwidth", spec, "--out", tmp_path / "made")[0] == 0
     table = pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet")
@@ -222,6 +231,7 @@ def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesw
     assert (tmp_path / "again/zwidth.png").read_bytes() == (tmp_path / "made/zwidth.png").read_bytes()
 
 
+@pytest.mark.whole
 def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
     assert wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")[0] == 0
     pyarrow.parquet.write_table(
@@ -232,6 +242,7 @@ def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
     assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")
 
 
+@pytest.mark.whole
 def test_a_figure_goes_into_the_file_that_is_named(wavesweep, spec, tmp_path):
     assert wavesweep("zwidth", str(spec), "--out", str(tmp_path), "--no-plot", "--quiet")[0] == 0
     table = str(tmp_path / "zwidth.csv")

@@ -36,6 +36,7 @@ def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(r
     assert code == 0, text
 
 
+@pytest.mark.whole
 def test_check_draws_a_root_locus_and_lists_the_pairs(run):
     code, text, results = run("check", "drive.toml", "--root-locus", "kp", "--all")
     assert (code, "bode: 8 curves (ref to speed, " in text, "passivity: not possible" in text) == (0, True, True)
@@ -46,6 +47,7 @@ def test_check_draws_a_root_locus_and_lists_the_pairs(run):
     assert (code, "--out: expected --plot or --root-locus" in text) == (2, True)
 
 
+@pytest.mark.whole
 def test_the_facts_of_a_run_name_the_input(run):
     code, text, _ = run("simulate", "drive.toml", "--set", "simulate.from=load", "--no-plot", "--json")
     summary = json.loads(text)["tables"]["simulate"]

@@ -88,6 +88,7 @@ def test_direct_terms_within_a_plant_are_solved(g, q):
     np.testing.assert_allclose(block_of(CHAIN, g=g, q=q)[0].E, block.E[0], rtol=1e-15)
 
 
+@pytest.mark.whole
 def test_a_loop_of_direct_terms_without_a_solution_is_refused_with_its_blocks():
     """num 1 and 1 with a gain of 1: y = y."""
     ring = {"a": {"type": "tf", "num": [1, 5], "den": [1, 3]}, "b": {"type": "tf", "num": [1, 1], "den": [1, 2]}}

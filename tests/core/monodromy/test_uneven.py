@@ -113,6 +113,7 @@ def test_what_rates_that_do_not_divide_cannot_have_is_refused():
         spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 17})
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_a_simulation_shows_the_response_of_the_loop(kind):

@@ -42,6 +42,7 @@ def said(figure):
     return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("settled", [True, False])
 def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(settled):
     figure = plots.zwidth(table("B_VE", [0.0, 1.0, 2.0], settled=settled), {})
@@ -65,6 +66,7 @@ def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(
     assert "beyond the swept range" not in said(figure)  # what is proved ends before that, though no oscillation is named
 
 
+@pytest.mark.whole
 def test_a_bar_shows_the_same_and_nothing_proved_is_said():
     (axes,) = plots.zwidth(table("b", [10.0]), {}).axes
     assert carets(axes) == [(REFUTED, 1.0)]

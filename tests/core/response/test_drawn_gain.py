@@ -36,6 +36,7 @@ def over_impulses(tables, frequency, ticks, frames):
     return np.linalg.svd(np.einsum("pk,jki->pij", shift, np.array(runs)), compute_uv=False)[:, 0]
 
 
+@pytest.mark.whole
 def test_a_held_loop_has_the_gain_of_its_impulses_in_time():
     table = wavesweep.compile(LOOP).response(FREQUENCY)
     np.testing.assert_allclose(table.worst_gain, over_impulses(LOOP, FREQUENCY, 12, 300), rtol=1e-11)

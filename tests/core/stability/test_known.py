@@ -273,6 +273,7 @@ def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(ki
     assert not found.low_omega[0] > 0  # a crossing, or the end of the range
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(("b", "ratio", "delay"), [(44.4, 100, 0), (88.2, 10, 10), (36.1, 20, 20), (44.4, 20, 0)])
 def test_where_two_eigenvalues_meet_at_one_as_the_mode_of_the_tick_turns_over(b, ratio, delay):
@@ -290,6 +291,7 @@ def test_where_two_eigenvalues_meet_at_one_as_the_mode_of_the_tick_turns_over(b,
     np.testing.assert_allclose(some.low, turn, rtol=1e-11)
 
 
+@pytest.mark.whole
 def test_a_slow_pair_that_meets_at_one_crosses_where_it_meets():
     """It is inside by 2e-5 of the distance to that place alone, and real beyond; Newton's method stops 2e-9 before."""
     loop = wavesweep.compile({
@@ -365,6 +367,7 @@ def test_a_crossing_beside_a_very_large_eigenvalue_is_no_end():
     assert ((loop.spectral_radius(b=grid) < 1) == ((row.low < grid) & (grid < row.high))).all()
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ["b", "filters.lp1.cutoff_hz", "operator.mass"])
 def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):

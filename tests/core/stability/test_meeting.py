@@ -32,6 +32,7 @@ def least_mass(b, d, tick=1e-3):
     return -d * tick / np.log((b - d) / (b + d))
 
 
+@pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("every", [2, 10, 24])
 @pytest.mark.parametrize("K", [13.0, 150.0, 1300.0])
@@ -46,6 +47,7 @@ def test_the_least_mass_behind_a_sampled_damper_is_certified(every, K):
     assert alone["low"].tolist() == table["low"][2:3].tolist()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("every", [2, 10])
 def test_the_largest_impedance_beside_a_mass_is_certified(every):
     masses = np.geomspace(0.02, 0.4, 7)
@@ -55,6 +57,7 @@ def test_the_largest_impedance_beside_a_mass_is_certified(every):
     np.testing.assert_allclose(table["high"], 1.5 * (1 + a) / (1 - a), rtol=1e-9)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("span", [(-0.1, 14.0), (-0.11078307313546859, 13.616621741204757), (-0.11, 13.6)])
 def test_an_end_at_which_a_position_and_its_integral_lose_their_springs_is_exact(span):
     """Both springs are proportional to the number, so that two eigenvalues are next to z = 1 beside 0."""

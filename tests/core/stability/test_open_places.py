@@ -155,6 +155,7 @@ def test_the_largest_value_next_to_an_open_place_is_not_said_to_be_where_the_ran
     assert "range ends" not in said
 
 
+@pytest.mark.whole
 def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
     low = f"{end():.6g}"
     assert blind(2.0, 2.5, "check") == 0
@@ -170,6 +171,7 @@ def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
     assert "k = 3: stable from 0.3 (where the search starts)" in said
 
 
+@pytest.mark.whole
 def test_the_row_of_a_report_names_the_open_place_beside_its_doubt(blind, tmp_path):
     assert blind(2.0, 2.5, "report", "--out", str(tmp_path / "report.html")) == 0
     assert "not certified: crowded, not known from 2 to 2.5" in (tmp_path / "report.html").read_text()

@@ -1,0 +1,3 @@
+"""Tables made by hand, those of the core's tests."""
+
+from core.plots.conftest import bars, family, panels, plane, responses  # noqa: F401 - fixtures
