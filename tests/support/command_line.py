@@ -62,6 +62,9 @@ def intervals_table():
         residual=np.full(3, 1e-15),
         felt_low=np.zeros(3),
         felt_high=[90.0, 80.0, 70.0],
+        open_places=np.zeros(3, dtype=int),
+        open_low=np.full(3, np.nan),
+        open_high=np.full(3, np.nan),
     )
 
 

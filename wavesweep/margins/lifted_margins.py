@@ -152,7 +152,7 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
     """
     for most in SPANS:
         found = loop.along_gain((1 / most, most))
-        own = found.take((found.low < 1) & (found.high > 1))
+        own = found.take((found.index >= 0) & (found.low < 1) & (found.high > 1))
         if not own.low.size or (own.high[0] < most and own.low[0] > 1 / most):
             break
     doubt = int(found.doubt[0])
@@ -167,10 +167,11 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
 
 def _phase(loop):
     found = loop.along_turn(lambda angle: np.exp(1j * angle))
-    doubt, high = int(found.doubt[0]), float(found.high[0])
-    if found.low[0] != 0 or np.isnan(found.high_omega[0]):
+    doubt, known = int(found.doubt[0]), found.take(found.index >= 0)  # not the places where nothing is known
+    if not known.low.size or known.low[0] != 0 or np.isnan(known.high_omega[0]):
         return Margin.unlimited("phase", 180.0, doubt)
-    return Margin("phase", float(np.degrees(high)), float(found.high_omega[0]), EXACT * (1 + 1e-3 / high), doubt)
+    high = float(known.high[0])
+    return Margin("phase", float(np.degrees(high)), float(known.high_omega[0]), EXACT * (1 + 1e-3 / high), doubt)
 
 
 def _peaks(loop) -> Iterator[Margin]:

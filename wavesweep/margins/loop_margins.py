@@ -152,7 +152,7 @@ def _gains(loop):
     """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
     for most in SPANS:
         found = stable_intervals(with_batch(loop.cut, 1), K_VE, (0.0, most), np.zeros((1, 1)))
-        own = found.take((found.low < 1) & (found.high > 1))
+        own = found.take((found.index >= 0) & (found.low < 1) & (found.high > 1))
         if not own.low.size or own.high[0] < most:
             break
     doubt, margins = int(found.doubt[0]), []

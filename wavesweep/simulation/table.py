@@ -127,7 +127,7 @@ def _notices(spec: Spec) -> Iterator[str]:
         beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
-        yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.items()})
+        yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.values.items()})
     if options["resolution"] and spec.values.get("device.velocity") == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
 

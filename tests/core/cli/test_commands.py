@@ -112,7 +112,7 @@ def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     table = found["tables"]["zwidth"]
     assert table["largest"] == {
         "value": 4448.819, "from": 2523.335, "ended_by": "stability",
-        "at": {"B_VE": 1.0}, "at_the_edge_of": ["B_VE"], "equal_rows": 1, "certified": True,
+        "open": None, "at": {"B_VE": 1.0}, "at_the_edge_of": ["B_VE"], "equal_rows": 1, "certified": True,
     }  # fmt: skip
     assert (table["stiffest_felt"]["value"], table["stiffest_felt"]["with"]) == (90.0, 700.0)
     assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)

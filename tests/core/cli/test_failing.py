@@ -187,7 +187,7 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, ca
 def test_a_folder_that_cannot_be_used_is_refused_before_the_work(wavesweep, spec, monkeypatch):
     code, _, err = wavesweep("zwidth", spec, "--out", "a" * 300)
     assert code == 2
-    assert "expected a name of at most 255 bytes" in err
+    assert err.endswith("File name too long; choose another name\n")
     monkeypatch.setattr(os, "access", lambda *_: False)
     for words in (("init", "pmw"), ("export", spec, "--to", "c"), ("zwidth", spec)):
         code, _, err = wavesweep(*words)
