@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint", reason="python-flint is the witness")
-from stress.numbers import judge
+from stress.numbers import judge, question, unstable
 from support.specs import nested, values_of
 
 import wavesweep
@@ -36,8 +36,10 @@ def test_samples_that_overflow_are_no_warning(seed):
     assert judge(seed)[0].kind == "right" or not judge(seed)[0].certified
 
 
-def test_a_crossing_at_a_gain_of_zero_stays_there():
-    """Rounding of the eigenvalue at 1 that a vanishing gain leaves moved that end by 1e-10 of the span."""
+def test_a_crossing_at_1e_10_of_the_range_is_told_from_its_low_end():
+    """It was taken for rounding of the end at a gain of zero. The witness counts an unstable eigenvalue up to there."""
+    values, path, _ = question(70093)
     (verdict,) = judge(70093)
-    assert verdict.kind == "right"
-    assert verdict.answered[0][0] == 0.0
+    assert (verdict.kind, verdict.certified, verdict.rows) == ("right", True, 1)
+    low = verdict.answered[0][0]
+    assert [unstable(values | {path: p}) for p in (0.0, low * (1 - 1e-6), low * (1 + 1e-6))] == [1, 1, 0]
