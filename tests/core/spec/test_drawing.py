@@ -86,6 +86,7 @@ def test_a_wire_may_read_what_the_hand_s_position_may_not_be_made_of():
     load(tomllib.loads(changed(ARM, ('displacement = "arm.x"', 'displacement = "arm.x + 0*net.y"'))))
 
 
+@pytest.mark.whole
 def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
     assert {
         field.name for kind in ("zwidth", "bode", "passivity") for field in kind_named(kind).fields if not field.derived
