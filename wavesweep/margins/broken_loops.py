@@ -72,7 +72,7 @@ def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: 
     factors = []
     for margin in (margins[i] for i in at):
         L, turn = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE))), np.exp(1j * np.radians(margin.value))
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             far = {
                 "phase": np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L)),
                 "sensitivity": abs(1 + L),
