@@ -72,11 +72,11 @@ def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: 
     factors = []
     for margin in (margins[i] for i in at):
         L, turn = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE))), np.exp(1j * np.radians(margin.value))
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore"):
             far = {
                 "phase": np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L)),
                 "sensitivity": abs(1 + L),
-                "complementary": abs(1 + 1 / L),
+                "complementary": abs(1 + L) / abs(L),  # no complex 1/0, which is no number
             }.get(margin.name, abs(1 + L) / abs(1 - L))
         factors.append(margin.value if margin.name.startswith("gain") else -1 / L[np.argmin(far)])
     spec, signal = with_block(spec, signal)
