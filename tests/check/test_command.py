@@ -6,8 +6,6 @@ import re
 import pytest
 
 import wavesweep as library
-from wavesweep.check.command import _after
-from wavesweep.core.cli import messages
 from wavesweep.core.spec import SYMBOLS
 
 DESIGN = """
@@ -57,14 +55,6 @@ def test_json_holds_the_verdict_and_the_plan(check):
     assert {limit["name"] for limit in found["verdict"]["limits"]} <= set(SYMBOLS)
 
 
-def test_a_check_that_takes_long_says_that_it_is_at_work(wavesweep, tmp_path, monkeypatch):
-    (tmp_path / "mine.toml").write_text(DESIGN)
-    monkeypatch.setattr(messages, "FIRST_WORD", 0.0)
-    for quiet in ((), ("--quiet",)):
-        code, _, err = wavesweep("check", str(tmp_path / "mine.toml"), *quiet)
-        assert (code, "still at work" in err) == (0, not quiet)
-
-
 def test_the_verdict_is_printed_before_ranges_are_searched(wavesweep, tmp_path, monkeypatch):
     def limits(*_):
         raise library.UsageError("no range")
@@ -83,10 +73,3 @@ def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, mon
     assert code == 2
     assert err.startswith("Error: ")
     assert "found 10000 for rates.slow_hz = 60.1; leave out these values" in err
-
-
-@pytest.mark.parametrize(("patience", "shown"), [(60.0, []), (-1.0, [1])])
-def test_a_search_of_ranges_has_a_bar_only_if_it_takes_long(patience, shown):
-    seen = []
-    _after(patience, seen.append)(1)
-    assert seen == shown

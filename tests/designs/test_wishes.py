@@ -64,8 +64,9 @@ def loops(spec, number):
 def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
     """Between two generations or within one."""
 
-    def stop(*_):
-        raise KeyboardInterrupt
+    def stop(done=1, *_):
+        if done:
+            raise KeyboardInterrupt
 
     monkeypatch.setattr(study._Run, "look", stop)
     spec = load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {}}, "population": 8}})

@@ -107,6 +107,7 @@ def no_word_on_a_busy_machine(monkeypatch, request):
     """A command that takes long says so after ten seconds; the tests of messages are about that."""
     if request.path.name != "test_messages.py":
         monkeypatch.setattr("wavesweep.core.cli.messages.FIRST_WORD", 1e6)
+        monkeypatch.setattr("wavesweep.core.cli.messages.MINUTE", 1e6)
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.core.spec import Axis, Spec
 
-PATIENT = 1.0  # s, after which ranges that are not done have a bar on a terminal
 MOST = 15  # lines without --all
 STEPS = 3  # commands that are named, at most
 FURTHER = ("why", "simulate", "report")  # commands of capabilities that may be among them
@@ -90,16 +89,16 @@ def check(
             click.echo(printable(text))
         return len(text.splitlines())
 
-    with progress(talk().quiet, "at work on the ranges of its numbers") as report:
+    with progress(talk().quiet, "at work on the verdict") as report:
         verdict = own_design(loaded)
         said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
-        verdict |= further(loaded, verdict, report and _after(PATIENT, report))
-    lines = plan(loaded, estimated=whole or talk().as_json)
-    lines += chain.from_iterable(asked("on_check", "plan", loaded))
-    own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
-    ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
-    steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
-    files = [str(path) for path in _drawn(loaded, places, poles)]
+        verdict |= further(loaded, verdict, report)
+        lines = plan(loaded, estimated=whole or talk().as_json)
+        lines += chain.from_iterable(asked("on_check", "plan", loaded))
+        own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
+        ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
+        steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
+        files = [str(path) for path in _drawn(loaded, places, poles)]
     if talk().as_json:
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
         summary |= {"verdict": verdict, "plan": lines, "notices": [*own, *within]}
@@ -233,11 +232,3 @@ def _drawn(spec: Spec, places: Mapping[str, Path], poles: Axis | None) -> Iterat
     for name, path in places.items():
         canvas = plots.diagram(spec) if name == "diagram" else locus_of(spec, poles)
         yield from save_all(canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts))
-
-
-def _after(seconds: float, report: Callable[..., None]) -> Callable[..., None]:
-    """The same report, from so many seconds on: what takes less shows no bar."""
-    from time import monotonic
-
-    started = monotonic()
-    return lambda *done: report(*done) if monotonic() - started > seconds else None

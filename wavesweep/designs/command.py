@@ -44,4 +44,5 @@ def design(spec: str, checked: str, options: Options) -> None:
         table = study.design(*specs, for_hands=checked, **work)
         return [with_best(table, specs[0]) if options.to_folder else table]
 
-    produce(["design"], [spec], options, compute, asked=lambda spec: spec.asking("design"))
+    less = "a smaller population and fewer generations in [design] take less"
+    produce(["design"], [spec], options, compute, asked=lambda spec: spec.asking("design"), less=less)

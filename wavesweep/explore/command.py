@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from wavesweep.core.cli.options import is_given, override, overwriting
+from wavesweep.core.cli.talk import talk
 from wavesweep.core.errors import UsageError
 
 
@@ -82,7 +83,7 @@ def _save(spec, target: Path, overwrite: bool) -> None:
     refuse_inputs(spec.files, target)
     if target.exists() and not overwrite:
         raise UsageError(f"{target}: the file exists; expected another name, or --overwrite to replace it")
-    with progress(quiet=False) as report:
+    with progress(talk().quiet, less="fewer values in [sweep] take less") as report:
         text = saved_page(spec, report)
     write_whole((target, text))
     click.echo(str(target), err=True)

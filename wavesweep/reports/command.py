@@ -1,7 +1,6 @@
 """`wavesweep report`."""
 
 import time
-from functools import partial
 from pathlib import Path, PurePath
 
 import click
@@ -60,7 +59,8 @@ def report(
     if target.exists() and not overwrite and not _is_report(target, loaded.name):
         raise UsageError(f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite")
     refuse_settings()
-    asked = Request(cut, for_hands, overrides, at_work=partial(progress, talk().quiet))
+    less = "fewer values in [sweep] take less"
+    asked = Request(cut, for_hands, overrides, at_work=lambda title: progress(talk().quiet, f"at work on {title}", less))
     text = report(loaded, asked)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole((target, text))

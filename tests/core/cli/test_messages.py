@@ -3,16 +3,20 @@
 import logging
 import os
 import pty
-import queue
 import re
 import select
 import sys
-import threading
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 
 from wavesweep.core.cli import main, messages
+
+
+@pytest.fixture(autouse=True)
+def a_bar_at_once(monkeypatch):
+    monkeypatch.setattr(messages, "SHORT", 0.0)
 
 
 @contextmanager
@@ -43,6 +47,15 @@ def test_a_bar_moves_on_a_terminal(monkeypatch):
             report(1, 4)
             report(4, 4)
         assert "4/4" in said()
+
+
+def test_work_of_less_than_a_second_has_no_bar(monkeypatch):
+    monkeypatch.setattr(messages, "SHORT", 1e6)
+    with terminal(monkeypatch) as said:
+        with messages.progress(quiet=False) as report:
+            report(1, 4)
+            report(4, 4)
+        assert said() == ""
 
 
 @pytest.mark.parametrize("columns", [30, 60, 80, 200])
@@ -80,32 +93,62 @@ def test_a_short_run_says_nothing_in_a_file(capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys):
-    """A report each second for 1000 s, of which a checkpoint had the first 500 of 2000."""
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that stands still until it is set, and no thread that looks at it."""
     now = [0.0]
-    murmur = messages.Murmur(clock=lambda: now[0])
-    for second in range(1, 1001):
-        now[0] = float(second)
-        murmur.hear(min(500 + 2 * second, 2000), 2000, certified=0)
+    monkeypatch.setattr(messages, "Thread", lambda **_: SimpleNamespace(start=lambda: None))
+    return now
+
+
+def watched(clock, *given):
+    """What is said of work, at the times of the clock."""
+    return messages.Watch(*given, clock=lambda: clock[0])
+
+
+def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys, clock):
+    """A report each second for 1000 s, of which a checkpoint had the first 500 of 2000."""
+    watch = watched(clock, "", "fewer values take less")
+    for second in range(1001):
+        clock[0] = float(second)
+        watch.hear(min(500 + 2 * second, 2000), 2000, certified=0)
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [
-        f"{500 + 2 * at:,} of 2,000 done ({(500 + 2 * at) // 20} %) after {after}, about {left} left"
-        for at, after, left in ((10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"), (80, "80 s", "11 min"),
-                                (160, "3 min", "10 min"), (320, "5 min", "7 min"), (640, "11 min", "2 min"))
+        f"{500 + 2 * at:,} of 2,000 done ({(500 + 2 * at) // 20} %) after {after}, about {left} left; fewer values take less"
+        for at, after, left in ((1, "1 s", "12 min"), (10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"),
+                                (80, "80 s", "11 min"), (160, "3 min", "10 min"), (320, "5 min", "7 min"),
+                                (640, "11 min", "2 min"))
     ]  # fmt: skip
 
 
-def test_a_run_without_a_report_says_that_it_is_at_work(monkeypatch):
-    said = queue.SimpleQueue()
-    monkeypatch.setattr(messages, "FIRST_WORD", 0.01)
-    monkeypatch.setattr(messages, "say", said.put)
-    with messages.progress(quiet=False):
-        assert said.get(timeout=300) == "still at work on the first chunk"
-    monkeypatch.setattr(messages, "FIRST_WORD", 5.0)
-    with messages.progress(quiet=False) as report:
-        report(1, 4)
-        assert not [each for each in threading.enumerate() if isinstance(each, threading.Timer) and not each.finished.is_set()]
+def test_a_run_goes_on_saying_lines_between_reports_that_are_far_apart(capsys, clock):
+    watch = watched(clock, "at work on margins", "")
+    for second in range(1, 400):
+        clock[0] = float(second)
+        watch.look()
+        if second == 30:
+            watch.hear(1, 3)  # of a checkpoint
+        if second == 100:
+            watch.hear(2, 3)
+        if second == 150:
+            watch.hear(3, 3)
+    assert capsys.readouterr().err.splitlines() == [
+        "still at work on margins after 10 s",
+        "still at work on margins after 20 s",
+        "at work on margins: 1 of 3 done (33 %) after 40 s",
+        "at work on margins: 1 of 3 done (33 %) after 80 s",
+        "at work on margins: 2 of 3 done (66 %) after 2 min, about 70 s left",  # at once, since it is more than a minute
+        "at work on margins: all 3 done, still at work after 3 min",
+    ]
+
+
+def test_work_that_is_done_says_nothing_more(capsys, clock):
+    watch = watched(clock, "", "")
+    watch.end()
+    clock[0] = 1000.0
+    watch.look()
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(("quiet", "expected"), [(False, "nothing has finished\n"), (True, "")])

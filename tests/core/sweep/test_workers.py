@@ -5,7 +5,6 @@ import logging
 import platform
 import subprocess
 import sys
-import threading
 import warnings
 from concurrent.futures import Future
 
@@ -206,33 +205,8 @@ def test_a_run_in_which_nothing_finishes_says_so_once_and_then_rarely(caplog):
         else:
             silence.go_on("6 tasks are with 2 processes")
     said = [record.getMessage() for record in caplog.records]
-    assert [text.split(":")[0] for text in said] == [f"nothing has finished for {s} s" for s in (20, 40, 80, 160, 320, 640)]
-    assert said[0].endswith(": 6 tasks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")
-
-
-class Held(logging.Handler):
-    """Keeps what is said, and lets the work go on."""
-
-    def __init__(self):
-        super().__init__()
-        self.said, self.going = [], threading.Event()
-
-    def emit(self, record):
-        self.said.append(record.getMessage())
-        self.going.set()
-
-
-def test_a_run_says_who_is_waited_for(monkeypatch):
-    monkeypatch.setattr(workers, "SILENT", 0.0)
-    monkeypatch.setattr(workers, "LOOK", 0.01)
-    held = Held()
-    monkeypatch.setattr(workers, "timed", lambda *_: (held.going.wait(60), None, 0.0))
-    workers.LOGGER.addHandler(held)
-    try:
-        assert list(results(Workers(2, "threading", None, ""), [0, 1, 2], lambda number: number)) == [(True, None, 0.0)] * 3
-    finally:
-        workers.LOGGER.removeHandler(held)
-    assert "the rest is with 2 threads of this process" in held.said[0]
+    assert [text.split(";")[0] for text in said] == [f"nothing has finished for {s} s" for s in (20, 40, 80, 160, 320, 640)]
+    assert said[0].endswith("; 6 tasks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")
 
 
 @pytest.mark.parametrize(("seconds", "together"), [(0.0, 8), (0.4, 2), (3.0, 1)])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from shutil import get_terminal_size
+from threading import Event, Lock, Thread
 from typing import Any
 
 import click
@@ -17,7 +18,10 @@ Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 NARROWEST, WIDEST = 80, 100  # letters in a line
 SCHEMA_VERSION = 1  # of what --json prints; another one if a key goes away or changes its meaning
-FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
+FIRST_WORD = 10.0  # s after which a run says that it goes on
+MINUTE = 60.0  # s of work that are left, from which on that is said at once
+SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
+LOOK = 0.5  # s
 
 
 def show_json(summary: Mapping[str, Any]) -> None:
@@ -48,30 +52,29 @@ def say(text: str, warning: bool = False) -> None:
 
 
 @contextmanager
-def progress(quiet: bool, doing: str = "") -> Iterator[Progress | None]:
-    """Yield a function of (done, total, certified) that moves a progress bar; None if nothing is to be said.
+def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress | None]:
+    """Yield a function of (done, total, certified) that takes reports of the work, which `Watch` says; None if quiet.
 
-    doing: the activity, if it is not computing.
-
-    If stderr is not a terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely.
-    Until the first report there is a line after FIRST_WORD seconds in any case.
+    doing: the activity, if it is not computing. less: what would take less time.
     """
-    opened = ExitStack()
-    opened.enter_context(_heard(quiet))
-    if quiet:
-        with opened:
+    with ExitStack() as opened:
+        opened.enter_context(_heard(quiet))
+        if quiet:
             yield None
-        return
-    move = _bar(opened, doing) if sys.stderr.isatty() else Murmur(doing).hear
-    with patience(f"still {doing or 'at work on the first chunk'}") as reached:
+            return
+        watch, over = Watch(doing, less, _bar(opened, doing) if sys.stderr.isatty() else None), Event()
+        watch.look()
 
-        def report(*given: Any) -> None:
-            reached()
-            move(*given)
+        def keep_looking() -> None:
+            while not over.wait(LOOK):
+                watch.look()
 
+        Thread(target=keep_looking, daemon=True).start()
         try:
-            yield report
+            yield watch.hear
         finally:
+            over.set()
+            watch.end()
             with suppress(OSError):
                 opened.close()
 
@@ -93,18 +96,74 @@ def _heard(quiet: bool) -> Iterator[None]:
         logger.removeHandler(handler)
 
 
-@contextmanager
-def patience(words: str) -> Iterator[Callable[[], None]]:
-    """Say these words once, if the work takes longer than FIRST_WORD seconds; yield a function that says it is done."""
-    from threading import Timer
+class Watch:
+    """What is said of work while it is done, also if no report comes.
 
-    timer = Timer(FIRST_WORD, say, [words])
-    timer.daemon = True
-    timer.start()
-    try:
-        yield timer.cancel
-    finally:
-        timer.cancel()
+    A line after FIRST_WORD seconds and then each time the work has taken twice as long; and one at once if there is more than a
+    minute left, when that is known. On a terminal a bar in their place, as soon as there is a report.
+
+    doing, less: see `progress`. bar: moves the bar of a terminal. clock: gives the time in seconds.
+    """
+
+    def __init__(self, doing: str, less: str, bar: Progress | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._doing, self._less, self._bar = doing, less, bar
+        self._clock, self._started, self._next = clock, clock(), FIRST_WORD
+        self._reports: list[tuple[float, int]] = []  # of about the second half of the time
+        self._total, self._certified, self._estimated, self._ended = 0, None, False, False
+        self._lock = Lock()
+
+    def hear(self, done: int, total: int, certified: int | None = None) -> None:
+        """Take a report."""
+        with self._lock:
+            seconds = self._clock() - self._started
+            self._reports.append((seconds, done))
+            while len(self._reports) > 2 and self._reports[1][0] < seconds / 2:  # what comes later may take longer
+                del self._reports[0]
+            self._total, self._certified = total, certified
+        self.look()
+
+    def look(self) -> None:
+        """Say what is to be said by now."""
+        with self._lock:
+            seconds = self._clock() - self._started
+            if self._ended:
+                return
+            left = self._left(seconds)
+            if not self._estimated and left > MINUTE:
+                self._estimated, self._next = True, max(2 * seconds, FIRST_WORD)
+                say("\n" * (self._bar is not None and seconds > SHORT) + self._line(seconds, left))
+            elif (self._bar is None or not self._reports) and seconds >= self._next:
+                self._next = 2 * seconds
+                say(self._line(seconds, left))
+            if self._bar and self._reports and seconds > SHORT:
+                self._bar(self._reports[-1][1], self._total, self._certified)
+
+    def end(self) -> None:
+        """Say nothing more."""
+        with self._lock:
+            self._ended = True
+
+    def _left(self, seconds: float) -> float:
+        """Seconds that are left, about; 0 if that is not known."""
+        if not self._reports:
+            return 0.0
+        (began, before), (reported, done) = self._reports[0], self._reports[-1]
+        if done == before or reported - began < SHORT:
+            return 0.0
+        each = max((reported - began) / (done - before), seconds - reported)
+        return max(each * (self._total - done) - (seconds - reported), 0.0)
+
+    def _line(self, seconds: float, left: float) -> str:
+        after = f"after {_duration(seconds)}"
+        if not self._reports:
+            return f"still {self._doing or 'at work'} {after}"
+        done, total, doing = self._reports[-1][1], self._total, f"{self._doing}: " if self._doing else ""
+        if done >= total:
+            return f"{doing}all {total:,} done, still at work {after}"
+        less = f"; {self._less}" if self._less and left > MINUTE else ""
+        return f"{doing}{done:,} of {total:,} done ({100 * done // total} %) {after}" + (
+            f", about {_duration(left)} left{less}" if left else ""
+        )
 
 
 def _bar(opened: ExitStack, doing: str) -> Progress:
@@ -113,7 +172,7 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
     def move(done: int, total: int, certified: int | None = None) -> None:
         # The terminal may be gone, which is no reason to stop the work.
         with suppress(OSError):
-            # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
+            # It would go to stdout.
             if not bars:
                 room = _columns() - len(f"{doing}  []  {total}/{total}  0d 00:00:00 ")  # a longer line would scroll
                 rates = len(f"  999,999/s  {total:,} certified")
@@ -136,31 +195,6 @@ def _columns() -> int:
         return os.get_terminal_size(sys.stderr.fileno()).columns or USUAL_COLUMNS
     except (OSError, ValueError):
         return USUAL_COLUMNS
-
-
-class Murmur:
-    """A line of progress on stderr after FIRST_WORD seconds, and again each time the run has taken twice as long.
-
-    doing: the activity, if it is not computing. clock: gives the time in seconds.
-    """
-
-    def __init__(self, doing: str = "", clock: Callable[[], float] = time.monotonic) -> None:
-        self._doing = f"{doing}: " if doing else ""
-        self._clock, self._started, self._next = clock, clock(), FIRST_WORD
-        self._first: tuple[int, float] | None = None
-
-    def hear(self, done: int, total: int, certified: int | None = None) -> None:
-        """Take a report, and write a line if it is time for one."""
-        del certified
-        seconds = self._clock() - self._started
-        if self._first is None:
-            self._first = (done, seconds)  # a checkpoint may have had most of it
-        if seconds < self._next or done >= total:
-            return
-        self._next = 2 * seconds
-        advance, taken = done - self._first[0], seconds - self._first[1]
-        left = f", about {_duration(taken * (total - done) / advance)} left" if advance and taken > 0 else ""
-        say(f"{self._doing}{done:,} of {total:,} done ({100 * done // total} %) after {_duration(seconds)}{left}")
 
 
 def _duration(seconds: float) -> str:

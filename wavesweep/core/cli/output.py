@@ -39,12 +39,13 @@ def produce(
     options: Options,
     compute: Callable[..., list[Table]],
     asked: Callable[[Spec], Spec] = lambda spec: spec,
+    less: str = "fewer values in [sweep] take less",
 ) -> None:
     """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
 
     kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
     scheduler=, progress=, checkpoint=, force=) that returns the tables of this run, in the same order. asked: a function
-    from a loaded spec to the one whose digest the results carry.
+    from a loaded spec to the one whose digest the results carry. less: what would take less time.
     """
     from wavesweep.core import results, spec
     from wavesweep.core.tables.table import digest_of
@@ -70,7 +71,7 @@ def produce(
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
         kept = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
-        with progress(options.quiet) as report:
+        with progress(options.quiet, less=less) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=kept)
         before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
         run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}

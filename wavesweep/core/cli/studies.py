@@ -113,4 +113,5 @@ def bode(specs: tuple[str, ...], options: Options) -> None:
     from wavesweep.core.tables.responses import responses
 
     refuse_equal_names(specs)
-    produce(["bode", "bode-ports"], specs, options, lambda specs, **work: [responses(specs, **work)])
+    less = "fewer values and frequencies in [bode] take less"
+    produce(["bode", "bode-ports"], specs, options, lambda specs, **work: [responses(specs, **work)], less=less)

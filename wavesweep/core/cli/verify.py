@@ -35,10 +35,11 @@ def command(directory: str, prove: int) -> int:
       wavesweep verify results/mine
       wavesweep verify results/mine --prove
     """
-    from wavesweep.core.cli.messages import printable, say, show_json
+    from wavesweep.core.cli.messages import printable, progress, say, show_json
     from wavesweep.core.results.verification import verify
 
-    found = verify(directory, prove=prove)
+    with progress(talk().quiet, "computing rows again", "--prove with fewer slices takes less") as report:
+        found = verify(directory, prove=prove, progress=report)
     if talk().as_json:
         summary = {"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences}
         show_json(summary | ({"proved": found.proved} if prove else {}))

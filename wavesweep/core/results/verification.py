@@ -37,12 +37,19 @@ class Verification:
     proved: tuple[Mapping[str, str | int], ...] = ()
 
 
-def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED, prove: int = 0) -> Verification:
+def verify(
+    directory: str | Path,
+    rows: int = ROWS,
+    seed: int = SEED,
+    prove: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Verification:
     """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), and compute rows again.
 
     directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
     responses, passivity and simulation are computed again as a whole. seed: of the draw. prove:
-    of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic.
+    of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic. progress: is
+    called with the number of combinations of a table that are done, and of all that are computed, or proved, again.
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
     Raises UsageError if the folder has no data package of this program, or if there is nothing that proves.
     """
@@ -57,12 +64,14 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED, prove: int
     differences = [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
     proved: list[Mapping[str, str | int]] = []
     for package in packages:
-        for text, different in _of_package(package, rows, seed, prove, proved):
+        for text, different in _of_package(package, rows, seed, prove, proved, progress or (lambda *_: None)):
             (differences if different else checked).append(text)
     return Verification(tuple(checked), tuple(differences), tuple(proved))
 
 
-def _of_package(package: Path, rows: int, seed: int, prove: int, proved: list) -> Iterator[tuple[str, bool]]:
+def _of_package(
+    package: Path, rows: int, seed: int, prove: int, proved: list, progress: Callable[[int, int], None]
+) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
     facts = packaged_facts(package)
     if not facts:
@@ -85,9 +94,9 @@ def _of_package(package: Path, rows: int, seed: int, prove: int, proved: list) -
         return
     if again.sha256 != facts["spec_sha256"]:
         yield f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…", True
-    yield from _rows(package, facts, again, rows, seed)
+    yield from _rows(package, facts, again, rows, seed, progress)
     if prove and again.provable:
-        yield from _proved_again(package.with_name(package.name.replace(PACKAGE, ".parquet")), again, prove, proved)
+        yield from _proved_again(package.with_name(package.name.replace(PACKAGE, ".parquet")), again, prove, proved, progress)
 
 
 def _files(package: Path) -> Iterator[str]:
@@ -150,7 +159,16 @@ def _stem(package: Path) -> str:
     return str(column[0]) if len(column) else "spec"
 
 
-def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
+def _counted(items: Sequence[int], progress: Callable[[int, int], None]) -> Iterator[int]:
+    """The items, and a report before each."""
+    for done, item in enumerate(items):
+        progress(done, len(items))
+        yield item
+
+
+def _rows(
+    package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed: int, progress: Callable[[int, int], None]
+) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
     parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), versions().items() <= facts.items()
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
@@ -163,7 +181,7 @@ def _rows(package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed
             difference = _compared(parquet, again.whole(), exact)
             extent = "all rows"
         else:
-            difference = _sampled(parquet, again.some, again.combinations, rows, seed, exact)
+            difference = _sampled(parquet, again.some, again.combinations, rows, seed, exact, progress)
             extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
     except (WavesweepError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be held against new ones: {error}", True
@@ -187,7 +205,13 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
 
 
 def _sampled(
-    parquet: Path, some: Callable[[Sequence[int]], Iterator[Columns]], combinations: int, sample: int, seed: int, exact: bool
+    parquet: Path,
+    some: Callable[[Iterable[int]], Iterator[Columns]],
+    combinations: int,
+    sample: int,
+    seed: int,
+    exact: bool,
+    progress: Callable[[int, int], None],
 ) -> str:
     """The first difference in a sample of the combinations."""
     rows, starts = rows_in(parquet), _starts(parquet)
@@ -197,7 +221,7 @@ def _sampled(
         return f"{len(starts)} combinations and not {combinations}"
     picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False))
     ends = np.append(starts[1:], rows)
-    for number, new in zip(picked, some(picked.tolist()), strict=True):
+    for number, new in zip(picked, some(_counted(picked.tolist(), progress)), strict=True):
         first, wanted = int(starts[number]), len(new["interval"])
         if ends[number] - first != wanted:
             return f"row {first + 1}: {ends[number] - first} intervals and not {wanted}"
@@ -217,7 +241,9 @@ def _starts(parquet: Path) -> np.ndarray | None:
     return np.concatenate(found)
 
 
-def _proved_again(parquet: Path, again: Again, most: int, proved: list) -> Iterator[tuple[str, bool]]:
+def _proved_again(
+    parquet: Path, again: Again, most: int, proved: list, progress: Callable[[int, int], None]
+) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
     try:
         starts = _starts(parquet)
@@ -226,7 +252,7 @@ def _proved_again(parquet: Path, again: Again, most: int, proved: list) -> Itera
         certified = np.flatnonzero(read_rows(parquet, columns=["certified"])["certified"][starts[: again.provable]])
         places = np.linspace(0, len(certified) - 1, min(most, len(certified))).round().astype(int)
         picked, ends = certified[places].tolist(), np.append(starts, rows_in(parquet)).tolist()
-        claims = ((number, read_rows(parquet, ends[number], ends[number + 1])) for number in picked)
+        claims = ((number, read_rows(parquet, ends[number], ends[number + 1])) for number in _counted(picked, progress))
         verdicts = list(again.prove(claims)) if again.prove else []
     except (WavesweepError, KeyError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be proved again: {error}", True

@@ -46,6 +46,7 @@ PROBES = 6  # samples of the sweep
 SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
 FEW_DRAWN = 8  # loops of a sample that share no drawing
 LONGEST = 0.1  # s; no further sample after that
+SLOW = 2.0  # s of a slice, which its first call does not change by much
 
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
@@ -54,9 +55,11 @@ def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     whole, (job, chunks) = job.slices * times, _samples(sample)
     tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
-        loops, points = chunks[0].loops[:1], chunks[0].points[:1]
-        job.task(replace(chunks[0], loops=loops, points=points))()  # the first call costs more than it will later
-        started = time.perf_counter()
+        loops, points, started = chunks[0].loops[:1], chunks[0].points[:1], time.perf_counter()
+        job.task(replace(chunks[0], loops=loops, points=points))()
+        if (first := time.perf_counter() - started) > SLOW:
+            return first * whole
+        started = time.perf_counter()  # the first call costs more than it will later
         for chunk, task in zip(chunks, tasks, strict=True):
             timed(chunk.number, task)
             seconds, slices = time.perf_counter() - started, slices + chunk.slices

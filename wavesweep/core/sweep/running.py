@@ -217,13 +217,18 @@ def compute(
             store.set_aside(number, error)
     finished = set(store.finished())
     missing = (number for number in numbers if number not in finished)
+
+    def report():
+        if progress:
+            progress(min(tally.done, job.slices), job.slices, tally.certified if job.kind.certifies else None)
+
     computed = results(workers, missing, lambda number: job.task(job.chunks[number]))
     with resumable(job, store, tally), closing(computed), naming_values(job):
+        report()
         for number, records, seconds in computed:
             store.save(number, records)
             tally.add(job, records, seconds)
-            if progress:
-                progress(min(tally.done, job.slices), job.slices, tally.certified if job.kind.certifies else None)
+            report()
     return tally
 
 

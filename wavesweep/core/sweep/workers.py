@@ -5,7 +5,6 @@ run nothing of the current folder.
 """
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
@@ -95,22 +94,10 @@ def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iter
 
 
 def _on_machine(workers, calls):
-    """The results of workers of this machine; a thread says if none has finished for long."""
-    who = {"loky": "processes; one that is stopped goes on after kill -CONT", "threading": "threads of this process"}
-    silence, over = Silence(), threading.Event()
-
-    def watch():
-        while not over.wait(LOOK):
-            silence.go_on(f"the rest is with {workers.count} {who[workers.backend]}")
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        with closing(in_parallel(workers.backend, workers.count, ((timed, *call) for call in calls))) as answers:
-            for answer in answers:
-                silence.end()
-                yield _of_our_version(*answer)
-    finally:
-        over.set()
+    """The results of workers of this machine."""
+    with closing(in_parallel(workers.backend, workers.count, ((timed, *call) for call in calls))) as answers:
+        for answer in answers:
+            yield _of_our_version(*answer)
 
 
 def _on_cluster(workers, calls):
@@ -168,5 +155,5 @@ class Silence:
         seconds = self._clock() - self._since
         if seconds >= self._next:
             self._next = 2 * seconds
-            words = "nothing has finished for %.0f s: %s. If no processor is busy with them, Ctrl-C stops the run"
+            words = "nothing has finished for %.0f s; %s. If no processor is busy with them, Ctrl-C stops the run"
             LOGGER.warning(words, seconds, who)

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from wavesweep.core.sweep.running import Options
     from wavesweep.core.tables.hands import Hands
 
-FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
-
 
 def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[Options]) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
@@ -85,7 +83,7 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
     from wavesweep.core.tables.hands import guarantees_of
 
     for each in guarantees_of(own, hands):
-        yield Stage(each.kind, guaranteed(cut_otherwise(own, deep=FEW), each), each.method)
+        yield Stage(each.kind, guaranteed(cut_otherwise(own, deep=1), each), each.method)
 
 
 def of_calls(own: Job) -> Columns:

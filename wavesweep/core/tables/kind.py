@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
@@ -55,7 +55,7 @@ class Again:
     whole: Callable[[], Iterable[Columns]] = tuple
     rows: int = 0
     combinations: int = 0
-    some: Callable[[Sequence[int]], Iterator[Columns]] | None = None
+    some: Callable[[Iterable[int]], Iterator[Columns]] | None = None
     provable: int = 0
     prove: Callable[[Iterable[tuple[int, Columns]]], Iterator[ProvedAgain]] | None = None
 
