@@ -70,7 +70,7 @@ def test_it_writes_two_tables_and_their_figures(compare):
     assert written == {f"{kind}{suffix}" for kind in ("compare", "compare-bode") for suffix in SUFFIXES}
     assert "waves: largest stable K_VE: " in err
     assert "direct: largest stable K_VE: " in err
-    assert "; stiffest wall as the hand feels it: " in err
+    assert "; stiffest wall as the hand feels it at rest: " in err
     assert "2 curves of 4 different frequencies\n" in err
     assert "assumes: direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity; kind" in err
 
@@ -183,8 +183,7 @@ def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
     assert "stable from" not in lines["late"] + lines["wheel"]
     assert lines["late"].startswith("largest stable K_VE: 5012.53 N/m at B_VE = 1 N*s/m; ")
     assert lines["wheel"].startswith("largest stable K: 20 N*m/rad at B = 0.1 N*m*s/rad, where the swept range ends; ")
-    assert "as the hand feels it: 20 N*m/rad (" in lines["wheel"]
-    assert ") with K = 20 N*m/rad at B = 0.1 N*m*s/rad; " in lines["wheel"]
+    assert "at rest: 20 N*m/rad with K = 20 N*m/rad at B = 0.1 N*m*s/rad; " in lines["wheel"]
 
 
 RECIPES = Path(library.__file__).parents[1] / "sweeps" / "recipes"

@@ -77,13 +77,6 @@ def _added(loop, free, hertz):
         return added, np.abs(without.impedance), off <= SURE * added
 
 
-def band_at(spec: Spec, numbers: Mapping[str, float], stiffness: float) -> dict | None:
-    """`felt_over_band` of a spec with other numbers, by name; missing ones are the spec's own. stiffness: at rest, N/m."""
-    known = {spec.names.find(name).path: value for name, value in numbers.items() if not np.isnan(value)}
-    there = spec.with_values(known)
-    return felt_over_band(there, loop_at_hand(there), stiffness)
-
-
 def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
     """Texts: what is felt at each frequency at which free motion has no more than the wall adds."""
     pairs = zip(band["hz"], band["impedance"], strict=True) if band else ()
@@ -101,17 +94,6 @@ def outweighed_in_words(band: Mapping[str, object]) -> str:
         start = "up " if low == LOWEST_HZ and high else f"from {low:.3g} "
         bands.append(start + ("Hz on" if high is None else f"to {high:.3g} Hz"))
     return f"free motion outweighs it {' and '.join(bands)}" if bands else ""
-
-
-def in_words(band: Mapping[str, object] | None) -> str:
-    """The text that follows the stiffness at rest, in brackets."""
-    if not band:
-        return ""
-    holds, parts = band["holds_to_hz"], [", ".join(sizes_in_words(band))]
-    if holds:
-        parts.append(f"within a tenth of it {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz")
-    parts = [*filter(None, [*parts, outweighed_in_words(band)])]
-    return f" ({'; '.join(parts)})" if parts else ""
 
 
 def felt_at_rest(spec: Spec, loop) -> dict | None:

@@ -180,16 +180,10 @@ class IntervalTally:
         return found | {"value": -self._least.value, "upwards": upwards, "unknown_below": unknown}
 
     def _felt_numbers(self) -> dict[str, Any] | None:
-        felt, band = self._felt, None
+        felt = self._felt
         if not felt.row:
             return None
-        wall, low = felt.row["value"], felt.row["low"]
-        if self._hand in ("", "spec") and felt.value > 0 and "spec" in self._facts:  # not of other hands than the spec's
-            from wavesweep.core.analyses.feel import band_at
-            from wavesweep.core.spec import load
-
-            band = band_at(load(self._facts["spec"]), felt.place() | {self._along: wall}, felt.value)
-        more = {"unit": felt_unit(self._facts), "with": wall, "over_band": band, "from": low, "falls": self._falls}
+        more = {"unit": felt_unit(self._facts), "with": felt.row["value"], "from": felt.row["low"], "falls": self._falls}
         return self._extreme(felt, **more)
 
     def _unit(self, name: str) -> str:
@@ -295,13 +289,10 @@ class Words:
         felt = self._found["stiffest_felt"]
         if felt is None:
             return ""
-        from wavesweep.core.analyses.feel import in_words
-
-        band = in_words(felt["over_band"]) if felt["over_band"] else ""
         wall = f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"
         ends = ", at an end of an interval" if felt["falls"] or self._found["unit"] not in STIFFNESS else ""
-        stiffness = f"{felt['value']:.6g} {felt['unit']}{band}"
-        return f"stiffest wall as the hand feels it{ends}: {stiffness}{wall}{self._place(felt)}{self._doubtful(felt)}"
+        stiffness = f"{felt['value']:.6g} {felt['unit']}"
+        return f"stiffest wall as the hand feels it at rest{ends}: {stiffness}{wall}{self._place(felt)}{self._doubtful(felt)}"
 
     def one_line(self) -> str:
         """All of it but the slices, in a line."""
