@@ -42,8 +42,7 @@ def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     """The guarantees of a run; see `core.tables.hands.guarantees_of`. Errors: UsageError for loops that hands cannot hold."""
     from wavesweep.core.tables.hands import refuse_velocity
-    from wavesweep.passive.hands import PassiveGuarantee
 
-    if PassiveGuarantee("passive") in asked:
+    if any(each.kind == "passive" for each in asked):
         refuse_velocity(own)
     return asked

@@ -10,8 +10,10 @@ import math
 import operator
 from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
+from fractions import Fraction
+from functools import lru_cache
 from math import isqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,43 +27,27 @@ from wavesweep.core.loops.definitions import at_rest, tf_at_rest
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.loops.values import keys_with
 
-if TYPE_CHECKING:
-    from flint import fmpq
-
 HIGHEST = 64  # power that is multiplied out
 NOT_EXACT = 2**100  # 1 part in this makes a number one that no sum of others meets by chance
 _OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 Sum = dict[str, Any]  # unknown -> factor, a fraction
 
 
-def decimal(value: float) -> fmpq:
+@lru_cache(maxsize=1024)
+def decimal(value: float) -> Fraction:
     """Return the decimal that a double is written as."""
-    from flint import fmpq
-
-    return fmpq(*Decimal(repr(float(value))).as_integer_ratio())
+    return Fraction(Decimal(repr(float(value))))
 
 
-def fraction(value: float) -> fmpq:
-    """Return the double itself."""
-    from flint import fmpq
-
-    return fmpq(*float(value).as_integer_ratio())
-
-
-def to_double(number: fmpq) -> float:
-    """Return the nearest double; python-flint before 0.9 has no `float` of a fraction."""
-    return int(number.p) / int(number.q)
-
-
-def root(number: fmpq) -> fmpq:
+def root(number: Fraction) -> Fraction:
     """Return the square root: that of a square as it is, of other numbers a double."""
-    above, below = (isqrt(int(part)) if part > 0 else 0 for part in (number.p, number.q))
-    if above * above == number.p and below * below == number.q:
-        return type(number)(above, below)
-    return fraction(math.sqrt(to_double(number)))
+    above, below = (isqrt(part) if part > 0 else 0 for part in (number.numerator, number.denominator))
+    if above * above == number.numerator and below * below == number.denominator:
+        return Fraction(above, below)
+    return Fraction(math.sqrt(number))
 
 
-def value_in_fractions(tree: Tree, known: Mapping[str, fmpq], varied: Collection[str] = ()) -> fmpq:
+def value_in_fractions(tree: Tree, known: Mapping[str, Fraction], varied: Collection[str] = ()) -> Fraction:
     """Return the value of an expression. varied: names of numbers that other loops have other values of; a root of these is
     nowhere exact, since that of a square is either of two numbers.
 
@@ -76,12 +62,12 @@ def value_in_fractions(tree: Tree, known: Mapping[str, fmpq], varied: Collection
         found = root(first)
         return found + found / NOT_EXACT if any(name in varied for name, _ in names_in(parts[0])) else found
     if operation in FUNCTIONS:
-        return fraction(getattr(math, operation)(to_double(first)))
+        return Fraction(getattr(math, operation)(float(first)))
     if operation != "**":
         return -first if operation == "negative" else _OPERATIONS[operation](first, second)
-    if second.q != 1 or abs(second) > HIGHEST:
+    if second.denominator != 1 or abs(second) > HIGHEST:
         raise ArithmeticError("expected a power that is a fraction")
-    return first ** int(second.p)
+    return first ** int(second)
 
 
 class RestEquations:
@@ -115,7 +101,7 @@ class RestEquations:
         E, B = (np.array(_first(part)) for part in (block.E, block.B))
         settled = np.linalg.solve(E, -B.reshape(n, len(inputs))).tolist() if n else []
         for known, names, rows in (
-            (self.states, block.states, [[fraction(value) for value in row] for row in settled]),
+            (self.states, block.states, [[Fraction(value) for value in row] for row in settled]),
             (self.outputs, block.outputs, D),
         ):
             for name, row in zip(names, rows, strict=False):
@@ -130,21 +116,20 @@ class RestEquations:
 
     def null_space(self) -> list[Sum]:
         """Return independent solutions, of which all others are sums, ports being those of states as far as they can be."""
-        from flint import fmpq_mat
-
         states = [name for name, row in self.states.items() if row.keys() == {name}]
         unknowns = [*dict.fromkeys(name for row in self.rows for name in row if name not in states), *states]
-        rows = [row for row in self.rows if row]
-        if not unknowns or not rows:
-            return [{name: decimal(1.0)} for name in unknowns]
-        found, rank = fmpq_mat([[row.get(name, 0) for name in unknowns] for row in rows]).rref()
-        table = found.tolist()[:rank]
-        leading = [next(at for at, value in enumerate(row) if value) for row in table]
-        free = [at for at in range(len(unknowns)) if at not in leading]
-        return [
-            {unknowns[at]: decimal(1.0)} | {unknowns[own]: -row[at] for own, row in zip(leading, table, strict=True) if row[at]}
-            for at in free
-        ]
+        rows, solved, free = [row for row in self.rows if row], {}, []
+        for name in unknowns:
+            among = [row for row in rows if name in row]
+            if not among:
+                free.append(name)
+                continue
+            chosen = min(among, key=len)
+            rows.remove(chosen)
+            known = {name: {other: -value / chosen[name] for other, value in chosen.items() if other != name}}
+            rows = [_substituted(row, known) if name in row else row for row in rows]
+            solved = {own: _substituted(row, known) if name in row else row for own, row in solved.items()} | known
+        return [{name: decimal(1.0)} | {own: row[name] for own, row in solved.items() if name in row} for name in free]
 
 
 def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
@@ -178,7 +163,7 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
         if not (leads or states):
             moving = moving[1:]
             continue
-        lead = leads[len(found)] if leads else max(states, key=lambda name: abs(to_double(moving[0][name])))
+        lead = leads[len(found)] if leads else max(states, key=lambda name: abs(float(moving[0][name])))
         at = next((at for at, each in enumerate(moving) if lead in each), None)
         if at is None:
             raise ArithmeticError("expected shifts of the same states")
@@ -187,7 +172,7 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
         found = {name: _without(each, own, lead) for name, each in found.items()} | {lead: own}
         moving = [_without(each, own, lead) for each in moving]
     return [
-        {lead: 1.0} | {name: to_double(value) for name, value in own.items() if name != lead} for lead, own in found.items()
+        {lead: 1.0} | {name: float(value) for name, value in own.items() if name != lead} for lead, own in found.items()
     ]
 
 
@@ -205,7 +190,7 @@ def _first(part):
 def _add_by_entries(rest, block):
     """Add a block that is known by its entries alone."""
     parts = block.at_rest or (block.E, block.B, block.C, block.D)
-    rows = [[[fraction(value) for value in row] for row in _first(part)] for part in parts]
+    rows = [[[Fraction(value) for value in row] for row in _first(part)] for part in parts]
     if len(rows) == 1:
         rest.follow(block, *rows)
     else:
@@ -249,7 +234,7 @@ def _of_entries(drawn, blocks) -> RestEquations:
     def traced(signal, factor):
         found = {signal: factor} if signal in rest.outputs else {}
         for source, gain in drawn.sums.get(signal, {}).items():
-            for name, value in traced(source, factor * fraction(np.ravel(gain)[0].real)).items():
+            for name, value in traced(source, factor * Fraction(np.ravel(gain)[0].real)).items():
                 found[name] = found.get(name, 0) + value
         return found
 

@@ -1,16 +1,17 @@
 """One run at a time for a table of a folder: a lock of the operating system, which ends with the process that holds it."""
 
+import errno
 import os
-import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from wavesweep.core.arguments import boolean
 from wavesweep.core.atomic_files import make_folders, sync
 from wavesweep.core.errors import UsageError, WavesweepError
+from wavesweep.core.platform_compat import OPEN
 from wavesweep.core.results.folder import refuse_folders, refuse_unusable, remove_unfinished
 
 
@@ -31,7 +32,8 @@ def at_work(
     with ExitStack() as opened:
         opened.callback(_remove_empty, made)
         for kind in kinds:
-            opened.callback(_release, _acquired(kind, directory, wait, say))
+            path = directory / f".{kind}.lock"
+            opened.callback(_release, path, _acquired(kind, path, wait, say))
             remove_unfinished(kind, directory)
             refuse_folders(kind, directory)
         for folder in made:
@@ -39,26 +41,56 @@ def at_work(
         yield
 
 
-def _acquired(kind: str, directory: Path, wait: bool, say: Callable[[str], None]) -> Any:
-    """The lock of a table, once it is ours; its file has the name of the holder beside it."""
-    from filelock import FileLock, Timeout
-
-    path = directory / f".{kind}.lock"
+def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> Callable[[], None]:
+    """What releases the lock of a table, once it is ours; its file has the name of the holder beside it."""
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise UsageError(f"{path}: expected a lock file or none, found something else; move it away")
-    lock, holder = FileLock(path), path.with_suffix(".holder")
-    try:
-        lock.acquire(blocking=False)
-    except Timeout as error:
-        busy = f"{directory}: another run is at work on {kind} here{_name_in(holder)}"
+    holder, unlock = path.with_suffix(".holder"), _locked(path, wait=False)
+    if unlock is None:
+        busy = f"{path.parent}: another run is at work on {kind} here{_name_in(holder)}"
         if not wait:
-            raise WavesweepError(f"{busy}; give --wait to wait for it, or another --out") from error
+            raise WavesweepError(f"{busy}; give --wait to wait for it, or another --out")
         say(f"{busy}; waiting for it")
-        lock.acquire()
+        unlock = _locked(path, wait=True)
     with suppress(OSError):  # the name is for people alone
+        host = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "this machine")
         since = time.strftime("%Y-%m-%d %H:%M:%S")
-        holder.write_text(f"process {os.getpid()} on {socket.gethostname()}, since {since}", encoding="utf-8")
-    return lock
+        holder.write_text(f"process {os.getpid()} on {host}, since {since}", encoding="utf-8")
+    return unlock
+
+
+def _locked(path: Path, wait: bool) -> Callable[[], None] | None:
+    """Lock a file; return what unlocks it, or None if another run has it. wait: wait until it has not."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return _locked_elsewhere(path, wait)
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OPEN, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BaseException as error:
+            os.close(descriptor)
+            if isinstance(error, BlockingIOError):
+                return None
+            if isinstance(error, OSError) and error.errno in (errno.ENOSYS, errno.ENOTSUP):  # a file system without locks
+                return _locked_elsewhere(path, wait)
+            raise
+        if os.fstat(descriptor).st_nlink:
+            return partial(os.close, descriptor)
+        os.close(descriptor)  # the run before removed the file while this one waited
+
+
+def _locked_elsewhere(path: Path, wait: bool) -> Callable[[], None] | None:
+    """`_locked` by filelock, whose import takes longer than all the rest of a lock."""
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(path)
+    try:
+        lock.acquire(blocking=wait)
+    except Timeout:
+        return None
+    return lock.release
 
 
 def _name_in(holder: Path) -> str:
@@ -69,13 +101,12 @@ def _name_in(holder: Path) -> str:
         return ""
 
 
-def _release(lock: Any) -> None:
+def _release(path: Path, unlock: Callable[[], None]) -> None:
     """Remove the files of a lock while it is still held, so that they are nobody else's, and release it."""
-    path = Path(lock.lock_file)
     for file in (path.with_suffix(".holder"), path):
         with suppress(OSError):  # on Windows the lock's own file cannot go before the lock does
             file.unlink()
-    lock.release()
+    unlock()
 
 
 def _remove_empty(folders: Sequence[Path]) -> None:
