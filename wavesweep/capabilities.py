@@ -13,8 +13,9 @@ boxes: all loops of a box of numbers, for margins that hold for all of them.
 ticks: `Loop`, a loop tick by tick in ball arithmetic.
 bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
 on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
-    `lines(spec, found)`, ranked, of its verdict; `sweep_plan(spec)`, lines and jobs of a command over [sweep]; `plan(spec)`,
-    lines of another; `refuse(spec)`, before anything is printed; `is_next(spec, found)`, whether its command goes on from it.
+    `lines(spec, found)` of its verdict, each with its rank, or what makes one that takes a while; `sweep_plan(spec)`, lines and
+    jobs of a command over [sweep]; `plan(spec)`, lines of another; `refuse(spec)`, before anything is printed;
+    `is_next(spec, found)`, whether its command goes on from it.
 verdict: what is known beside a spec's own numbers, `further(spec, own)` and `verdict_lines(spec, found)`.
 section: a section of a report: `TITLE`, `PLACE`, `KNOWN` (how its numbers are known), and `section(spec, cut)`: the command of
     its table and what makes it.

@@ -71,7 +71,7 @@ def check(
       wavesweep check sweeps/templates/drive.toml --root-locus kp
     """
     from wavesweep.check.planning import plan, within_ticks
-    from wavesweep.check.verdict import further, verdict_lines
+    from wavesweep.check.verdict import further, numbers, verdict_lines
     from wavesweep.core import spec as specs
     from wavesweep.core.analyses.assumptions import over_preset, unusual
     from wavesweep.core.analyses.own_design import own_design, own_lines
@@ -92,11 +92,13 @@ def check(
     with progress(talk().quiet, "at work on the verdict") as report:
         verdict = own_design(loaded)
         said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
+        verdict |= numbers(loaded) if talk().as_json else {}
         verdict |= further(loaded, verdict, report)
         lines = plan(loaded, estimated=whole or talk().as_json)
         lines += chain.from_iterable(asked("on_check", "plan", loaded))
         own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
-        ranked = [*((1, f"  {line}") for line in own), *verdict_lines(loaded, verdict), *((4, f"  {line}") for line in within)]
+        judged = verdict_lines(loaded, verdict, late=not whole)
+        ranked = [*((1, f"  {line}") for line in own), *judged, *((4, f"  {line}") for line in within)]
         steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
         files = [str(path) for path in _drawn(loaded, places, poles)]
     if talk().as_json:
@@ -105,7 +107,7 @@ def check(
         show_json(summary | ({"files": files} if files else {}))
     if whole:
         show([*(line for _, line in ranked), *lines, *steps])
-    else:
+    elif not silent:
         show([*_foremost(ranked, MOST - said - len(steps)), *steps])
     if files and not silent:
         say(f"Wrote {', '.join(files)}")
@@ -124,12 +126,13 @@ def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
     """Yield the lines of the lowest ranks, in their order: as many as there is room for."""
     from wavesweep.check.on_check import DETAIL
 
-    folded, kept = [_folded(line) for _, line in ranked], set()
+    kept = {}
     for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
-        if ranked[number][0] < DETAIL and len(folded[number]) <= most:
-            kept.add(number)
-            most -= len(folded[number])
-    yield from (line for number in sorted(kept) for line in folded[number])
+        rank, line = ranked[number]
+        if rank < DETAIL and most > 0 and len(folded := _folded(line() if callable(line) else line)) <= most:
+            kept[number] = folded
+            most -= len(folded)
+    yield from (line for number in sorted(kept) for line in kept[number])
 
 
 def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list[tuple[str, str]]:

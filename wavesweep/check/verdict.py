@@ -1,6 +1,7 @@
 """The verdict on a spec's own design: its own numbers, and what each capability says of it."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,16 +11,21 @@ from wavesweep.core.analyses.own_design import is_favourable, own_design
 from wavesweep.core.spec import Spec
 
 Facts = Mapping[str, Any]
-Ranked = tuple[float, str]
+Ranked = tuple[float, str | Callable[[], str]]
 
 
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    The numbers of `own_design`, and those of `further`.
+    The numbers of `own_design`, those that capabilities add to them, and those of `further`.
     """
-    own = own_design(spec)
+    own = own_design(spec) | numbers(spec)
     return own | further(spec, own)
+
+
+def numbers(spec: Spec) -> dict:
+    """The numbers that capabilities add to those of a spec's own design."""
+    return {name: number for of_one in asked("on_check", "numbers", spec) for name, number in of_one.items()}
 
 
 @np.errstate(all="ignore")  # of numbers that overflow
@@ -31,9 +37,16 @@ def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = N
     return {name: fact for facts in asked("on_check", "facts", spec, own, report) for name, fact in facts.items()}
 
 
-def verdict_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
-    """Yield what the verdict says beside `own_lines`, each line with its rank, see `on_check`."""
+def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Ranked]:
+    """Yield what the verdict says beside `own_lines`, each line with its rank, see `on_check`.
+
+    late: yield lines that take a while to make as functions that make them.
+    """
+
+    def indented(line):
+        return f"  {line() if callable(line) else line}"
+
     for lines in asked("on_check", "lines", spec, found):
-        yield from ((rank, f"  {line}") for rank, line in lines)
+        yield from ((rank, partial(indented, line) if late and callable(line) else indented(line)) for rank, line in lines)
     if found["assumes"] and not is_favourable(found):
         yield 0 if spec.for_all else 4, f"  assumes: {found['assumes']}"

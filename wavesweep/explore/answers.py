@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from wavesweep.capabilities import asked
 from wavesweep.core.analyses.interval_records import FELT, LINES, OPEN
 from wavesweep.core.analyses.intervals import Way, cost_of, job_over
 from wavesweep.core.analyses.loops import loop_at_hand, radius_over
@@ -62,7 +63,10 @@ class Plane:
 def quick(spec: Spec, with_response: bool = True) -> dict:
     """The numbers of the spec's own design and, if it is wanted, its response at the hand."""
     loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-    return {"own": own_design(spec, loop)} | ({"response": response(spec, loop)} if with_response else {})
+    own = own_design(spec, loop)
+    for numbers in asked("on_check", "numbers", spec):
+        own |= numbers
+    return {"own": own} | ({"response": response(spec, loop)} if with_response else {})
 
 
 def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool) -> dict:

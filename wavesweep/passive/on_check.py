@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -18,35 +18,49 @@ def numbers(spec: Spec) -> dict[str, float | None]:
     """channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more than LARGEST entries, and
     of a drawn loop, which has no channel that a spec would name.
     """
-    # A design that is varied by something else keeps its channel.
-    of_channel = tuple((path, value) for path, value in spec.values.items() if path.startswith(CHANNEL))
-    return {"channel_norm": None if spec.drawing else _channel_norm(of_channel)}
+    return {"channel_norm": None if spec.drawing else _channel_norm(_channel_of(_kept(spec)))}
+
+
+def _kept(spec):
+    """What the channel depends on: a design that is varied by something else keeps it."""
+    return tuple((path, value) for path, value in spec.values.items() if path.startswith(CHANNEL))
 
 
 @lru_cache(maxsize=64)
-def _channel_norm(kept):
-    from math import isfinite
-
+def _channel_of(kept):
+    """The wave channel; None without one, or for one whose norm takes too long."""
     from wavesweep.core.loops.controllers import loop_drawing
     from wavesweep.core.reading.keys import VALUE_PATHS
     from wavesweep.core.spec import KEYS
-    from wavesweep.passive.channel import channel_of, norm_of
+    from wavesweep.passive.channel import channel_of
 
     values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
     channel = channel_of(loop_drawing(values), values)
-    if channel is None or channel.entries > LARGEST:
-        return None
-    norm = float(norm_of(channel).norm)
-    return norm if isfinite(norm) else None
+    return None if channel is None or channel.entries > LARGEST else channel
 
 
-def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
-    """Yield the norm of the wave channel, if there is one."""
+@lru_cache(maxsize=64)
+def _channel_norm(channel):
+    from math import isfinite
+
+    from wavesweep.passive.channel import norm_of
+
+    norm = float(norm_of(channel).norm) if channel else None
+    return norm if norm is not None and isfinite(norm) else None
+
+
+def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | Callable[[], str]]]:  # noqa: ARG001
+    """Yield the norm of the wave channel, if there is one; it is computed once the line is shown."""
     from wavesweep.passive.job import sends_waves
     from wavesweep.passive.margin import LONGEST
 
-    if found["channel_norm"] is not None:
-        yield 5, f"wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    if not spec.drawing and (channel := _channel_of(_kept(spec))):
+
+        def known():
+            norm = _channel_norm(channel)
+            return "wave channel: norm not known" if norm is None else f"wave channel: norm {norm:.7g} (passive up to 1)"
+
+        yield 5, known
     elif not spec.drawing and sends_waves(spec):
         yield 6, f"wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
 

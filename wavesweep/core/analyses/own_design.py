@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import asked
 from wavesweep.core.analyses.assumptions import FAVOURABLE, assumes
 from wavesweep.core.analyses.bound import where_nothing_decides
 from wavesweep.core.analyses.feel import felt_at_rest
@@ -32,7 +31,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
     of the states shows of it (see `lines_of`), the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more
     than a third of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping
-    ratio, if it is another one. A drawn loop is felt at the hand's port if it has one. Capabilities add numbers of their own.
+    ratio, if it is another one. A drawn loop is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
     own = own_loop(spec)
@@ -57,10 +56,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
     named = {"slowest": slowest, "least_damped": damped if another else None}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
-    found |= {"felt": felt_at_rest(spec, loop), **described}
-    for numbers in asked("on_check", "numbers", spec):
-        found |= numbers
-    return found
+    return found | {"felt": felt_at_rest(spec, loop), **described}
 
 
 def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:

@@ -171,9 +171,7 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
         own = {name: value / own[lead] for name, value in own.items()}
         found = {name: _without(each, own, lead) for name, each in found.items()} | {lead: own}
         moving = [_without(each, own, lead) for each in moving]
-    return [
-        {lead: 1.0} | {name: float(value) for name, value in own.items() if name != lead} for lead, own in found.items()
-    ]
+    return [{lead: 1.0} | {name: float(value) for name, value in own.items() if name != lead} for lead, own in found.items()]
 
 
 def _without(each: Sum, shift: Sum, lead: str) -> Sum:

@@ -46,7 +46,7 @@ def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> 
     if path.is_symlink() or (path.exists() and not path.is_file()):
         raise UsageError(f"{path}: expected a lock file or none, found something else; move it away")
     holder, unlock = path.with_suffix(".holder"), _locked(path, wait=False)
-    if unlock is None:
+    while unlock is None:
         busy = f"{path.parent}: another run is at work on {kind} here{_name_in(holder)}"
         if not wait:
             raise WavesweepError(f"{busy}; give --wait to wait for it, or another --out")

@@ -7,6 +7,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor
 from contextlib import closing, contextmanager
 
 import numpy as np
@@ -72,8 +73,6 @@ def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tu
     """
     if why := why_no_processes() if backend == "loky" else "":
         raise WavesweepError(f"{why}; --jobs 1 needs none")
-    from concurrent.futures import BrokenExecutor
-
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
 

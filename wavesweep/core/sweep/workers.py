@@ -7,6 +7,7 @@ run nothing of the current folder.
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import islice
@@ -14,6 +15,7 @@ from itertools import islice
 from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.platform_compat import processors, why_no_processes
 from wavesweep.core.reproducibility import versions
+from wavesweep.core.sweep.clusters import TOGETHER, dask, imported
 from wavesweep.core.sweep.pools import AHEAD, attested, in_parallel, timed
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
@@ -43,8 +45,6 @@ def refuse_backend(backend: str | None) -> None:
     if backend is not None and backend not in BACKENDS:
         raise UsageError(f"backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
     if backend == "dask":
-        from wavesweep.core.sweep.clusters import imported
-
         imported()
 
 
@@ -102,10 +102,6 @@ def _on_machine(workers, calls):
 
 def _on_cluster(workers, calls):
     """The results of the workers of a dask scheduler, to which quick chunks go several at a time."""
-    from concurrent.futures import FIRST_COMPLETED, wait
-
-    from wavesweep.core.sweep.clusters import TOGETHER, dask
-
     with dask(workers) as pool:
         silence, size = Silence(), 1
 
