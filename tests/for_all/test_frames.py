@@ -209,13 +209,13 @@ def test_one_length_alone_is_the_interval_of_today():
 
 TABLE = [
     ("pmw", Frames(LENGTHS), 196.9, 198.9),
-    ("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8),
+    pytest.param("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.thorough),
     ("pmw", Frames((20, 40)), 148.4, 148.5),
     ("pmw", Frames((19, 20, 21)), 791.5, 792.3),
-    ("pmw", Frames(tuple(range(16, 34))), 196.9, 198.9),
+    pytest.param("pmw", Frames(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.thorough),
     ("dc-slow", Frames(LENGTHS), 146.8, 147.0),
     ("dc-slow", Frames(LENGTHS, (FRAME,)), 48.9, 49.0),
-    ("pmw-lm", Frames(LENGTHS), 306.3, 309.5),
+    pytest.param("pmw-lm", Frames(LENGTHS), 306.3, 309.5, marks=pytest.mark.thorough),
 ]
 
 

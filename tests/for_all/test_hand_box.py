@@ -1,5 +1,7 @@
 """The walls that every hand of a box bears, against sampled hands, and in 50 digits with the hand that is named."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from support.held import box_intervals, ends_of, hands_at, worst_modes
@@ -17,11 +19,8 @@ LOOPS = {
 }
 NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))
 LOOSE = HandBox((0.0, 0.3), (0.0, 5.0), (0.0, 1000.0))
-BOXES = [
-    pytest.param(NARROW, id="narrow"),
-    pytest.param(HOLDING_A_DEVICE, id="wide", marks=pytest.mark.slow),
-    pytest.param(LOOSE, id="loose", marks=pytest.mark.thorough),
-]
+BOXES = {"narrow": NARROW, "wide": HOLDING_A_DEVICE, "loose": LOOSE}
+IN_SUITE = *((kind, "narrow") for kind in LOOPS), ("pmw", "wide")
 
 
 def sampled(box, count, seed=7):
@@ -34,9 +33,13 @@ def hand_of(row, end="high"):
     return [float(row[f"{end}_hand_{part}"]) for part in ("mass", "damping", "stiffness")]
 
 
-@pytest.mark.parametrize("box", BOXES)
-@pytest.mark.parametrize("kind", LOOPS)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "box"),
+    [pytest.param(*each, marks=[pytest.mark.thorough] * (each not in IN_SUITE)) for each in product(LOOPS, BOXES)],
+)
 def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(kind, box):
+    box = BOXES[box]
     v = values_of(kind, **LOOPS[kind])
     rows = box_intervals(v, SPAN, box)
     assert rows["settled"].all()

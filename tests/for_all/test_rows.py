@@ -135,6 +135,7 @@ VARIED = [  # lengths, other tables, by what it has to be proved, from what refu
 ]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("lengths", "more", "proved", "refuted"), VARIED)
 def test_frames_of_any_length_in_any_order(lengths, more, proved, refuted):

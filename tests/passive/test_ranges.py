@@ -51,7 +51,9 @@ def test_the_largest_passive_wall_at_one_rate_is_that_of_a_closed_form(values, d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=[pytest.mark.thorough] * (case in ("device", "between"))) for case in CASES]
+)
 def test_a_scan_by_python_control_sees_the_same_intervals(values, case):
     kind, path, span, others = CASES[case]
     v = values(kind, **others)

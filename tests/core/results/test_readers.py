@@ -1,10 +1,8 @@
 """The CSV of every kind of table, read without an option by programs that users have, holds what the Parquet file does."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from wavesweep.core import results
 from wavesweep.core.results import fields, publish, read
@@ -45,11 +43,11 @@ def duckdb_columns(path):
 
 
 def sqlite_columns(path):
-    pytest.importorskip("sqlite_utils")
+    commands = pytest.importorskip("sqlite_utils.cli").cli
     import sqlite3
 
     words = ["insert", path.with_suffix(".db"), "t", path, "--csv", "--empty-null"]
-    subprocess.run([sys.executable, "-m", "sqlite_utils", *map(str, words)], check=True, capture_output=True)
+    CliRunner().invoke(commands, [*map(str, words)], catch_exceptions=False)
     found = sqlite3.connect(path.with_suffix(".db")).execute("SELECT * FROM t ORDER BY rowid")
     names = [each[0] for each in found.description]
     return dict(zip(names, map(list, zip(*found.fetchall(), strict=True)), strict=True))
