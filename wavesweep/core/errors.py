@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 LONGEST_WORD, LONGEST_LINE = 400, 2000  # letters of a message, which repeats what was given; a screen has 2000
 
@@ -44,8 +44,7 @@ class CheckpointError(UsageError):
     """A half-finished run on disk is damaged or belongs to another spec."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mistake:
+class Mistake(NamedTuple):
     """One mistake of a spec: its place, its key, the expected value and the value found.
 
     `location` is `file:line:column`, `--set key=value`, or empty if the spec is not text. `key` is empty if the text is

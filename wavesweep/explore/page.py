@@ -99,7 +99,7 @@ class Page:
             try:
                 return answer(question)
             except SpecError as error:
-                mistakes = "; ".join(str(replace(each, location="")) for each in error.mistakes)
+                mistakes = "; ".join(str(each._replace(location="")) for each in error.mistakes)
                 at = getattr(error, "at", [each.key for each in error.mistakes])
                 return {"error": _sentence(mistakes), "at": at}
             except WavesweepError as error:
