@@ -78,10 +78,10 @@ class _Ports:
             if not needs[port].any() or (loop.size and loop[0] != port):
                 continue
             rows = loop if loop.size else np.array([port])
-            value = own[..., rows, :] + _times(through[..., rows[:, None], before], self.values[..., before, :])
-            of_value = of_own[..., rows, :] + of_through[..., rows[:, None], before] @ self.sizes[..., before, :]
+            value = _some(own, rows) + _times(_some(through, rows, before), _some(self.values, before))
+            of_value = _some(of_own, rows) + _some(of_through, rows, before) @ _some(self.sizes, before)
             if loop.size:
-                inside = through[..., rows[:, None], rows], of_through[..., rows[:, None], rows]
+                inside = _some(through, rows, rows), _some(of_through, rows, rows)
                 reached = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside[0]), rows.size) > 0
                 inverse, condition, pivot = loop_inverse(*inside, reached, name, [ports[row] for row in rows])
                 right, value = value, inverse @ value
@@ -90,6 +90,11 @@ class _Ports:
                 of_value = np.abs(inverse) @ (np.abs(value) + of_value + inside[1] @ np.abs(value))
                 self.condition, self.pivot = self.condition * condition, self.pivot * pivot
             self.values[..., rows, :], self.sizes[..., rows, :] = value, of_value
+
+
+def _some(matrices, rows, columns=slice(None)):
+    """Return some rows and columns, in the order of memory in which a product has the same bits in every batch."""
+    return np.ascontiguousarray(matrices[..., rows, :][..., columns])
 
 
 def _closure(needs):

@@ -154,7 +154,7 @@ class _Equations:
 
 
 def _product(one, other):
-    """The product of two matrices, each a pair with bounds on the errors of its entries."""
-    (a, da), (b, db) = one, other
+    """The product of two matrices, each a pair with bounds on the errors of its entries; in a batch as for one loop alone."""
+    (a, da), (b, db) = ([np.ascontiguousarray(part) for part in each] for each in (one, other))
     size, sizes = np.abs(a), np.abs(b)
     return a @ b, da @ (sizes + db) + size @ (db + a.shape[-1] * ROUNDING * sizes)
