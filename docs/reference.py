@@ -27,8 +27,8 @@ import wavesweep
 from wavesweep.capabilities import library_names, of_library
 from wavesweep.core.cli import main
 from wavesweep.core.cli.entry import COMMANDS, group
-from wavesweep.core.cli.words import MESSAGES, TERMS
 from wavesweep.core.spec import describing
+from wavesweep.explain.words import MESSAGES, TERMS
 
 HERE = Path(__file__).parent
 GALLERY = HERE / "gallery.md"

@@ -21,6 +21,7 @@ section: a section of a report: `TITLE`, `PLACE`, `KNOWN` (how its numbers are k
     its table and what makes it.
 panel: what a page of `explore` shows in addition: `data(spec)`; `quick(spec, question, data, stable)` while a slider moves;
     `ANSWERS`, more questions that it answers, of (spec, question, data).
+shell: what a shell completes, `register()` before the line is parsed, and `prepare(command)`.
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
@@ -156,6 +157,22 @@ CAPABILITIES = (
     Capability("require", tables=("sweep.require",), offers=("bound", "keys")),
     Capability("prove", offers=("prover", "ticks")),
     Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
+    Capability(
+        "inspect",
+        {"inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt."},
+    ),
+    Capability(
+        "explain",
+        {"explain": "Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do."},
+    ),
+    Capability(
+        "programs",
+        {
+            "paper": "Reproduce the paper's figures and test its statements.",
+            "bench": "Measure run time against error, for this tool and for other methods.",
+        },
+    ),
+    Capability("completion", offers=("shell",)),
     *_published(),
 )
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.capabilities import asked, home_of, modules
+from wavesweep.capabilities import asked, modules
+from wavesweep.core.cli.entry import COMMANDS
 from wavesweep.core.cli.messages import width
 from wavesweep.core.cli.options import FORMATS, folder, override
 from wavesweep.core.cli.talk import talk
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 MOST = 15  # lines without --all
 STEPS = 3  # commands that are named, at most
-FURTHER = ("why", "simulate", "report")  # commands of capabilities that may be among them
 
 
 @click.command("check")
@@ -164,7 +164,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
         steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
-    steps = [step for step in steps if (command := step[0].split()[0]) not in FURTHER or home_of(command)]
+    steps = [step for step in steps if step[0].split()[0] in COMMANDS]
     return [*steps[:STEPS], *([] if whole else [(f"check {name} --all", "the rest: states, methods, times")])]
 
 

@@ -12,12 +12,12 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.capabilities import CAPABILITIES, home_of
+from wavesweep.capabilities import CAPABILITIES, home_of, modules
 from wavesweep.core.cli.stopping import Stopped, signals_unwind
 from wavesweep.core.cli.talk import Talk, talk
 from wavesweep.core.errors import SpecError, WavesweepError
@@ -38,19 +38,14 @@ CORE = MappingProxyType(
         "stability-region": "Find the stable intervals along any axis for every combination of the others.",
         "bode": "Compute transmitted admittance and impedance over frequency, or the responses between inputs and outputs.",
         "plot": "Draw the figure of a table again, as PNG, SVG, PDF or EPS.",
-        "inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.",
         "verify": "Hold results against their data packages, and compute a sample of the rows again.",
         "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",
-        "explain": "Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do.",
-        "paper": "Reproduce the paper's figures and test its statements.",
-        "bench": "Measure run time against error, for this tool and for other methods.",
     }
 )
 COMMANDS = MappingProxyType({**CORE, **{name: said for each in CAPABILITIES for name, said in each.commands.items()}})
 
 
-PROGRAMS = ("bench", "paper")
 STUDIES = ("zwidth", "stability-region", "bode")
 WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # commands for which --json has no meaning
 # Options that commands had, and what does the same now.
@@ -69,10 +64,8 @@ def command_of(name: str) -> click.Command:
     own = name.replace("-", "_")
     if capability := home_of(name):
         return getattr(capability.module("command"), own)
-    for home, names in (("studies", STUDIES), ("programs", PROGRAMS)):
-        if name in names:
-            return getattr(import_module(f"wavesweep.core.cli.{home}"), own)
-    return import_module(f"wavesweep.core.cli.{own}").command
+    home = import_module(f"wavesweep.core.cli.{'studies' if name in STUDIES else own}")
+    return getattr(home, own if name in STUDIES else "command")
 
 
 class LazyGroup(click.Group):
@@ -89,7 +82,9 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command = command_of(cmd_name)
-        return _completion().prepare(command) if COMPLETING in os.environ else command
+        for shell in modules("shell") if COMPLETING in os.environ else ():
+            shell.prepare(command)
+        return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that the first argument names; a usage error with the nearest name if no command is called so."""
@@ -103,20 +98,16 @@ class LazyGroup(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Commands from the table, without importing their modules; options of the group."""
-        options = click.Command.shell_complete(self, ctx, incomplete)
-        return [*_completion().commands(COMMANDS.items(), incomplete), *options]
+        from click.shell_completion import CompletionItem
+
+        named = (CompletionItem(name, help=said) for name, said in COMMANDS.items() if name.startswith(incomplete))
+        return [*named, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, without importing their modules as click would."""
         del ctx
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
-
-
-def _completion() -> ModuleType:
-    from wavesweep.core.cli import completion
-
-    return completion
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -175,8 +166,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     (spoken, words), stopped = Talk.of(arguments), False
     try:
-        if COMPLETING in os.environ:
-            _completion().register()
+        for shell in modules("shell") if COMPLETING in os.environ else ():
+            shell.register()
         with signals_unwind(as_program), _warnings_unsaid(spoken.debug):
             code = group.main(words, prog_name="wavesweep", standalone_mode=False, obj=spoken)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code

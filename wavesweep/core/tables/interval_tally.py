@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.core.analyses.bound import required_in_words, where_nothing_decides
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of, whose_column
-from wavesweep.core.doubts import DOUBTS
+from wavesweep.core.doubts import DOUBTS, where_explained
 from wavesweep.core.spec import find_key
 from wavesweep.core.stability.certificate import FELT_ALIKE
 from wavesweep.core.tables.columns import felt_unit, numbers_of, swept_range
@@ -387,7 +387,8 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         yield from ((text, False) for text in texts if text)
         yield words.certified()
         for number, word in enumerate(found["doubts"]):
-            yield f"  {word}: {DOUBTS[word].meaning}{'' if number else f' (wavesweep explain {word})'}", True
+            hint = "" if number else where_explained(word)
+            yield f"  {word}: {DOUBTS[word].meaning}{f' ({hint})' if hint else ''}", True
         return
     for spec, numbers in found.get("specs", {}).items():
         yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])

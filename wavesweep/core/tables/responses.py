@@ -13,6 +13,7 @@ import numpy as np
 
 from wavesweep.core.analyses.assumptions import notices_of
 from wavesweep.core.columns import Columns, axes_of
+from wavesweep.core.doubts import where_explained
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.stability.certificate import SPARED
 from wavesweep.core.tables import kind_named
@@ -165,13 +166,12 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
             True,
         )
     if found["doubted_rows"]:
-        words = ", ".join(found["doubts"])
         rest = found["doubted_rows"] - found["doubted_worst_gains"]
         if found["doubted_worst_gains"]:
             yield f"{count(found['doubted_worst_gains'], 'row')} without a reliable worst gain, the rest of them reliable", True
         if rest:
-            hint = f"wavesweep explain {next(iter(found['doubts']))}"
-            yield f"{count(rest, 'row')} without a reliable value ({words}; {hint})", True
+            words = "; ".join(filter(None, [", ".join(found["doubts"]), where_explained(next(iter(found["doubts"])))]))
+            yield f"{count(rest, 'row')} without a reliable value ({words})", True
 
 
 def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:

@@ -1,4 +1,7 @@
-"""Shell completion: specs, keys and values of --set, devices and controllers. Loaded only if a shell asks for it."""
+"""Shell completion: specs, keys and values of --set, devices and controllers. Loaded only if a shell asks for it.
+
+A command may complete a parameter of its own by click's `shell_complete`.
+"""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -95,11 +98,6 @@ def _drawn_keys(context: click.Context) -> dict[str, Key]:
     return found
 
 
-def commands(helps: Iterable[tuple[str, str]], incomplete: str) -> list[CompletionItem]:
-    """The commands that begin with `incomplete`. helps: pairs of name and short help."""
-    return [CompletionItem(name, help=text) for name, text in helps if name.startswith(incomplete)]
-
-
 def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
     return (CompletionItem(name, help=key.description) for name, key in known.items() if name.startswith(incomplete))
 
@@ -111,7 +109,7 @@ def keys(incomplete: str) -> Iterator[CompletionItem]:
         known |= {f"{study}.{name}": find_key(name) for name in (_axes() if incomplete.startswith(f"{study}.") else ())}
     yield from _items(known, incomplete)
     if incomplete.startswith("block."):
-        yield from commands([(f"block.{kind}", each.description) for kind, each in TYPES.items()], incomplete)
+        yield from _among({f"block.{kind}": each.description for kind, each in TYPES.items()})(incomplete)
 
 
 def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
@@ -130,7 +128,7 @@ def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionIt
 
 def axes(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
     """Names of axes. drawn: see `_drawn_keys`."""
-    return iter(commands(_axes(drawn).items(), incomplete))
+    return iter(_among(_axes(drawn))(incomplete))
 
 
 def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
@@ -141,20 +139,16 @@ def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
 
 
 def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
-    return lambda incomplete: commands(meanings.items(), incomplete)
+    return lambda incomplete: [
+        CompletionItem(name, help=text) for name, text in meanings.items() if name.startswith(incomplete)
+    ]
 
 
 def _loops(incomplete: str) -> list[CompletionItem]:
     from wavesweep.core.cli.init import drawn_loops
 
     known = {kind: each.description for kind, each in CONTROLLERS.items()} | dict.fromkeys(drawn_loops(), "")
-    return commands(known.items(), incomplete)
-
-
-def _explained(incomplete: str) -> list[CompletionItem]:
-    from wavesweep.core.cli.explain import entries
-
-    return commands({each.word: each.meaning for each in reversed(entries())}.items(), incomplete)
+    return _among(known)(incomplete)
 
 
 def _files(incomplete: str) -> list[CompletionItem]:
@@ -170,7 +164,6 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "name": keys,
     "device": _among({name: device.title for name, device in DEVICES.items()}),
     "backend": _among({"loky": "processes of this machine", "threading": "threads", "dask": "with --scheduler"}),
-    "words": _explained,
     "for_hands": _among(
         {
             "passive": "stable with every passive hand",

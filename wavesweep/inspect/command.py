@@ -1,4 +1,4 @@
-"""`wavesweep inspect`."""
+"""`wavesweep inspect`: what a table has."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
 @click.command("inspect")
 @click.argument("table")
-def command(table: str) -> None:
+def inspect(table: str) -> None:
     """Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.
 
     TABLE is a Parquet file of another command, a CSV with its data package beside it, a folder of results, or the name of a

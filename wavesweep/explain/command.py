@@ -1,4 +1,4 @@
-"""`wavesweep explain`."""
+"""`wavesweep explain`: words of the program, and what to do about them."""
 
 import json
 from collections.abc import Iterator
@@ -8,17 +8,18 @@ from textwrap import wrap
 from typing import NamedTuple
 
 import click
+from click.shell_completion import CompletionItem
 
 from wavesweep.core.cli.entry import COMMANDS
 from wavesweep.core.cli.messages import width
 from wavesweep.core.cli.talk import talk
-from wavesweep.core.cli.words import MESSAGES, TERMS
 from wavesweep.core.doubts import DOUBTS
 from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import nearest
 from wavesweep.core.spec import find_key
 from wavesweep.core.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
+from wavesweep.explain.words import MESSAGES, TERMS
 
 MANY = 4  # tables that have a column
 GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}
@@ -33,9 +34,16 @@ class Entry(NamedTuple):
     advice: str = ""
 
 
+def _completed(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The words that begin with what is typed."""
+    del context, parameter
+    known = {each.word: each.meaning for each in reversed(entries())}
+    return [CompletionItem(word, help=meaning) for word, meaning in known.items() if word.startswith(incomplete)]
+
+
 @click.command("explain")
-@click.argument("words", metavar="[WORD]...", nargs=-1)
-def command(words: tuple[str, ...]) -> None:
+@click.argument("words", metavar="[WORD]...", nargs=-1, shell_complete=_completed)
+def explain(words: tuple[str, ...]) -> None:
     """Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do.
 
     Without a WORD all words are listed. A word may have several meanings, as certified in several tables; each is explained.

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from wavesweep.core.cli.explain import _lines, entries
-from wavesweep.core.cli.words import MESSAGES, TERMS
 from wavesweep.core.doubts import DOUBTS
 from wavesweep.core.tables import kinds
+from wavesweep.explain.command import _lines, entries
+from wavesweep.explain.words import MESSAGES, TERMS
 
 
 def test_all_words_of_doubt_columns_and_values_are_explained_in_five_lines_at_most():

@@ -1,4 +1,4 @@
-"""The commands that take no SPEC: `wavesweep bench` and `wavesweep paper`, each of a program beside the package."""
+"""The commands that take no SPEC: `bench` and `paper`, each of a program beside the package."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""`explain`: words of the program, and what to do about them."""

@@ -1,0 +1,1 @@
+"""`inspect`: what a table has."""

@@ -1,0 +1,1 @@
+"""`paper` and `bench`, the programs beside the package."""
