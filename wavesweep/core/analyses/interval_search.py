@@ -251,7 +251,7 @@ class Searches:
 
     def _records(self):
         opened = [search.opened_groups() for search in self.searches]
-        if self.order:
+        if self.order and sum(map(len, opened)) > 1:
             known = iter(with_intervals([each for groups in opened for *_, each in groups], self.order, self.searches[0].span))
             opened = [[(members, loops, next(known)) for members, loops, _ in groups] for groups in opened]
         return _by_slice([search.records_of(each) for search, each in zip(self.searches, opened, strict=True)])

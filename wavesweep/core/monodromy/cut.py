@@ -1,7 +1,9 @@
 """A loop cut at one or two numbers of a wire that are scalar gains of its frame: the linear fractional transformation (LFT)
 that the numbers close, as a wall's stiffness and damping do."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +43,7 @@ class Cut:
     unread: tuple[str, ...] = ()
     poles_at_one: int = 0
     others: tuple[np.ndarray, ...] = ()
+    memo: dict = field(default_factory=dict, init=False, repr=False)  # what belongs to these loops alone, see `remembered`
 
     def __post_init__(self):
         for name in (*PARTS, *ERRORS, "period"):
@@ -54,7 +57,13 @@ class Cut:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
-        return np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in PARTS))
+        return self.remembered("batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in PARTS)))
+
+    def remembered(self, name: object, make: Callable[[], Any]) -> Any:
+        """What `make` gives at the first call with this name: of a compiled loop it is asked for in every call."""
+        if name not in self.memo:
+            self.memo[name] = make()
+        return self.memo[name]
 
     def at(self, index) -> "Cut":
         """Return the loops `index` (anything that indexes the leading axes) of the batch."""

@@ -228,7 +228,7 @@ def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_
     """
     values, inverses = [], []
     for w in (0.0, -2.0):
-        t, inverse = terms_and_inverse(cut, np.full(cut.batch, w))
+        t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
         inverses.append(inverse)
         if w == 0.0 and cut.integrates:
             values.append(np.full(fixed.shape, 0.0 if along == K_VE else np.inf))

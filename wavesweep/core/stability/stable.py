@@ -123,7 +123,10 @@ def _by_trace(cut, owner, along, fixed, span):
 
 def _by_polynomial(cut, owner, along, fixed, span, *, alone=False):
     """Return regions and doubts from one polynomial per loop, shared by all its columns."""
-    polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=alone), cut.batch), alone=alone)
+    polynomial = cut.remembered(
+        (along, alone),
+        lambda: sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=alone), cut.batch), alone=alone),
+    )
     return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
 
 
@@ -143,7 +146,8 @@ def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]
     """Return the regions between the crossings, and the doubt of each column."""
     parts = regions(cut, owner, along, fixed, span, found)
     parts_doubt = doubts_of(parts, np.where(found.complete, NONE, CROWDED))
-    return parts, np.where(_is_rough(cut)[owner], np.maximum(parts_doubt, ROUNDING), parts_doubt)
+    rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]
+    return parts, np.where(rough, np.maximum(parts_doubt, ROUNDING), parts_doubt)
 
 
 def _is_rough(cut):
