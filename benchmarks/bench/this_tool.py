@@ -27,12 +27,10 @@ from wavesweep.core.stability.boundary import polish
 from wavesweep.core.stability.crossings import sampled_polynomial
 from wavesweep.core.stability.real_roots import isolate
 from wavesweep.core.stability.regions import regions
-from wavesweep.core.stability.stable import trace_excludes_stability
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
     open_loops: "draw, connect and lift",
     cut_of: "cut",
-    trace_excludes_stability: "screen",
     sampled_polynomial: "polynomial from samples",
     isolate: "roots and their proof",
     polish: "polish",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.core.monodromy.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
+from wavesweep.core.monodromy.cut import ERRORS, PARTS, Cut
 from wavesweep.core.monodromy.periodic import size_of
 from wavesweep.core.monodromy.radius import cut_within
 from wavesweep.core.monodromy.rounding import UNEVEN, uneven_units
@@ -12,11 +12,10 @@ from wavesweep.core.stability.boundary import K_VE
 from wavesweep.core.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.core.stability.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.core.stability.intervals import Intervals, doubts_of, intervals_of, without_any
-from wavesweep.core.stability.regions import Regions, cut_span, regions
+from wavesweep.core.stability.regions import Regions, regions
 from wavesweep.core.stability.spectrum import count_outside
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
-BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of its terms, what a trace has to exceed
 ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
@@ -32,10 +31,10 @@ def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Interval
     further real root for any coefficients within their measured error (`isolate`), so that no pair of crossings can hide. Both
     ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
     (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
-    from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
-    unstable for every wall are certified so from their trace. Loops with more than MOST_STATES states are followed on arcs of
-    the circle instead (`arcs`). Columns that fail are in doubt, and the regions whose label is not known are left out: they
-    may be computed again as along any number (`along_any`). If the frame of a loop overflows, nothing is known of it.
+    from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Loops with
+    more than MOST_STATES states are followed on arcs of the circle instead (`arcs`). Columns that fail are in doubt, and the
+    regions whose label is not known are left out: they may be computed again as along any number (`along_any`). If the frame of
+    a loop overflows, nothing is known of it.
     Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or more; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
     """
@@ -89,7 +88,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
     divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
-    for method in (_by_trace, _by_arcs) if cut.order > MOST_STATES else (_by_trace, _by_polynomial, _by_polynomial_alone):
+    for method in (_by_arcs,) if cut.order > MOST_STATES else (_by_polynomial, _by_polynomial_alone):
         some = pending[divided[pending]] if method is _by_polynomial_alone else pending
         if not some.size:
             continue
@@ -97,7 +96,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         lost = overflown[owner[some]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
-        last = ~divided[some] if method is _by_polynomial else method is not _by_trace
+        last = ~divided[some] if method is _by_polynomial else True
         kept = (doubt == NONE) | lost | last
         done.append((_select(parts, kept, some), some[kept], doubt[kept]))
         pending = np.setdiff1d(pending, some[kept], assume_unique=True)
@@ -110,15 +109,6 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
     if bad.any():
         cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*PARTS, *ERRORS)})
     return cut, bad
-
-
-def _by_trace(cut, owner, along, fixed, span):
-    """Return columns with a single region, unstable throughout; proved if that is certain."""
-    nowhere = np.zeros(0)
-    whole = cut_span(span, fixed.size, nowhere.astype(int), nowhere, nowhere, nowhere)
-    everywhere = np.ones(fixed.size, int)
-    parts = whole.labelled(everywhere, 0 * everywhere, nowhere.astype(int), nowhere)
-    return parts, np.where(trace_excludes_stability(cut, owner, along, fixed, span), NONE, CROWDED)
 
 
 def _by_polynomial(cut, owner, along, fixed, span, *, alone=False):
@@ -192,34 +182,3 @@ def _joined(cut, along, span, fixed, radius) -> Intervals:
             parts.append(replace(part, column=names[part.column]))
     whole = Intervals.join(parts)
     return whole.take(np.argsort(whole.column, kind="stable"))
-
-
-def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):
-    """Return columns whose closed loop has a trace beyond the number of its eigenvalues on the whole span: one lies outside.
-
-    A tick that is unstable by itself grows so much within a frame that the frame's matrix keeps no digit of its small
-    eigenvalues, and double precision permits no finer statement. The trace, the sum of the eigenvalues, is a quotient of linear
-    functions of the wall parameter: without a pole in the span its extremes are at the ends.
-    """
-    with np.errstate(all="ignore"):
-        base = cut.order + np.trace(cut.E, axis1=-2, axis2=-1)
-        gain = (cut.C * np.swapaxes(cut.B, -1, -2)).sum(-1)
-        x, v = gain[..., OFFSET] + (cut.D[..., ADVANCE, 0] if cut.integrates else 0), gain[..., V]
-        errors = (cut.dC * np.abs(np.swapaxes(cut.B, -1, -2)) + np.abs(cut.C) * np.swapaxes(cut.dB, -1, -2)).sum(-1)
-        dx, dv = errors[..., OFFSET] + (cut.dD[..., ADVANCE, 0] if cut.integrates else 0), errors[..., V]
-        off = np.trace(cut.dE, axis1=-2, axis2=-1)
-        through_x, through_v = cut.D[..., OFFSET, 0], cut.D[..., V, 0]
-        traces, sizes, missed, through = [], [], [], []
-        for end in span:
-            K, B = (end, fixed) if along == K_VE else (fixed, end)
-            through.append(1 - K * through_x[owner] - B * through_v[owner])
-            traces.append(base[owner] + (K * x[owner] + B * v[owner]) / through[-1])
-            part = (np.abs(K * x[owner]) + np.abs(B * v[owner])) / np.abs(through[-1])
-            sizes.append(np.abs(base[owner]) + part)
-            lost = np.abs(K) * cut.dD[..., OFFSET, 0][owner] + np.abs(B) * cut.dD[..., V, 0][owner]
-            missed.append(off[owner] + (np.abs(K) * dx[owner] + np.abs(B) * dv[owner] + part * lost) / np.abs(through[-1]))
-        beyond = [
-            np.abs(t) - more > np.maximum(BEYOND_ORDER * cut.order, TRACE_ROUNDING * s)
-            for t, s, more in zip(traces, sizes, missed, strict=True)
-        ]
-        return beyond[0] & beyond[1] & (traces[0] * np.sign(traces[1]) > 0) & (through[0] * through[1] > 0)
