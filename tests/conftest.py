@@ -26,6 +26,9 @@ from support.command_line import (  # noqa: E402, F401 - fixtures of all tests o
     write,
 )
 
+from wavesweep.core.sweep import workers  # noqa: E402
+
+workers.PROCESSES = 1  # tests are many processes already: those that are about workers ask for them
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
 THOROUGH = {"judged"}  # fixtures that take many seconds, whichever test asks for them first

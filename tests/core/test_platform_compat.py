@@ -12,8 +12,8 @@ kind = "pmw"
 integration = "explicit"
 [sweep]
 K_VE = { start = 0, stop = 20000 }
-b = { start = 5, stop = 100, num = 60 }
-B_VE = { start = 0, stop = 15, num = 81 }
+b = { start = 5, stop = 100, num = 12 }
+B_VE = { start = 0, stop = 15, num = 9 }
 """
 WITHOUT = """
 import errno, os, signal, sys

@@ -447,11 +447,19 @@ def held_arm(ticks, kp):
     return np.array([[1.0, T], [0.0, 1.0]]) - np.outer([T**2 / 2, T], [kp, 4.0]) / 0.2
 
 
-@pytest.mark.parametrize("place", ["proved", "between", "refuted", "beyond"])
-def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, monkeypatch):
-    """The pattern that refutes grows, by the frames' own matrices; what is proved does not for any order of eight."""
+@pytest.fixture(scope="module")
+def varying_row():
+    """A loop whose frames vary, and the row that is proved of it."""
     tables = PD | {"for_all": {"n": {"values": [5, 10], "varying": True}}}
     (row,) = wavesweep.stability_region(tables).query("guarantee == 'for_all'").itertuples()
+    return tables, row
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", ["proved", "between", "refuted", "beyond"])
+def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, varying_row, monkeypatch):
+    """The pattern that refutes grows, by the frames' own matrices; what is proved does not for any order of eight."""
+    tables, row = varying_row
     value = {
         "proved": row.high,
         "between": (row.high + row.fails_from) / 2,

@@ -104,7 +104,9 @@ def test_the_hand_of_a_loop_that_turns_has_torques_and_angles():
 
 def test_hands_are_an_option():
     table = wavesweep.zwidth(
-        SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}, for_hands="passive", jobs=1
+        {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}, "sweep": {**SPEC["sweep"], "B_VE": [1.0]}},
+        for_hands="passive",
+        jobs=1,
     )
     assert set(table["hand"]) == {"free", "passive"}
 

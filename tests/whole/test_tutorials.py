@@ -19,7 +19,8 @@ STEP = re.compile(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", SHOWN)
-def test_a_page_runs_from_its_beginning_to_its_end(page, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("reports", [False, pytest.param(True, marks=pytest.mark.thorough)])
+def test_a_page_runs_from_its_beginning_to_its_end(page, reports, tmp_path, monkeypatch, capsys):
     from wavesweep.core.cli import main
 
     monkeypatch.chdir(tmp_path)
@@ -32,6 +33,8 @@ def test_a_page_runs_from_its_beginning_to_its_end(page, tmp_path, monkeypatch, 
             with pathlib.Path(step["file"]).open("a" if step["more"] else "w", encoding="utf-8") as file:
                 file.write(step["lines"])
             continue
+        if step["command"].startswith("report ") and not reports:
+            continue  # takes as long as the page, whose answers it has again
         code = main(shlex.split(step["command"]))
         seen = capsys.readouterr()
         printed = [line.rstrip() for line in (seen.out + seen.err).splitlines()]

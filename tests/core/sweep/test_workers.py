@@ -122,6 +122,7 @@ def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_pat
 
 
 def test_no_more_workers_are_used_than_there_are_processors(monkeypatch):
+    monkeypatch.setattr(workers, "PROCESSES", 2)
     monkeypatch.setattr(workers, "processors", lambda: 3)
     assert workers.choose(60, None, None, 1000, lambda: 10.0).count == 3
     assert workers.choose(60, "loky", None, 1000, lambda: 10.0).count == 3
@@ -231,7 +232,6 @@ FAULTS = """
 import resource
 import numpy as np
 from wavesweep.core.platform_compat import keep_memory
-from wavesweep.core.tables.intervals import intervals
 
 if {keep}:
     keep_memory()

@@ -99,7 +99,9 @@ def test_the_expectation_is_of_the_whole(long):
     assert 0.01 < expected_seconds(job_of(long)) < 30
 
 
-def test_check_says_slices_chunks_workers_and_why(mixed, long):
+@pytest.mark.slow
+def test_check_says_slices_chunks_workers_and_why(mixed, long, monkeypatch):
+    monkeypatch.setattr(workers, "PROCESSES", 2)
     lines = "\n".join(plan(mixed))
     assert "84 slices, 84 more are repeats" in lines
     assert "1 chunk, about" in lines
