@@ -89,14 +89,27 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound |
     A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `Search`.
     """
     loops, which, found = opened.loops, opened.which[at], np.abs(omega) / (2 * np.pi)
-    cut, frame, ticks = with_batch(loops.cut, int(opened.which.max()) + 1), loops.frame, loops.frame.ticks
+    frame, ticks, count = loops.frame, loops.frame.ticks, int(opened.which.max()) + 1
     kinds, n, leads = ticks.kind.tolist(), len(ticks.states), [lead for lead, _ in loops.drift.moved]
     if len(kinds) == 1:
         return found
+    cut = loops.alone if count == 1 else with_batch(loops.cut, count)
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[which]
     s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
     kept, force = np.array([ticks.states.index(name) for name in cut.states]), loops.drawn.inputs.index(PRODUCT)
-    rows, shown = _shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept))
+    rows, shown = cut.remembered("shown", lambda: _shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept)))
+    rows = rows[shown]
+
+    def form(some):
+        return reduced(in_even_units(cut.E[some], cut.B[some], np.broadcast_to(np.eye(kept.size), cut.E[some].shape)))
+
+    def in_one_product():
+        """What is shown in all ticks, as rows over the states and the product of a single loop, `(ticks, rows, n + 1)`."""
+        whole = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
+        for matrix, each in zip(whole, ticks.maps, strict=True):
+            matrix[:n] += np.append(each.E.reshape(n, n), each.B[..., force].reshape(n, 1), axis=-1)
+        shown = _in_ticks(kinds, [(matrix, None) for matrix in whole], np.eye(n + 1), np.append(rows, 0 * rows[:, :1], axis=-1))
+        return np.stack([*shown])
 
     def followed(some, w):
         """What is shown in each tick, of some loops `(k,)` and the modes of their eigenvalues 1 + w, `(k, columns)`."""
@@ -104,16 +117,20 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound |
         def of(part):
             return part[some] if part.ndim > 2 and len(part) > 1 else part
 
-        whole = in_even_units(cut.E[some], cut.B[some], np.broadcast_to(np.eye(kept.size), cut.E[some].shape))
-        pole, mode = polynomials(reduced(whole), w)
+        alone = count == 1 and some.size == 1 and len(kinds) * len(rows) * max(n, w.shape[-1]) <= MOST
+        pole, mode = polynomials(cut.remembered("form", lambda: form(some)) if alone else form(some), w)
         state = np.zeros((some.size, n, w.shape[-1]), complex)
         state[:, kept] = mode / pole[:, None]
         for lead in leads:
             moved = (of(frame.E)[..., lead, :, None] * state).sum(-2) + of(frame.B)[..., lead, :1]
             state[:, lead] = np.where(w == 0, 0.0, moved / w)
+        if alone:
+            all_ticks = cut.remembered("ticks", in_one_product)
+            moved = times(all_ticks.reshape(-1, n + 1), np.append(state[0], np.ones((1, w.shape[-1])), axis=0))
+            return moved.reshape(len(kinds), 1, len(rows), -1)
         forces = [of(each.B)[..., force, None] if np.any(each.B[..., force]) else None for each in ticks.maps]
         changes = [(np.eye(n) + of(each.E), added) for each, added in zip(ticks.maps, forces, strict=True)]
-        return _in_ticks(kinds, changes, state, rows[shown])
+        return _in_ticks(kinds, changes, state, rows)
 
     order = np.argsort(which, kind="stable")
     order = order[s[order] != 0] if cut.integrates else order  # there nothing moves but the integrator
