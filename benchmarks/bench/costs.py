@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -54,7 +55,7 @@ def worker_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
     """Time of a sweep over b with one and two worker processes, including the time to start them."""
     for n in () if quick else FOR_WORKERS:
         alone = partial(_swept, n, 1)
-        pair = interleaved(partial(_swept, n, 2), alone, patience)
+        pair = interleaved(partial(_swept, n, 2), alone, patience, clock=time.perf_counter)
         yield {
             "part": "workers", "problem": "sweep over b", "method": "2 workers", "setting": f"{n} slices", "size": n,
             "seconds": pair.first, "seconds_each": pair.first / n, "ratio": pair.ratio, "yardstick": "1 process",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
+from bench.measuring import measured_on
 from wavesweep.core.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
 
 _LEAST = 1e-16  # errors below rounding, 0 among them, stand at the edge
@@ -14,12 +16,13 @@ _MARKERS = "osv^D<"
 _OWN_MARKERS = "*XpP"
 _OURS = "this tool"
 _ACROSS = 3
+_FIRST = {"linewidth": 0.6, "alpha": 0.7, "zorder": 2.4}  # of the line from a call of a known loop up to a first call
 
 
 def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     """Draw the errors of the table of `wavesweep bench`: those in stiffness, and those in the response last.
 
-    facts: `titles` maps problems to the titles of their panels. A hollow mark is of a method that missed intervals.
+    facts: `titles` maps problems to the titles of their panels; the line below them says where this was measured.
     """
     chosen = np.isin(columns["part"], ("stiffness", "response"))
     rows = {name: column[chosen] for name, column in columns.items()}
@@ -34,21 +37,23 @@ def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
             axes.set_title(facts["titles"].get(problem, problem))
         for axes in grid[len(problems) :]:
             axes.remove()
-        _legend(canvas, methods)
+        _legend(canvas, rows, methods)
+        canvas.suptitle("\n".join(wrap(measured_on(facts), 110)), fontsize="small")
     return canvas
 
 
 def _panel(axes: Any, rows: Mapping[str, np.ndarray], methods: list[str]) -> None:
     for method in dict.fromkeys(rows["method"].tolist()):
         of = (rows["method"] == method) & np.isfinite(rows["error_max"])
-        error, seconds = np.maximum(rows["error_max"][of], _LEAST), rows["seconds_each"][of]
+        error, seconds = np.maximum(rows["error_max"][of], _LEAST), rows["seconds"][of]
         missed = rows["found"][of] < rows["there"][of]
         look = _look(method, methods)
         axes.plot(error, seconds, **look)
+        axes.vlines(error, seconds, rows["first_seconds"][of], color=look["color"], **_FIRST)
         axes.plot(error[missed], seconds[missed], **{**look, "linestyle": "none", "markerfacecolor": "white"})
     _logarithmic(axes)
     axes.set_xlabel("largest relative error")
-    axes.set_ylabel("s per frequency" if rows["part"][0] == "response" else "s per column")
+    axes.set_ylabel("processor seconds per question")
     axes.grid(visible=True, color="0.9", linewidth=0.5)
 
 
@@ -77,8 +82,20 @@ def _look(method: str, methods: list[str]) -> dict[str, Any]:
     return {"color": distinct_colour(rank), "marker": marker, "markersize": 4, **line}
 
 
-def _legend(canvas: Any, methods: list[str]) -> None:
+def _legend(canvas: Any, rows: Mapping[str, np.ndarray], methods: list[str]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], **_look(name, methods)) for name in methods]
-    canvas.legend(handles, methods, loc="outside lower center", ncols=2)
+    names = [f"{name}, {_sizes(rows, name)}" for name in methods]
+    handles.append(Line2D([], [], color="0.4", linestyle="none", marker="|", markersize=9))
+    handles.append(Line2D([], [], color="0.4", linestyle="none", marker="o", markersize=4, markerfacecolor="white"))
+    names += ["from a known loop (mark) up to a first call (end of the line)", "hollow: misses intervals"]
+    canvas.legend(handles, names, loc="outside lower center", ncols=2)
+
+
+def _sizes(rows: Mapping[str, np.ndarray], method: str) -> str:
+    """The sizes of the questions of a method, those of its marks."""
+    of = rows["method"] == method
+    sizes, noun = rows["size"][of], "frequencies" if (rows["part"][of] == "response").all() else "columns"
+    low, high = (f"{end:g}" for end in (sizes.min(), sizes.max()))
+    return f"{low} to {high} {noun}" if low != high else f"{low} {noun}"

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 import wavesweep
-from bench.measuring import Patience, Row, interleaved
+from bench.measuring import Patience, Row, at_first_too
 from bench.problems import checked, digest, load_paper, references
 from wavesweep import Spec
 from wavesweep.core.analyses.loops import loop_at_hand
@@ -53,9 +53,9 @@ def rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
         for name, respond in METHODS.items():
             answers: list[np.ndarray] = []
             respond(asked.spec, frequency[:2])  # warm
-            pair = interleaved(lambda: answers.append(respond(asked.spec, frequency)), own, patience)  # noqa: B023 - called here
+            pair, at_first = at_first_too(lambda: answers.append(respond(asked.spec, frequency)), own, patience)  # noqa: B023 - called here
             error = np.abs(answers[-1][::step] / exact - 1)
-            yield {
+            yield at_first | {
                 "part": PART, "problem": asked.spec.name, "method": name, "setting": f"{size} frequencies", "size": size,
                 "seconds": pair.first, "seconds_each": pair.first / size, "ratio": pair.ratio, "pairs": pair.pairs,
                 "yardstick": OURS, "error_max": error.max(), "error_median": np.median(error),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import _lru_cache_wrapper
 from statistics import median
 from typing import Any
 
@@ -18,9 +21,11 @@ FIELDS = (
     Field("method", "string", "", "how"),
     Field("setting", "string", "", "grid, tolerance, or what was varied"),
     Field("size", "number", "1", "columns, frequencies, ticks of a frame, filter order, or slices"),
-    Field("seconds", "number", "s", "median run time"),
-    Field("seconds_each", "number", "s", "run time per column or frequency"),
-    Field("ratio", "number", "1", "run time over the yardstick's, median of pairs that were run in turn"),
+    Field("seconds", "number", "s", "median processor time, loops being known from a call before; of workers, wall time"),
+    Field("seconds_each", "number", "s", "the same per column or frequency"),
+    Field("ratio", "number", "1", "that over the yardstick's, median of pairs that were run in turn"),
+    Field("first_seconds", "number", "s", "median processor time of a first call, which compiles its loops"),
+    Field("first_ratio", "number", "1", "that over a first call of the yardstick, median of pairs that were run in turn"),
     Field("yardstick", "string", "", "what the ratio is to"),
     Field("pairs", "number", "1", "number of such pairs"),
     Field("error_max", "number", "1", "largest relative error against 50 digits"),
@@ -68,16 +73,51 @@ FULL = Patience(0.8, 2, 25)
 QUICK = Patience(0.0, 1, 1)
 
 
-def interleaved(first: Callable[[], Any], second: Callable[[], Any], patience: Patience) -> Pair:
-    """Run A B A B ..., after both have been called before, and return medians."""
+def processor() -> float:
+    """Processor seconds of this process so far, and of those that it started and waited for."""
+    of_others = os.times()
+    return time.process_time() + of_others.children_user + of_others.children_system
+
+
+def interleaved(
+    first: Callable[[], Any],
+    second: Callable[[], Any],
+    patience: Patience,
+    before: Callable[[], Any] = lambda: None,
+    clock: Callable[[], float] = processor,
+) -> Pair:
+    """Run A B A B ..., after both have been called before, and return medians; before: is called before each, untimed."""
     started, times = time.perf_counter(), []
     while len(times) < patience.fewest or (len(times) < patience.most and time.perf_counter() - started < patience.seconds):
-        times.append((seconds(first), seconds(second)))
+        times.append((seconds(first, before, clock), seconds(second, before, clock)))
     return Pair(median(a for a, _ in times), median(b for _, b in times), median(a / b for a, b in times), len(times))
 
 
-def seconds(call: Callable[[], Any]) -> float:
-    """Wall time of one call."""
-    started = time.perf_counter()
+def at_first_too(first: Callable[[], Any], second: Callable[[], Any], patience: Patience) -> tuple[Pair, dict[str, float]]:
+    """Measure calls of known loops, and of loops that are compiled anew, on both sides; the latter as fields of a row."""
+    cold = interleaved(first, second, patience, forget)
+    return interleaved(first, second, patience), {"first_seconds": cold.first, "first_ratio": cold.ratio}
+
+
+def forget() -> None:
+    """Empty all caches of this program and of the benchmark, so that the next call is a first one."""
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] in ("wavesweep", "bench"):
+            for each in list(vars(module).values()):
+                if isinstance(each, _lru_cache_wrapper):
+                    each.cache_clear()
+
+
+def seconds(call: Callable[[], Any], before: Callable[[], Any] = lambda: None, clock: Callable[[], float] = processor) -> float:
+    """Time of one call; before: is called before, untimed."""
+    before()
+    started = clock()
     call()
-    return time.perf_counter() - started
+    return clock() - started
+
+
+def measured_on(facts: Mapping[str, Any]) -> str:
+    """Where, when and with what was measured, in a line."""
+    versions = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())
+    commit = f" ({facts['commit']})" if facts["commit"] else ""
+    return f"{facts['processor']}, one thread, {facts['date']}: wavesweep {facts['tool_version']}{commit}, {versions}"

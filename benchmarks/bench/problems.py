@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from wavesweep.core.analyses.open_loops import wall_cut
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.monodromy.cut import Cut, with_batch
 from wavesweep.core.spec import sweep_axes
-from wavesweep.core.sweep.grid import groups, make_grid
+from wavesweep.core.sweep.grid import distinct_rows, groups, make_grid, selected
 
 COLUMNS = (25, 50, 100, 200)
 FILE = Path(__file__).with_name("references.json")
@@ -114,17 +114,25 @@ class Bundle:
         return self.loops.at(self.owner)
 
 
-def bundles(spec: Spec) -> Iterator[Bundle]:
-    """Draw and compile the loops of all columns, the first step of every method."""
+@lru_cache(maxsize=8)
+def bundles(spec: Spec) -> tuple[Bundle, ...]:
+    """Draw and compile the loops of all columns, the first step of every method, which is remembered as a compiled loop is.
+
+    Columns that differ in the damping of the wall alone have one loop.
+    """
     axis, others = sweep_axes(spec, "K_VE")
     grid = make_grid(spec, others, axis.path)
     changes = grid.loop_values(np.arange(grid.loops))
     B = np.broadcast_to(changes.get("environment.B_VE", spec.values["environment.B_VE"]), grid.loops)
     column = np.empty(grid.loops, int)
     column[grid.slice_of(np.arange(grid.size))] = np.arange(grid.size)
+    found = []
     for members, values in groups(spec, changes, grid.loops):
-        cut = with_batch(wall_cut(values), members.size)
-        yield Bundle(column[members], cut, np.arange(members.size), B[members])
+        others = {path: v for path, v in values.items() if np.ndim(v) and path != "environment.B_VE"}
+        first, owner = distinct_rows(others, members.size)
+        cut = with_batch(wall_cut(selected(values, first)), first.size)
+        found.append(Bundle(column[members], cut, owner, B[members]))
+    return tuple(found)
 
 
 def digest(spec: Spec) -> str:

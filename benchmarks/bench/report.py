@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -21,7 +24,8 @@ from wavesweep.core.columns import Columns
 from wavesweep.core.tables.table import Table
 
 METHODS = {
-    "run_time": "wall time, medians; ratios from pairs that were run in turn, in one process with one thread",
+    "run_time": "processor time, medians; ratios from pairs that were run in turn, in one process with one thread",
+    "first": "of a first call: all caches of this program and of the others' compiled loops are emptied before",
     "error": "relative, against 50-digit arithmetic",
 }
 GOOD = 1e-9  # the error at which run times are compared
@@ -59,8 +63,25 @@ def _facts(quick: bool, seconds: float) -> dict:
         "schema_version": 1, "tool_version": __version__, "spec_sha256": hashlib.sha256(FILE.read_bytes()).hexdigest(),
         "methods": METHODS, "quick": quick, "titles": _titles(), "timings": {"total_s": round(seconds, 3)},
         "versions": {"python": platform.python_version(), "numpy": np.__version__, "control": control.__version__},
-        "machine": platform.machine(),
+        "machine": platform.machine(), "processor": _processor(), "date": time.strftime("%Y-%m-%d"), "commit": _commit(),
     }  # fmt: skip
+
+
+def _processor() -> str:
+    """What the system calls its processor."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _commit() -> str:
+    """The commit of the checkout that is measured; empty without one."""
+    with suppress(OSError):
+        asked = ["git", "-C", str(FILE.parent), "describe", "--always", "--dirty"]
+        return subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()
+    return ""
 
 
 def _titles() -> dict[str, str]:
@@ -77,7 +98,7 @@ def lines(columns: Columns) -> Iterator[str]:
     for row in _rows(_only(columns, part="start")):
         yield f"{row['method']}: {row['ratio']:.2f} times `{row['yardstick']}`"
     for row in _rows(_only(columns, part="profile", method=LAPACK)):
-        yield f"profile, {row['problem']}: LAPACK alone takes {row['ratio']:.0%} of the call"
+        yield f"profile, {row['problem']}: LAPACK alone takes {row['ratio']:.0%} of a first call"
     for row in _rows(_only(columns, part="accuracy")):
         yield f"accuracy, {row['problem']}, {row['setting']}: {row['error_max']:.0e} {row['yardstick']}".rstrip()
 
@@ -99,7 +120,8 @@ def _stiffness(here: Columns, title: str) -> Iterator[str]:
     ours = own[-1]
     yield (
         f"{title}: this tool finds {ours['found']:g} of {ours['there']:g} intervals, error {ours['error_max']:.0e}, "
-        f"{1e6 * ours['seconds_each']:.3g} us per column; {ours['setting']}"
+        f"{1e6 * ours['seconds_each']:.3g} us per column again, {1e6 * ours['first_seconds'] / ours['size']:.3g} at a first "
+        f"call; {ours['setting']}"
     )
     others = [row for row in _rows(here) if row["method"] not in (LIBRARY, COMMAND)]
     for method in dict.fromkeys(row["method"] for row in others):
@@ -111,7 +133,8 @@ def _stiffness(here: Columns, title: str) -> Iterator[str]:
 def _by_angles(rows: list[dict], method: str, _ours: dict) -> str:
     """Every number of angles by name, since a user cannot know in advance which is enough."""
     each = (
-        f"{row['ratio']:.3g} times as long with {row['setting']} (error {row['error_max']:.0e}, {row['found']:g} intervals)"
+        f"{row['ratio']:.3g} times as long ({row['first_ratio']:.3g} at a first call) with {row['setting']} "
+        f"(error {row['error_max']:.0e}, {row['found']:g} intervals)"
         for row in rows
     )
     return f"{method}, which proves nothing, takes {', '.join(each)}"
@@ -125,7 +148,7 @@ def _nearest(others: list[dict]) -> str:
     nearest = min(equal, key=lambda row: row["ratio"])
     return (
         f"nearest to {GOOD:.0e} with every interval, none of them proved: {nearest['method']} ({nearest['setting']}), "
-        f"{nearest['ratio']:.3g} times the run time"
+        f"{nearest['ratio']:.3g} times the run time again, {nearest['first_ratio']:.3g} times at a first call"
     )
 
 
@@ -140,7 +163,9 @@ def _against(rows: list[dict], method: str, ours: dict) -> str:
     found = f"{best['found']:g} of {best['there']:g} intervals"
     cheapest = min(rows, key=lambda row: row["ratio"])
     more = max(cheapest["error_max"], FLOOR) / max(ours["error_max"], FLOOR)
-    text = f"{method}: {best['ratio']:.3g} times the run time for {reached}, {found}"
+    text = (
+        f"{method}: {best['ratio']:.3g} times the run time ({best['first_ratio']:.3g} at a first call) for {reached}, {found}"
+    )
     if np.isfinite(more):
         text += f"; its fastest setting takes {cheapest['ratio']:.3g} times as long for {more:.0e} times the error"
     return text
@@ -155,7 +180,7 @@ def _response(here: Columns) -> Iterator[str]:
     for row in _rows(here):
         yield (
             f"response, {row['setting']}: {row['method']} {1e3 * row['seconds']:.3g} ms, {row['ratio']:.3g} times "
-            f"{row['yardstick']}, error {row['error_max']:.0e}"
+            f"{row['yardstick']} ({row['first_ratio']:.3g} at a first call), error {row['error_max']:.0e}"
         )
 
 

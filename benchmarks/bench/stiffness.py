@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
 from bench import rivals, this_tool
-from bench.measuring import Pair, Patience, Row, interleaved
+from bench.measuring import Pair, Patience, Row, at_first_too
 from bench.problems import COLUMNS, PROBLEMS, Intervals, Problem, bundles, checked, digest, references, score
 from wavesweep import Spec
 
@@ -78,31 +78,34 @@ def rows(problem: Problem, patience: Patience, *, quick: bool) -> Iterator[Row]:
 def _row(problem: Problem, method: Method, chosen: tuple[Any, str, int], patience: Patience) -> Row:
     setting, name, columns = chosen
     spec = problem.ask(columns)
-    method.solve(problem.ask(min(COLUMNS)), method.settings[0][0])  # warm: imports, caches
+    method.solve(problem.ask(min(COLUMNS)), method.settings[0][0])  # imports
     answers: list[Intervals] = []
-    pair = interleaved(lambda: answers.append(method.solve(spec, setting)), partial(this_tool.library, spec), patience)
-    return _measured(problem, (method.name, name), columns, pair) | _scored(problem, columns, answers[-1])
+    pair = at_first_too(lambda: answers.append(method.solve(spec, setting)), partial(this_tool.library, spec), patience)
+    return _measured(problem, (method.name, name), columns, *pair) | _scored(problem, columns, answers[-1])
 
 
 def _own_row(problem: Problem, columns: int, patience: Patience) -> Row:
     call = partial(this_tool.library, problem.ask(columns))
     table = call()
-    pair = interleaved(call, call, patience)
+    pair = at_first_too(call, call, patience)
     drawn = [part.loops.E.shape[0] for part in bundles(problem.ask(columns))]
     shared = "one loop" if sum(drawn) == 1 else f"{sum(drawn)} loops"
     named = (LIBRARY, f"{int(table.certified.sum())} of {len(table)} rows certified, columns of {shared}")
-    return _measured(problem, named, columns, pair) | _scored(problem, columns, this_tool.answer_of(table))
+    return _measured(problem, named, columns, *pair) | _scored(problem, columns, this_tool.answer_of(table))
 
 
 def _command_row(problem: Problem, columns: int, patience: Patience) -> Row:
     answers: list[Intervals] = []
     call = partial(this_tool.library, problem.ask(columns))
-    pair = interleaved(lambda: answers.append(this_tool.command(problem, columns)), call, patience)
-    return _measured(problem, (COMMAND, "zwidth --no-plot"), columns, pair) | _scored(problem, columns, answers[-1])
+    pair = at_first_too(lambda: answers.append(this_tool.command(problem, columns)), call, patience)
+    return _measured(problem, (COMMAND, "zwidth --no-plot"), columns, *pair) | _scored(problem, columns, answers[-1])
 
 
-def _measured(problem: Problem, named: tuple[str, str], columns: int, pair: Pair) -> dict[str, Any]:
+def _measured(
+    problem: Problem, named: tuple[str, str], columns: int, pair: Pair, at_first: Mapping[str, float]
+) -> dict[str, Any]:
     return {
+        **at_first,
         "part": PART, "problem": problem.name, "method": named[0], "setting": named[1], "size": columns,
         "seconds": pair.first, "seconds_each": pair.first / columns, "ratio": pair.ratio, "yardstick": LIBRARY,
         "pairs": pair.pairs,
