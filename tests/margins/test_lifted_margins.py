@@ -86,7 +86,7 @@ def test_three_integrators_hide_no_small_eigenvalue_of_the_return_ratio():
 
 def test_margins_say_that_they_are_of_the_lifted_loop(tmp_path):
     found = CliRunner().invoke(command, [str(CASCADE), "--cut", "speed.y", "--out", str(tmp_path), "--no-plot"])
-    assert "broken at speed.y, 5 times in 10 ms: of the lifted loop, one factor on all its samples of a frame" in found.output
+    assert "broken at speed.y, which runs 5 times per 10 ms; a margin is for one factor on all 5 values" in found.output
     assert "delay" not in found.output
 
 

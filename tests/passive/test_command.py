@@ -48,7 +48,7 @@ def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
     assert table["port_passive"].dtype == bool
     facts = json.loads((folder / "passivity.datapackage.json").read_text())["wavesweep"]
     assert facts["slices"] == {"computed": 6, "skipped": 0, "certified": 6}
-    assert "K_VE has a span and no values: not swept, held at the spec's 500" in err
+    assert "K_VE is not swept, because it has a range and no values: held at the spec's 500" in err
     assert "channel: passive to within 0.1 % of energy in 2 of 6 rows, strictly in 0; norm 1.000002 to 1.053277" in err
     assert "hand's port: passive in 0 of 6 rows" in err
     assert "no damping of the device makes it passive in 3 rows" in err

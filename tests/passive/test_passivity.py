@@ -65,7 +65,7 @@ def test_without_waves_there_is_no_norm_and_no_energy_is_added(kind):
 def test_a_span_without_values_is_not_swept_and_said_so():
     run = passivity(spec_of(K_VE={"start": 0, "stop": 20000}, B_VE=[0.5, 1.0]))
     assert list(run.columns) == ["B_VE", *OWN]
-    assert run.facts["notices"] == ["K_VE has a span and no values: not swept, held at the spec's 500"]
+    assert run.facts["notices"] == ["K_VE is not swept, because it has a range and no values: held at the spec's 500"]
 
 
 def test_a_spec_without_axes_has_one_row():

@@ -248,7 +248,7 @@ def test_a_range_that_the_spec_does_not_give_is_named():
     assert not any("no span" in each for each in wavesweep.why(sweep_of, "K_VE").attrs["facts"]["notices"])
     grid = {"controller": {"kind": "pmw"}, "sweep": {"b": {"start": 10.0, "stop": 20.0}, "K_VE": {"start": 0, "stop": 99}}}
     table = wavesweep.stability_region(grid, "b")
-    assert "K_VE has a span and no values: not swept, held at the spec's 500" in table.attrs["facts"]["notices"]
+    assert "K_VE is not swept, because it has a range and no values: held at the spec's 500" in table.attrs["facts"]["notices"]
 
 
 def test_a_mode_has_its_strongest_line_within_the_frame():

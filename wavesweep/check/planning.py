@@ -246,8 +246,8 @@ def _number_lines(spec):
         else:
             ways["" if exact_cut(Loops(spec.drawing, spec.values), name) else "panels"].append(name)
     texts = {
-        "": "exact, one scalar gain of a frame",
-        "panels": "by panels: they are in keys or in several places, act more than once a frame, or decide a drift",
+        "": "fast method, because each is one gain, once a frame",
+        "panels": "slower method, because they act in more than one place, more than once a frame, or in the key of a block",
         "values": "as values only, since they decide how the loop is built",
     }
     yield from (f"  intervals along {', '.join(names)}: {texts[way]}" for way, names in ways.items() if names)

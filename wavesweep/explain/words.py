@@ -76,8 +76,8 @@ MESSAGES: Mapping[str, Word] = MappingProxyType(
             "Give the number in the spec, or --set it. `wavesweep keys KEY` says what the default stands for.",
         ),
         "assumes": Word(
-            "how the wall is integrated, how late its force comes, and how the velocity is measured; a kind default is better "
-            "than what engines do",
+            "how the wall is integrated, how late its force comes, and how the velocity is measured; an optimistic default is "
+            "better than what engines do",
             'Give what your engine does: environment.integration = "explicit", environment.delay in ticks, '
             'device.velocity = "difference".',
         ),

@@ -68,7 +68,8 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.for_all.varying import Rules
 
     if kinds not in ([], ["passive"]):
-        raise UsageError(f"for hands: expected passive alone beside [for_all] or channels, found {', '.join(kinds)}")
+        said = "for hands: expected passive alone beside [for_all] or channels, whose hands are all passive ones at once"
+        raise UsageError(f"{said}, found {', '.join(kinds)}; write --for-hands passive, or leave [for_all] and channels out")
     if kinds:
         refuse_unsuitable_ranges(spec, along, cut=False)
         refuse_velocity(own)

@@ -17,6 +17,7 @@ from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.studies import K_VE_SPAN
 from wavesweep.core.stability.certificate import CONTRADICTION, NONE, SEARCH
 from wavesweep.core.sweep.grid import Loops, loops_of, own_loop
+from wavesweep.core.tables.row_kinds import counterexample_in_words
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average
@@ -300,9 +301,14 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
 def in_words(found: Mapping[str, str]) -> str:
     """What a verdict says."""
     about, stable, unstable = OF_KINDS[found["kind"]]
-    unknown = CONTRADICTED if found.get("doubt") else "not known: no counterexample found, and no proof"
+    unknown = (
+        CONTRADICTED
+        if found.get("doubt")
+        else "not known, neither proved nor refuted: see what `wavesweep stability-region` proves"
+    )
     words = {"proved": f"proved {stable}", "unknown": unknown}
-    return f"{about}: {words.get(found['verdict'], unstable.format(found['counterexample']))}"
+    refuted = unstable.format(counterexample_in_words(found["counterexample"]))
+    return f"{about}: {words.get(found['verdict'], refuted)}"
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:

@@ -114,9 +114,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 def _lines(found: Numbers) -> Iterator[Line]:
     times, period = found["times"], f"{1e3 * found['period_s']:.6g} ms"
     once = f"broken at {found['cut']}, once in {period}"
-    several = (
-        f"broken at {found['cut']}, {times} times in {period}: of the lifted loop, one factor on all its samples of a frame"
-    )
+    all_of = {2: "both", 3: "all three", 4: "all four"}.get(times, f"all {times}")
+    several = f"broken at {found['cut']}, which runs {times} times per {period}; a margin is for one factor on {all_of} values"
     yield once if times == 1 else several, False
     for name, margin in found["margins"].items():
         omega, hz = margin["omega"], margin["hz"]

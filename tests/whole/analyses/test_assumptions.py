@@ -25,7 +25,7 @@ def test_nothing_is_said_of_defaults_if_all_is_given(kind):
 def test_swept_values_are_neither_defaults_nor_single():
     said = assumes(load({"controller": {"kind": "pmw"}}), swept=["environment.delay"])
     assert "delay swept" in said
-    assert "kind defaults of environment.integration and device.velocity: engines usually" in said
+    assert "optimistic defaults of environment.integration and device.velocity: engines usually" in said
 
 
 def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have():

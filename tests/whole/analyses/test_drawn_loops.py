@@ -261,8 +261,8 @@ def test_check_names_schedule_methods_and_refusals():
         "frame of 20 ticks of 0.1 ms, 2 ms",
         "runs in every tick: arm (mass)",
         "runs every 20 ticks from tick 10: net (delay)",
-        "intervals along kp: exact, one scalar gain of a frame",
-        "intervals along kd, c: by panels",
+        "intervals along kp: fast method, because each is one gain, once a frame",
+        "intervals along kd, c: slower method",
         "passivity: hand's port of 3 loops",
     ):
         assert text in lines

@@ -13,6 +13,7 @@ from wavesweep.core.reading.keys import Key
 from wavesweep.core.spec import SYMBOLS, Axis, Spec
 from wavesweep.core.spec.resolving import LIMITS
 
+ARGUMENTS = ("along", "span", "require", "frequency_hz")  # of calls that take numbers by name beside these
 Numbers = float | Sequence[float] | np.ndarray  # the values of an axis
 
 
@@ -23,7 +24,7 @@ def key_named(spec: Spec, name: object) -> Key:
         raise UsageError(f"expected the name of a numeric key, found {name!r:.60}")
     key = names.find(name)
     if key is None or not key.numeric:
-        hint = nearest(name, (*names.symbols, *(path for path, each in names.keys.items() if each.numeric)))
+        hint = nearest(name, (*ARGUMENTS, *names.symbols, *names.numeric))
         raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
     return key
 

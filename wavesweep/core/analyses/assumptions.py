@@ -14,7 +14,7 @@ from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.sweep.grid import Grid, Loops
 
 MOST_BUILT = 32
-FAVOURABLE = "kind default"  # in a sentence of `assumes` that rests on some
+FAVOURABLE = "optimistic default"  # in a sentence of `assumes` that rests on some
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
 
@@ -59,7 +59,8 @@ def _frames_that_vary(spec, varied, read) -> Iterator[str]:
     if "rates.ratio" in varied:
         yield f"frames of {varied['rates.ratio']} ticks in any order"
     if DELAY in read:
-        in_ticks = f"delay of {varied.get(DELAY, spec.values[DELAY])} ticks{' in any order' * (DELAY in varied)}"
+        late = varied.get(DELAY, spec.values[DELAY])
+        in_ticks = f"delay of {late} tick{'s' * (late != 1)}{' in any order' * (DELAY in varied)}"
         yield (
             'results in place with the next frame (delay = "frame")'
             if spec.delay_of_frame and DELAY not in varied

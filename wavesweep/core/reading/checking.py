@@ -95,7 +95,8 @@ def check(key: Key, value: object) -> float | int | str | bool:
         finite = False
     if not finite or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
         expected = expectation(key)
-        raise Rejected(expected if number is None or finite else expected.replace("a number", "a finite number"), show(value))
+        expected = expected if number is None or finite else expected.replace("a number", "a finite number")
+        raise Rejected(expected, show(value), key.instead if isinstance(value, str) == key.instead.startswith('"') else "")
     beyond = (key.low is not None and number < key.low) or (key.above_low and number == key.low)
     if (key.choices and number not in key.choices) or beyond or (key.high is not None and number > key.high):
         raise Rejected(expectation(key, number), show(value))

@@ -68,6 +68,7 @@ class Key:
     choices: tuple = ()
     required: bool = False
     meanings: Mapping = field(default_factory=dict, repr=False)
+    instead: str = ""  # what is meant by a fraction that the key does not take, or, in quotes, by another word
     shaping: bool = False  # whether the structure of the loop depends on it although it is a number
 
     @property
@@ -88,11 +89,9 @@ def number(path: str, default: float | None, unit: str, description: str, *, pos
     return Key(path, "number", default, unit, description, **more)
 
 
-def whole(
-    path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", required: bool = False
-) -> Key:
-    """Return the key of a whole number from `low` to `high`."""
-    return Key(path, "integer", default, unit, description, low=low, high=high, required=required)
+def whole(path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", **more: Any) -> Key:
+    """Return the key of a whole number from `low` to `high`. more: `required`, `instead`."""
+    return Key(path, "integer", default, unit, description, low=low, high=high, **more)
 
 
 def word(path: str, default: str | None, description: str, meanings: Iterable[str] = (), required: bool = False) -> Key:
@@ -120,7 +119,7 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
 
 _LOOP = [
     positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
-    whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", 1, HIGHEST_RATIO),
+    whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", 1, HIGHEST_RATIO, instead="rates.slow_hz"),
     positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio; need not divide the fast rate"),
     word(
         "device.preset",
@@ -131,7 +130,15 @@ _LOOP = [
     positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
     word("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
-    whole("device.delay", 0, "fast ticks until the motors exert the control force, as of an amplifier", 0, 1000, "tick"),
+    whole(
+        "device.delay",
+        0,
+        "fast ticks until the motors exert the control force, as of an amplifier",
+        0,
+        1000,
+        "tick",
+        instead='type = "delay", seconds = ... in a drawn loop',
+    ),
     gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
     gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
     gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),
@@ -145,6 +152,7 @@ _LOOP = [
         0,
         None,
         "tick",
+        instead='"frame"',
     ),
     word("environment.step", None, "over what time the slow environment integrates where [for_all] lets frames vary", STEPS),
     replace(

@@ -16,6 +16,7 @@ import numpy as np
 from wavesweep.core.arguments import boolean
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.checking import nearest
 from wavesweep.core.reproducibility import one_thread, versions
 from wavesweep.core.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.core.sweep.estimates import expected_seconds, refuse_full_disk
@@ -65,7 +66,9 @@ class Work:
         """Return the work that the arguments of a caller describe."""
         names = [field.name for field in fields(Work)]
         if unknown := [name for name in given if name not in names]:
-            raise UsageError(f"{unknown[0]}: expected one of the arguments {', '.join(names)}, found an unknown one")
+            meant = nearest(unknown[0], names)
+            hint = f"; did you mean {meant}?" if meant else ""
+            raise UsageError(f"{unknown[0]}: expected one of the arguments {', '.join(names)}, found an unknown one{hint}")
         return Work(**given)
 
     def __post_init__(self):

@@ -14,7 +14,7 @@ from wavesweep.core.spec import find_key
 from wavesweep.core.stability.certificate import FELT_ALIKE
 from wavesweep.core.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.core.tables.kind import Line, Numbers, count
-from wavesweep.core.tables.row_kinds import row_kinds
+from wavesweep.core.tables.row_kinds import counterexample_in_words, row_kinds
 
 Axes = Mapping[str, Sequence[float]]
 
@@ -176,8 +176,12 @@ class IntervalTally:
             return None  # what is proved begins there, next to 0
         largest = self._largest_numbers()
         upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
-        unknown = bool(self._least.row["open_low"] < self._least.row["low"])
-        return found | {"value": -self._least.value, "upwards": upwards, "unknown_below": unknown}
+        row, more = self._least.row, {}
+        if not np.isnan(row.get("fails_below", np.nan)):  # where numbers refute both ends, each end is named
+            by = str(row["counterexample"]).partition("below: ")[2].partition("; from: ")[0] or str(row["counterexample"])
+            more = {"refuted_below": row["fails_below"], "refuted_by": by}
+        unknown = bool(row["open_low"] < row["low"])
+        return found | {"value": -self._least.value, "upwards": upwards, "unknown_below": unknown} | more
 
     def _felt_numbers(self) -> dict[str, Any] | None:
         felt = self._felt
@@ -253,7 +257,7 @@ class Words:
             return self._kind.nowhere.format(such=self._such) + " in the swept range"
         ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")
         if "refuted_from" in largest:
-            ended += f", refuted at {largest['refuted_from']:.6g} by {largest['refuted_by']}"
+            ended += f", refuted at {largest['refuted_from']:.6g} by {counterexample_in_words(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
             ended += ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g} N/m".format(
                 **largest["ended_by_hand"]
@@ -271,6 +275,8 @@ class Words:
         further = f"; {goes} on to {self._found['range'][1]:.6g}, where the swept range ends" if upwards else ""
         value = f"least {self._such}: {least['value']:.6g}{self._unit}"
         unknown = ", below which it is not known" if least["unknown_below"] else ""
+        if "refuted_below" in least:
+            unknown = f", refuted at {least['refuted_below']:.6g} by {counterexample_in_words(least['refuted_by'])}"
         return f"{value}{self._place(least)}{unknown}{self._doubtful(least)}{further}"
 
     def _without_gap(self) -> str:

@@ -47,6 +47,22 @@ def row_kinds() -> Mapping[str, RowKind]:
     return {"": RowKind(), **COMPUTED, **offered}
 
 
+def counterexample_in_words(text: str) -> str:
+    """What a column `counterexample` has, for a sentence: messages of a pattern by what happens to them."""
+    numbers, found, messages = text.partition("messages ")
+    if not found:
+        return text
+    channels = [channel.partition(": ") for channel in messages.split("; ")]
+    said = [f"{name}: {', '.join(map(_message, pattern.split(', ')))}" for name, _, pattern in channels]
+    return f"{numbers}this pattern of messages, repeated: {'; '.join(said)}"
+
+
+def _message(late: str) -> str:
+    if not late.isdigit():
+        return late
+    return f"{late} tick{'s' * (late != '1')} late" if int(late) else "in time"
+
+
 def proved_kinds() -> tuple[str, ...]:
     """The words of rows that are what is proved."""
     return tuple(word for word, kind in row_kinds().items() if kind.proved)

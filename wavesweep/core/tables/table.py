@@ -104,7 +104,7 @@ def spans_held(spec, along: str = "") -> Iterator[str]:
     """Yield notices of the axes of [sweep] that have only a span, but for the path `along`."""
     for axis in spec.sweep:
         if not axis.values and axis.path != along:
-            yield f"{axis.name} has a span and no values: not swept, {held(spec, axis.path)}"
+            yield f"{axis.name} is not swept, because it has a range and no values: {held(spec, axis.path)}"
 
 
 def held(spec, path: str) -> str:
