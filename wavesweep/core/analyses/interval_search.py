@@ -18,7 +18,7 @@ from wavesweep.core.analyses.interval_records import (
     unanswered,
 )
 from wavesweep.core.analyses.loops import drift_of, feels
-from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside, with_intervals
+from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside
 from wavesweep.core.analyses.subloops import common, silent, subloops
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
@@ -54,11 +54,7 @@ class Search:
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
-        return self.records_of(self.opened_groups())
-
-    def records_of(self, opened_groups) -> np.ndarray:
-        """The same; opened_groups: see there."""
-        parts = []
+        parts, opened_groups = [], self._opened_groups()
         for members, loops, opened in opened_groups:
             found = self._in_pieces(loops, members.size) if self.in_pieces else self.between_breaks(loops, members.size, opened)
             parts.append(replace(found, column=members[found.column]))
@@ -71,7 +67,7 @@ class Search:
             fill_in_lines(self, records, members, loops, opened)
         return records
 
-    def opened_groups(self) -> list[tuple[np.ndarray, Loops, Opened | None]]:
+    def _opened_groups(self) -> list[tuple[np.ndarray, Loops, Opened | None]]:
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
         for _, loops in () if self.checked else self.groups:
             refuse_unsuitable(*loops)
@@ -197,11 +193,9 @@ class Search:
         """
         if opened is None or opened.loops.cut is None or (self.bound and self.bound.cost):
             return self._from_frames(loops, size, opened)
-        found = opened.known
-        if found is None:
-            count = int(opened.which.max()) + 1
-            cut = opened.loops.alone if count == 1 else with_batch(opened.loops.cut, count)
-            found = opened.intervals(cut, self.span, self.bound)
+        count = int(opened.which.max()) + 1
+        cut = opened.loops.alone if count == 1 else with_batch(opened.loops.cut, count)
+        found = opened.intervals(cut, self.span, self.bound)
         doubtful = np.unique(found.column[found.doubt != NONE])
         if not opened.alone and size > 1:  # each by itself
             for part in by_zeros(loops, doubtful):
@@ -224,13 +218,9 @@ class Search:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Searches:
-    """Searches for loops of different drawings along the same range, whose members number the loops of all.
-
-    order: the number of states to which loops are filled up, so that all are computed in one call; 0 if they are not.
-    """
+    """Searches for loops of different drawings along the same range, whose members number the loops of all."""
 
     searches: tuple[Search, ...]
-    order: int = 0
 
     def records(self) -> np.ndarray:
         """The intervals of all loops as records, sorted by slice.
@@ -238,7 +228,7 @@ class Searches:
         Loops whose search fails in arithmetic are searched apart, and one that fails alone is in doubt everywhere.
         """
         try:
-            return self._records()
+            return _by_slice([search.records() for search in self.searches])
         except FAILURES as error:
             parts = [(search, *group) for search in self.searches for group in search.groups]
             if len(parts) == 1:
@@ -248,13 +238,6 @@ class Searches:
                 halves = np.array_split(np.arange(members.size), 2)
                 parts = [(search, members[half], loops.some(half)) for half in halves]
         return _by_slice([Searches((replace(search, groups=(tuple(group),)),)).records() for search, *group in parts])
-
-    def _records(self):
-        opened = [search.opened_groups() for search in self.searches]
-        if self.order and sum(map(len, opened)) > 1:
-            known = iter(with_intervals([each for groups in opened for *_, each in groups], self.order, self.searches[0].span))
-            opened = [[(members, loops, next(known)) for members, loops, _ in groups] for groups in opened]
-        return _by_slice([search.records_of(each) for search, each in zip(self.searches, opened, strict=True)])
 
 
 def _by_slice(parts):

@@ -29,7 +29,6 @@ CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
 MOST_TICKS = 64  # pieces of a range, up to which one is a sample
-FEW = 1000  # loops of several structures, up to which a call for each takes longer than states that fill them up
 
 
 class Way(Enum):
@@ -70,14 +69,13 @@ class Along:
     """What is asked of the loops: their stable intervals along `axis`, found in that way.
 
     guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. require: of
-    every mode, in place of stability alone. order: see `Searches`.
+    every mode, in place of stability alone.
     """
 
     axis: Axis
     way: Way = Way.PANELS
     guarantee: "Guarantee | None" = None
     require: Asked | None = None
-    order: int = 0
 
     @property
     def span(self) -> tuple[float, float]:
@@ -155,7 +153,7 @@ def _searches(
         drawn = drawing.tied(path, ties) if ties else drawing
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
         searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prove, bound))
-    return Searches(tuple(searches), asked.order)
+    return Searches(tuple(searches))
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -186,8 +184,7 @@ def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
     orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
-    order = max(orders) if len(orders) > 1 and way is Way.CUT and not require and grid.loops <= FEW else 0
-    return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way, order=order))
+    return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way))
 
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:

@@ -24,7 +24,6 @@ from wavesweep.core.response.resting import Resting
 from wavesweep.core.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.stable import stable_intervals
-from wavesweep.core.stability.together import each_in_one_call, may_join
 from wavesweep.core.sweep.grid import Loops, distinct, distinct_rows
 
 ANY = np.array([0.5, 2.0])  # a number that varies
@@ -121,8 +120,7 @@ class Opened:
     """Slices with their loops without the number, and perhaps without another one as well.
 
     which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, as
-    at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own. known:
-    the intervals, if they have been computed.
+    at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own.
     """
 
     loops: OpenLoops
@@ -130,7 +128,6 @@ class Opened:
     beside: np.ndarray
     swapped: bool = False
     alone: bool = False
-    known: Intervals | None = None
 
     @staticmethod
     def of(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
@@ -206,22 +203,6 @@ def in_place(found: Intervals, columns: np.ndarray, new: Intervals, some: np.nda
 def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
     """Places of the columns whose numbers are zero alike, together."""
     return distinct([v[columns] == 0 for v in loops.values.values() if np.ndim(v)], columns.size)
-
-
-def with_intervals(opened: Sequence[Opened | None], order: int, span) -> list[Opened | None]:
-    """The same with their intervals, if their loops may be filled up to `order` states and so be computed in one call."""
-    found, kinds = list(opened), {}
-    for at, each in enumerate(opened):
-        cut, alike = each and each.loops.cut, each.alike if each else []
-        if cut and may_join(cut, order) and len(alike) == 1:
-            slices = alike[0][1]
-            own = at, slices, with_batch(cut, len(slices)), each.beside[slices]
-            kinds.setdefault((cut.integrates, each.along, slices.shape[-1]), []).append(own)
-    for (_, along, _), some in kinds.items():
-        members, slices, cuts, beside = zip(*some, strict=True)
-        for at, own, part in zip(members, slices, each_in_one_call(cuts, along, span, beside, order), strict=True):
-            found[at] = replace(opened[at], known=by_slice([replace(part, column=own.reshape(-1)[part.column])]))
-    return found
 
 
 def varied_beside(loops: Loops, number: str) -> str:
