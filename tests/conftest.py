@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from wavesweep.capabilities import CAPABILITIES
 from wavesweep.core.reproducibility import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
@@ -31,6 +32,7 @@ from wavesweep.core.sweep import workers  # noqa: E402
 workers.PROCESSES = 1  # tests are many processes already: those that are about workers ask for them
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
+THERE = {each.name for each in CAPABILITIES}
 THOROUGH = {"judged"}  # fixtures that take many seconds, whichever test asks for them first
 
 
@@ -42,7 +44,8 @@ def pytest_collection_modifyitems(items):
             sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
         if THOROUGH.intersection(item.fixturenames):
             item.add_marker("thorough")
-        if "WAVESWEEP_WITHOUT" in os.environ and item.get_closest_marker("whole"):
+        gone = {name for mark in item.iter_markers("asks") for name in mark.args} - THERE
+        if gone or ("WAVESWEEP_WITHOUT" in os.environ and item.get_closest_marker("whole")):
             item.add_marker(pytest.mark.skip(reason="asks for capabilities that are taken away"))
     for number, same in sampled.values():
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}

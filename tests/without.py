@@ -17,7 +17,7 @@ from wavesweep.capabilities import CAPABILITIES
 
 ROOT = Path(__file__).parents[1]
 NAMES = tuple(each.name for each in CAPABILITIES)
-WHOLE = ("tests/whole/", "tests/stress/")  # tests that are about everything together
+WHOLE = ("tests/whole/", "tests/stress/test_")  # tests that are about everything together
 ASKED = (("zwidth", "fig4"), ("zwidth", "fig5"), ("stability-region", "fig4-b25"), ("bode", "fig6"))
 
 

@@ -155,6 +155,7 @@ def test_no_damping_is_felt_as_none(kind):
         assert (felt["stiffness"], felt["damping"], felt["rigid"]) == (K, 0.0, False)
 
 
+@pytest.mark.asks("prove")
 def test_a_range_ends_where_the_spec_takes_no_more():
     """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
     tables = {

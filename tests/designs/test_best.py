@@ -3,6 +3,8 @@
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from wavesweep.core.spec import load
 from wavesweep.designs.best import chosen, text_of
 
@@ -46,6 +48,7 @@ def test_what_sets_the_worst_is_swept_if_it_lies_between_the_listed_values():
     assert '"operator.stiffness" = [0.0, 1000.0]' in text
 
 
+@pytest.mark.asks("for_all", "simulation")
 def test_what_it_holds_for_all_of_stays_in_for_all_and_the_device_keeps_its_encoder():
     spec = load(SPEC | {"for_all": {"device.damping": {"start": 1.0, "stop": 2.0}}, "simulate": {"resolution": 2e-5}})
     found = load(tomllib.loads(text_of(spec, {"b": 18.0, "z_width": 844.2}, 20000.0)))

@@ -20,7 +20,6 @@ from wavesweep.designs.best import miss
 from wavesweep.designs.family import Scenario, scenarios_of
 from wavesweep.designs.search import designs_of
 from wavesweep.designs.study import box_of, evaluated, job_of
-from wavesweep.for_all.hand_box import BOX_RECORD, BoxGuarantee, HandBox
 
 SPEC = """
 [environment]
@@ -232,31 +231,32 @@ def test_of_whole_numbers_all_between_the_ends_are_checked():
     [
         (
             {"for_all": {"operator.mass": [0, 0.6], "hand": {"stiffness": [800.0, 810.0]}}},
-            HandBox((0, 0.6), (2, 2), (800, 810)),
+            ((0, 0.6), (2, 2), (800, 810)),
         ),
-        ({"vary": {"operator.damping": {"start": 1, "stop": 3}}}, HandBox((0, 0), (2.5, 2.5), (100, 600))),
+        ({"vary": {"operator.damping": {"start": 1, "stop": 3}}}, ((0, 0), (2.5, 2.5), (100, 600))),
     ],
 )
 def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monkeypatch):
     """Also of what is said of the operator itself; a design that varies the hand has its own."""
-    seen = []
+    hands, seen = pytest.importorskip("wavesweep.for_all.hand_box"), []
 
     def kept(self, _values, _along, span):
         seen.append(self.box)
-        found = np.zeros(1, BOX_RECORD)
+        found = np.zeros(1, hands.BOX_RECORD)
         found["intervals"], found["high"], found["settled"] = 1, span[1], True
         return found
 
-    monkeypatch.setattr(BoxGuarantee, "records", kept)
+    monkeypatch.setattr(hands.BoxGuarantee, "records", kept)
     tables = tomllib.loads(SPEC) | {"operator": {"damping": 2.0}}
     tables["design"] |= {"for_all": {"hand": {"stiffness": [100.0, 600.0]}}, "wish": {"z_width": {"B_VE": [1]}}} | change
     spec = load(tables)
     genes = np.full((1, len(spec.design.vary)), 0.75)
     designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
     evaluated(spec, scenarios_of(spec), designs, 1, 2e4, kind, box_of(spec))
-    assert set(seen) == {box}
+    assert set(seen) == {hands.HandBox(*box)}
 
 
+@pytest.mark.asks("for_all", "passive")
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
@@ -278,8 +278,10 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
 
 
 def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
+    hands = pytest.importorskip("wavesweep.for_all.hand_box")
+
     def sooner(_self, loop, _along, span):
-        found = np.zeros(1, BOX_RECORD)
+        found = np.zeros(1, hands.BOX_RECORD)
         found["intervals"], found["high"], found["settled"] = (
             1,
             span[1] * (0.5 if loop.values["environment.B_VE"] == 5 else 0.8),
@@ -287,7 +289,7 @@ def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeyp
         )
         return found
 
-    monkeypatch.setattr(BoxGuarantee, "records", sooner)
+    monkeypatch.setattr(hands.BoxGuarantee, "records", sooner)
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5] }")
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
     code, text, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1", "--jobs", "1")

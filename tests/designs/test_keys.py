@@ -79,6 +79,7 @@ def test_a_drawn_design_is_the_same_from_its_tables():
     assert spec.values["block.arm.mass"] == 0.2
 
 
+@pytest.mark.asks("for_all")
 def test_the_tables_of_design_are_explained(wavesweep):
     code, out, _ = wavesweep("keys", "design.wish")
     assert (code, all(f"  {wish} (" in out for wish in WISHES)) == (0, True)

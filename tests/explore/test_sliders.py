@@ -4,17 +4,18 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from support.specs import shipped
 
 from wavesweep.core.spec import load
 from wavesweep.core.sweep.grid import keys_of
 from wavesweep.explore.sliders import changed, sliders_of, text_of
 
 ROOT = Path(__file__).parents[2]
-SPECS = [path for path in sorted(ROOT.glob("sweeps/**/*.toml")) if "[block." not in path.read_text(encoding="utf-8")]
+SPECS = [path for path in shipped() if "[block." not in path.read_text(encoding="utf-8")]
 EDGES = {"passband_hz": 5.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("sweeps/**/*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
 def test_every_number_that_a_loop_reads_has_a_slider_whose_ends_make_a_loop(path):
     """A notch rules out a tenth of its rate, and four times its frequency: the sliders end before."""
     spec = load(path)
@@ -54,6 +55,7 @@ def test_a_slow_rate_that_does_not_divide_is_varied_itself():
     assert load(tomllib.loads(text_of(spec))).sha256 == spec.sha256
 
 
+@pytest.mark.asks("simulation")
 def test_the_copied_text_is_one_that_every_command_takes():
     """Frequencies, a swept cutoff and a sine that the lower rate rules out."""
     tables = {"controller": {"kind": "pmw"}, "bode": {"frequency_hz": {"start": 0.1, "stop": 400.0, "num": 9, "scale": "log"}}}
@@ -73,6 +75,7 @@ def test_the_copied_text_is_the_same_request(path):
     assert again.sha256 == other.sha256 != spec.sha256
 
 
+@pytest.mark.asks("designs", "simulation")
 def test_the_copied_text_keeps_the_simulation_and_the_design_study():
     spec = load(
         {"controller": {"kind": "dc"}, "simulate": {"input": "stepped-sine", "frequency_hz": [1.0, 2.0], "friction": 0.5}}

@@ -10,7 +10,6 @@ from wavesweep.core.spec import load
 from wavesweep.for_all.joint import bracket, decide
 from wavesweep.for_all.messages import Sent, frames_with_messages
 from wavesweep.for_all.words import growth
-from wavesweep.simulation.from_spec import simulated
 
 PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
 
@@ -172,7 +171,8 @@ def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
     ticks = len(late) * loop["blocks"][name]["every"]
     push = np.zeros(130 * ticks)
     push[0] = 1.0
-    seen = simulated(load(spec_of_blocks(loop)), push).signals
+    simulation = pytest.importorskip("wavesweep.simulation.from_spec")
+    seen = simulation.simulated(load(spec_of_blocks(loop)), push).signals
     size = np.hypot.reduce([seen[each].reshape(-1, ticks) for each in ("place", *loop["blocks"])]).max(axis=1)
     late = (np.arange(len(size)) > 20) & (size > 1e-250 * size.max())
     assert np.exp(np.polyfit(np.flatnonzero(late), np.log(size[late]), 1)[0]) == pytest.approx(

@@ -25,7 +25,6 @@ from wavesweep.core.spec import load
 from wavesweep.for_all.frames import Frames
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
 from wavesweep.for_all.words import growth
-from wavesweep.simulation.from_spec import simulated
 
 T, PATTERN, K = 1e-3, [16, 33, 16, 25, 33, 33], 3.0
 METHODS = "explicit", "implicit", "trapezoidal"
@@ -168,7 +167,8 @@ def large(matrix):
 def test_a_type_with_a_rule_moves_and_decays_as_the_table_says(kind, keys, size, run):
     push = np.random.default_rng(1).normal(size=400)
     expected, _ = marched(run, [0.0] * (3 + size), push)
-    found = simulated(loop_with(kind, keys, simulate={"frames": PATTERN}), push).signals["x"]
+    simulation = pytest.importorskip("wavesweep.simulation.from_spec")
+    found = simulation.simulated(loop_with(kind, keys, simulate={"frames": PATTERN}), push).signals["x"]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     spec, still = loop_with(kind, keys), np.zeros(sum(PATTERN))
     family = frames_of_drawing(spec.drawing, spec.values, tuple(sorted({*PATTERN})), "numbers.K")
@@ -217,8 +217,9 @@ def test_a_type_without_a_rule_is_refused_by_name(kind):
     refused = rf"have a rule for steps that vary .*, found s \({kind}\)"
     with pytest.raises(UsageError, match=refused):
         wavesweep.stability_region(loop_with(kind, OTHERS[kind], **VARYING))
+    simulation = pytest.importorskip("wavesweep.simulation.from_spec")
     with pytest.raises(UsageError, match=refused):
-        simulated(loop_with(kind, OTHERS[kind], simulate={"frames": PATTERN}), [1.0])
+        simulation.simulated(loop_with(kind, OTHERS[kind], simulate={"frames": PATTERN}), [1.0])
 
 
 def smoothed(values):

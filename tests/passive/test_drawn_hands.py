@@ -70,6 +70,7 @@ def test_a_box_goes_along_any_number(number):
     assert found["settled"].tolist() == [True]
 
 
+@pytest.mark.asks("for_all")
 def test_what_a_hand_cannot_hold_is_refused():
     sampled = drawn(4, "device.v")
     with pytest.raises(UsageError, match=r"expected that nothing reads device\.v"):

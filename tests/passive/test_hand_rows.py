@@ -145,7 +145,12 @@ def test_progress_counts_all_hands_together():
     ("spec", "hand", "said"),
     [
         (spec_of(velocity="exact"), "passive", 'expected device.velocity = "difference", found "exact"'),
-        (spec_of(**{"operator.mass": [0.1, 0.2]}), "box", "operator.mass cannot be an axis as well"),
+        pytest.param(
+            spec_of(**{"operator.mass": [0.1, 0.2]}),
+            "box",
+            "operator.mass cannot be an axis as well",
+            marks=pytest.mark.asks("for_all"),
+        ),
     ],
 )
 def test_what_cannot_be_answered_is_refused(spec, hand, said):
@@ -153,6 +158,7 @@ def test_what_cannot_be_answered_is_refused(spec, hand, said):
         intervals(spec, hands=hands_of(hand))
 
 
+@pytest.mark.asks("for_all")
 def test_an_empty_box_is_refused():
     with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found \(0.5, 0.1\)"):
         hands_of("box:mass=0.5..0.1")

@@ -5,6 +5,8 @@ from math import comb
 import numpy as np
 import pytest
 from flint import arb, arb_mat
+
+pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
 from stress.drawings import monodromy
 from support.drawn import random_network, random_tables
 

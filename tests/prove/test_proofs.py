@@ -5,6 +5,8 @@ from itertools import groupby
 
 import numpy as np
 import pytest
+
+pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
 from stress.drawings import SPANS
 from support.certified import Witness
 from support.drawn import ARM, CORNER, JOINT, NETWORK, NEXT_TO_ONE, PD, WALL, as_blocks, random_feedback, random_tables

@@ -1,15 +1,17 @@
 """[sweep] require: intervals in which every mode is within a radius per frame, or settles in a time."""
 
 from fractions import Fraction
+from importlib import import_module
 
 import numpy as np
 import pytest
+
+pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
 from stress.drawings import NUMBERS, SPANS, monodromy, verdict
 from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
-from wavesweep.compare.table import compare
 from wavesweep.core.analyses.own_design import own_design, own_lines
 from wavesweep.core.errors import UsageError
 from wavesweep.core.monodromy.radius import errors_within, within
@@ -257,11 +259,12 @@ def test_what_cannot_be_required_is_one_clear_line(require, expected):
     assert str(error.value) == expected
 
 
+@pytest.mark.asks("compare", "passive", "sensitivity")
 def test_what_is_about_stability_alone_refuses_it():
     for refused in (
         lambda: wavesweep.zwidth(SPEC, for_hands="passive"),
         lambda: wavesweep.why(SPEC),
-        lambda: compare([load(SPEC)]),
+        lambda: import_module("wavesweep.compare.table").compare([load(SPEC)]),
         lambda: wavesweep.compile(SPEC).stable_intervals("rates.fast_hz", (500.0, 2000.0), require={"settling": 0.5}),
     ):
         with pytest.raises(UsageError, match=r"stability alone|changes the time of a frame"):

@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
-from support.frames import frames_of_controller
 from support.specs import INTEGRATIONS
 
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.for_all.frames import LOST, Frames
-from wavesweep.for_all.words import growth as growth_of
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.record import recorded
 
@@ -102,6 +99,7 @@ def growth(spec, ticks):
     return np.exp(np.polyfit(np.arange(len(size)), np.log(size), 1)[0])
 
 
+@pytest.mark.asks("for_all")
 @pytest.mark.slow
 def test_the_counterexample_of_figure_4_grows_and_dies_out_at_the_walls_that_are_proved():
     found = intervals(
@@ -125,6 +123,12 @@ def alike(symbol, ticks, delay, following):
 @pytest.mark.parametrize("step", ["elapsed", "nominal"])
 def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, step):
     """Two programs that share nothing but the page, and results at once, late, a frame late and lost."""
+    pytest.importorskip("wavesweep.for_all")
+    from support.frames import frames_of_controller
+
+    from wavesweep.for_all.frames import LOST, Frames
+    from wavesweep.for_all.words import growth as growth_of
+
     pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]
     frames = [{"ticks": ticks} | ({"lost": True} if delay == LOST else {"delay": delay}) for ticks, delay in pattern]
     environment = {"integration": integration, "step": step, "K_VE": 60.0}
