@@ -84,6 +84,7 @@ def _entry_points() -> Iterator[str]:
             yield from (f"{each.path}/entry_points.txt" for each in found if each.name.endswith(".dist-info"))
 
 
+# Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
 CAPABILITIES = (
     Capability("for_all", tables=("for_all",), offers=("boxes", "guarantee", "keys", "on_check")),
     Capability(
@@ -111,7 +112,7 @@ CAPABILITIES = (
     Capability(
         "passive",
         {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
-        kinds=("passivity", "passivity-filters", "passivity-ports"),
+        kinds=("passivity", "passivity-filters", "passivity-ports", "passivity-along"),
         library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
         offers=("guarantee", "on_check", "wish"),
     ),
@@ -186,6 +187,8 @@ TABLES = MappingProxyType(
         "sweep.require": "require",
     }
 )
+
+HANDS = MappingProxyType({"passive": "passive", "box": "for_all", "port": "passive"})  # words of --for-hands, likewise
 
 
 def home_of(command: str) -> Capability | None:

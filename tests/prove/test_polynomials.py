@@ -4,14 +4,13 @@ from math import comb
 
 import numpy as np
 import pytest
-from flint import arb, arb_mat
+from flint import arb, arb_mat, ctx
 
 pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
 from stress.drawings import monodromy
 from support.drawn import random_network, random_tables
 
 import wavesweep
-from wavesweep.prove.columns import precision
 from wavesweep.prove.crossings import count_outside, crossings
 from wavesweep.prove.polynomials import Budget, Family, Part, bernstein, chebyshev
 from wavesweep.prove.ticks import Loop, UndecidedError
@@ -24,7 +23,7 @@ def floats(matrix):
 @pytest.mark.parametrize("tables", [*map(random_tables, range(20, 26)), random_network(3, 8)])
 def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
     spec = wavesweep.compile(tables).spec
-    with precision(128):
+    with ctx.workprec(128):
         found = np.linalg.eigvals(floats(Loop(spec.drawing, spec.values, "k").frame(arb(spec.values["numbers.k"]))[0]))
     expected = np.linalg.eigvals(monodromy(spec.drawing, dict(spec.values)))
     for one, other in ((found, expected), (expected, found)):
@@ -36,7 +35,7 @@ def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
 def test_polynomials_on_a_part_enclose_those_of_each_value(number):
     spec, budget = wavesweep.compile(random_tables(9)).spec, Budget(1e9)
     span = (0.5, 0.6)
-    with precision(192):
+    with ctx.workprec(192):
         family = Family(Loop(spec.drawing, spec.values, number), span, budget)
         family.find_ones()
         for part in family.over_range():
@@ -88,7 +87,7 @@ def test_crossings_of_a_pair_and_of_real_roots(degree):
     if degree == 3:
         padded = np.vstack([rows, [[0.0, 0.0]]])
         rows = np.vstack([[[0.0, 0.0]], rows]) - padded / 2
-    with precision(128):
+    with ctx.workprec(128):
         part = Part(arb(0), arb(3), (arb_mat([[arb(float(x)) for x in row] for row in rows]),))
         found = sorted(crossings(part, Budget(1e8)), key=lambda each: each.value.mid())
     assert [float(each.value.mid()) for each in found] == pytest.approx([2 * c - 1, 1.0])

@@ -43,10 +43,10 @@ def channel_norm(values):
     return channel.channel_norm(loop_drawing(values), values)
 
 
-def any_hand_walls(values, span, hand_damping=0.0, path=WALL):
+def any_hand_walls(values, span, path=WALL):
     from wavesweep.passive.ranges import hand_ranges
 
-    return hand_ranges(held(values, path), path, span, hand_damping)
+    return hand_ranges(held(values, path), path, span)
 
 
 def passive_walls(values, span, path=WALL):

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 ROWS = {
     "box": RowKind(
+        "every hand between a fingertip and an arm, or in the ranges that --for-hands box:... gives",
         "stable with every hand of the box",
         "hands of the box",
         "#D55E00",
@@ -21,6 +22,7 @@ ROWS = {
         searched=True,
     ),
     "for_all": RowKind(
+        "all numbers of [for_all]",
         "proved for all numbers of [for_all]",
         "proved for all",
         "#D55E00",
@@ -29,8 +31,10 @@ ROWS = {
         "nothing proved for all numbers of [for_all]",
         "largest proved for all",
         proved=True,
+        column="guarantee",
     ),
     "mean_square": RowKind(
+        "messages lost at random",
         "proved in mean square, with messages lost at random",
         "proved in mean square",
         "#D55E00",
@@ -39,6 +43,7 @@ ROWS = {
         "nothing proved in mean square",
         "largest proved in mean square",
         proved=True,
+        column="guarantee",
     ),
 }
 

@@ -1,5 +1,6 @@
 """The columns of the tables of `passivity`."""
 
+from wavesweep.core.tables.fields import COLUMNS as OF_CORE
 from wavesweep.core.tables.fields import columns_beside
 
 COLUMNS = columns_beside(
@@ -8,4 +9,4 @@ COLUMNS = columns_beside(
         "excess": lambda columns: columns["channel_norm"] - 1,
         "energy_gain": lambda columns: columns["channel_norm"] ** 2 - 1,
     },
-)
+) | {"passivity-along": OF_CORE["zwidth-hands"]}

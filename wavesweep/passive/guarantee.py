@@ -14,9 +14,26 @@ if TYPE_CHECKING:
 _EVERY = "stable with every passive hand"
 _PORT = "hand's port passive, forces held over a tick"
 ROWS = {
-    "passive": RowKind(_EVERY, "every passive hand", "#009E73", 3, nowhere=f"nowhere {_EVERY}"),
-    "port": RowKind(_PORT, "passive port", "#CC79A7", 5, "passive", "nowhere passive", of_operator=True),
+    "passive": RowKind(
+        "every passive hand, of any mass and stiffness, also if it moves within a tick",
+        _EVERY,
+        "every passive hand",
+        "#009E73",
+        3,
+        nowhere=f"nowhere {_EVERY}",
+    ),
+    "port": RowKind(
+        "the hand's port is passive, if forces are held over a tick",
+        _PORT,
+        "passive port",
+        "#CC79A7",
+        5,
+        "passive",
+        "nowhere passive",
+        of_operator=True,
+    ),
     "ports": RowKind(
+        "every pair of linear passive terminations at both ports, if forces are held over a tick",
         "absolutely stable at both ports",
         "absolutely stable",
         "#000000",
@@ -25,7 +42,13 @@ ROWS = {
         "nowhere absolutely stable",
     ),
     "channel": RowKind(
-        "wave channel passive to within the tolerance", "passive wave channel", "#E69F00", 4, "passive", "nowhere passive"
+        "the wave channel adds at most the tolerance of the run to its waves",
+        "wave channel passive to within the tolerance",
+        "passive wave channel",
+        "#E69F00",
+        4,
+        "passive",
+        "nowhere passive",
     ),
 }
 

@@ -62,7 +62,7 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     return remembered(maps)
 
 
-def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float) -> Maps:
+def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """Maps whose Hermitian parts are positive where the loop is stable with every passive hand of at least this damping.
 
     They are `d/T + C` of `damping_needed`, d (N*s/m) that of device and hand.
@@ -74,7 +74,7 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float], hand_dam
         with np.errstate(all="ignore"):
             ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], p.shape)
             lifted = settled(ticks.lifted(measured=False), x)
-        paid = np.broadcast_to((device_keys(at)[1] + hand_damping) / drawn.period, p.shape)
+        paid = np.broadcast_to(device_keys(at)[1] / drawn.period, p.shape)
         T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])
         return replace(lifted, T=T), pivots_of(at, path, drawn, p.shape)
 

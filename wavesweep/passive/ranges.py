@@ -74,14 +74,14 @@ def _where_stable(loop, path, span, way):
     return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
 
 
-def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float], hand_damping: float = 0.0) -> PassiveRanges:
-    """Where the loop is stable with every passive hand of at least `hand_damping` (N*s/m); see `damping_needed`.
+def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
+    """Where the loop is stable with every passive hand; see `damping_needed`.
 
     loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
     any mass and stiffness, including nonlinear and time-varying ones, and for none: the device by itself is stable.
     """
     free = loop.changed(dict.fromkeys(HAND, 0.0))
-    return _where_stable(free, path, span, _OneMap(reaction_maps(free, path, span, hand_damping)))
+    return _where_stable(free, path, span, _OneMap(reaction_maps(free, path, span)))
 
 
 def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:

@@ -17,6 +17,7 @@ from wavesweep.core.analyses.assumptions import notices_of
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
 from wavesweep.core.tables.columns import at_port
+from wavesweep.core.tables.intervals import interval_kind
 from wavesweep.core.tables.kind import Kind, Line, Numbers, Whole, count, from_spec
 from wavesweep.core.tables.table import Table, facts_of, spans_held
 
@@ -281,4 +282,5 @@ KINDS = (
         figure="wavesweep.passive.figure.passivity_ports",
         again=from_spec(over_frequency),
     ),
+    interval_kind("passivity-along", None),
 )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import nan
@@ -60,7 +59,7 @@ def prove_column(
     """
     budget, loop, crowded = operations if isinstance(operations, Budget) else Budget(operations), None, 0
     for bits in precisions:
-        with precision(bits):
+        with ctx.workprec(bits):
             try:
                 loop = loop or Loop(drawing, values, name_of(along))
                 return _proof(loop, span, integrators, budget)
@@ -69,16 +68,6 @@ def prove_column(
                 if budget.left < 0 or crowded == HOPELESS:
                     break
     return None
-
-
-@contextmanager
-def precision(bits: int) -> Iterator[None]:
-    """Compute with so many bits."""
-    before, ctx.prec = ctx.prec, bits
-    try:
-        yield
-    finally:
-        ctx.prec = before
 
 
 def _proof(loop, span, integrators, budget):

@@ -12,7 +12,7 @@ from wavesweep.capabilities import CAPABILITIES
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.tables.kind import Kind
 
-_OF_INTERVALS = ("zwidth", "stability-region", "zwidth-hands", "stability-region-hands", "passivity-along")
+_OF_INTERVALS = ("zwidth", "stability-region", "zwidth-hands", "stability-region-hands")
 HOMES: Mapping[str, str] = MappingProxyType(
     {
         **dict.fromkeys(_OF_INTERVALS, f"{__name__}.intervals"),

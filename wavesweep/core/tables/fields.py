@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from wavesweep.capabilities import CAPABILITIES
 from wavesweep.core import doubts
+from wavesweep.core.tables.row_kinds import words_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,22 +42,7 @@ class Field:
     advice: str = ""
 
 
-_VALUES = {
-    "hand": {
-        "free": "the device alone, without a hand",
-        "operator": "the spec's own operator",
-        "passive": "every passive hand, of any mass and stiffness, also if it moves within a tick",
-        "box": "every hand between a fingertip and an arm, or in the ranges that --for-hands box:... gives",
-        "port": "the hand's port is passive, if forces are held over a tick",
-        "ports": "every pair of linear passive terminations at both ports, if forces are held over a tick",
-        "channel": "the wave channel adds at most the tolerance of the run to its waves",
-    },
-    "guarantee": {
-        "spec": "the spec's own numbers",
-        "for_all": "all numbers of [for_all]",
-        "mean_square": "messages lost at random",
-    },
-}
+_VALUES = {column: words_of(column) for column in ("hand", "guarantee")}
 
 
 def columns_beside(
@@ -89,7 +75,7 @@ _FOR_HANDS = (*_FOR_HANDS, *_GROUPS["open"])
 COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         **dict.fromkeys(("zwidth", "stability-region"), _INTERVALS),
-        **dict.fromkeys(("zwidth-hands", "stability-region-hands", "passivity-along"), _FOR_HANDS),
+        **dict.fromkeys(("zwidth-hands", "stability-region-hands"), _FOR_HANDS),
         "bode": _BODE,
         "bode-ports": _GROUPS["bode-ports"],
     }

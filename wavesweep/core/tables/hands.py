@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import HANDS, modules
 from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.analyses.loops import held_loop
 from wavesweep.core.energy.held_loop import HAND, HeldLoop
@@ -11,8 +11,6 @@ from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import own_loop
 from wavesweep.core.sweep.job import Job
-
-HOMES = {"passive": "passive", "box": "for_all", "port": "passive"}  # of the usual words, the capabilities that offer them
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +72,8 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
             guarantee = next(filter(None, offered), None)
         except ValueError as error:
             raise UsageError(str(error)) from error
-        if guarantee is None and kind in HOMES and not any(kind in each.ROWS for each in modules("guarantee")):
-            raise UsageError(f"hands: expected the capability {HOMES[kind]} for {kind}, found that it is not there")
+        if guarantee is None and kind in HANDS and not any(kind in each.ROWS for each in modules("guarantee")):
+            raise UsageError(f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there")
         if guarantee is None:
             raise UsageError(f"hands: expected passive, box, port or box:RANGES, found {word!r:.60}")
         if kind in found:

@@ -215,5 +215,4 @@ KINDS = (
     interval_kind("stability-region", None),
     interval_kind("zwidth-hands", "K_VE"),
     interval_kind("stability-region-hands", None),
-    interval_kind("passivity-along", None),
 )

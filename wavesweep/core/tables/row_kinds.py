@@ -14,12 +14,14 @@ from wavesweep.capabilities import modules
 class RowKind:
     """Words and look of the rows of one kind.
 
-    title: of their line in a summary. legend, colour, line: in a figure; line: place in `style.LINES`. good: adjective of their
-    intervals. nowhere: the sentence without any. largest: title of the largest value in a figure. proved: whether they are what
-    is proved, with columns of what refutes more. searched: whether some are not proved, and no counterexample is found.
-    of_operator: whether they are of the spec's own loop, which its operator holds.
+    meaning: of its word in the column, `hand` or `guarantee`. title: of their line in a summary. legend, colour, line: in a
+    figure; line: place in `style.LINES`. good: adjective of their intervals. nowhere: the sentence without any. largest: title
+    of the largest value in a figure. proved: whether they are what is proved, with columns of what refutes more. searched:
+    whether some are not proved, and no counterexample is found. of_operator: whether they are of the spec's own loop, which its
+    operator holds.
     """
 
+    meaning: str = ""
     title: str = ""
     legend: str = ""
     colour: str = "#0072B2"
@@ -30,12 +32,13 @@ class RowKind:
     proved: bool = False
     searched: bool = False
     of_operator: bool = False
+    column: str = "hand"
 
 
 COMPUTED: Mapping[str, RowKind] = {
-    "free": RowKind("free device", "free device"),
-    "operator": RowKind("with the spec's operator", "operator", "#56B4E9", 1),
-    "spec": RowKind("the spec's own numbers", "nominal numbers"),
+    "free": RowKind("the device alone, without a hand", "free device", "free device"),
+    "operator": RowKind("the spec's own operator", "with the spec's operator", "operator", "#56B4E9", 1),
+    "spec": RowKind("the spec's own numbers", "the spec's own numbers", "nominal numbers", column="guarantee"),
 }
 """Intervals of one loop; the others are searched for, at the swept values alone."""
 
@@ -61,6 +64,11 @@ def _message(late: str) -> str:
     if not late.isdigit():
         return late
     return f"{late} tick{'s' * (late != '1')} late" if int(late) else "in time"
+
+
+def words_of(column: str) -> dict[str, str]:
+    """The words that a column, `hand` or `guarantee`, can have, with their meanings."""
+    return {word: kind.meaning for word, kind in row_kinds().items() if kind.meaning and kind.column == column}
 
 
 def proved_kinds() -> tuple[str, ...]:
