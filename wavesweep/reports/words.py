@@ -14,6 +14,7 @@ from wavesweep.core.errors import SpecError, WavesweepError
 from wavesweep.core.spec import sweep_axes
 from wavesweep.core.tables.columns import fields_of
 from wavesweep.core.tables.interval_tally import open_in_words
+from wavesweep.core.tables.row_kinds import row_kinds
 
 if TYPE_CHECKING:
     from wavesweep.core.spec import Axis, Spec
@@ -24,9 +25,6 @@ MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one t
 BEYOND = (1e-3, 1e-6, 1e-9)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
 HEADS = {"guarantee": "for", "hand": "for", "high": "to", "low_hz": "limited at", "high_hz": "and at"}
 HEADS |= {"fails_below": "refuted below", "fails_from": "refuted from"}
-WHOSE = {"spec": "its own numbers", "for_all": "all of [for_all]"}
-WHOSE |= {"passive": "every passive hand", "box": "every hand of the box"}
-WHOSE |= {"free": "a free device", "operator": "the spec's operator", "port": "a passive port"}
 OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
 
 
@@ -90,7 +88,11 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     shown = [*axes, *([whose] if whose else []), "low", "high", "low_hz", "high_hz", *refuted]
     said = dict(HEADS, low=f"{columns['along'][0]} from")
     head = [f"{said.get(name, name)}{f' ({units[name]})' if units.get(name, '1') not in ('', '1') else ''}" for name in shown]
-    rows = [[*(WHOSE.get(row[name]) or _text(row[name]) for name in shown), _proof(row)] for row in _rows(columns)]
+    kinds = row_kinds()
+    rows = [
+        [*(kinds[row[name]].legend if name == whose else _text(row[name]) for name in shown), _proof(row)]
+        for row in _rows(columns)
+    ]
     for row, number in zip(rows, columns["intervals"].tolist(), strict=True):
         row[shown.index("low")] = row[shown.index("low")] if number else "none"
     return (*head, "proof"), rows
@@ -98,7 +100,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 
 def _proof(row: Columns) -> str:
     """Whether a row is certified, or proved by the checker of a guarantee. Of hands only what is settled is."""
-    if row.get("hand") == "box":
+    if row_kinds()[row.get("hand", "")].searched:
         return "proved" if row["settled"] else "not proved: searched"
     word = "proved" if row.get("guarantee", "spec") != "spec" else "certified"
     open_ = open_places({name: [each] for name, each in row.items()}, 0)
@@ -114,7 +116,7 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
     for row in _telling(table.columns):
         axes = {name: row[name] for name in axes_of(table.columns) if not np.isnan(row[name])}
         whose = row.get(whose_column(row), "")
-        at = ", ".join([f"{name} = {value:g}" for name, value in axes.items()] + [WHOSE[whose] for _ in whose[:1]])
+        at = ", ".join([f"{name} = {value:g}" for name, value in axes.items()] + [row_kinds()[whose].legend] * bool(whose))
         for end, side, fails in (("low", -1.0, "fails_below"), ("high", 1.0, "fails_from")):
             if whose in OWN and not np.isnan(row[f"{end}_omega"]):
                 found += [[at, *each] for each in _beyond(spec, row["along"], axes, row[end], side)]
