@@ -1,19 +1,48 @@
-"""A capability of another package: its command, its columns, its table and its figure are there once it is installed."""
+"""A capability of another package: its command, key, columns, table and figure are there once it is installed."""
 
 import os
 import subprocess
 import sys
+from math import exp
+
+import pytest
 
 FILES = {
     "decays/__init__.py": """
 from wavesweep.capabilities import Capability
 
-DECAYS = Capability("decays", {"decay": "Compute how slowly a loop decays."}, kinds=("decay",), package="decays")
+DECAYS = Capability(
+    "decays",
+    {"decay": "Compute how slowly a loop decays."},
+    tables=("decay",),
+    kinds=("decay",),
+    offers=("keys",),
+    package="decays",
+)
+""",
+    "decays/keys.py": """
+from wavesweep.core.reading.keys import by_path, positive
+from wavesweep.core.reading.tables import Asked, Table
+
+KEYS = by_path([positive("decay.to", None, "1", "share of its size to which a mode decays, 1/e by default", high=1)])
+
+
+class Decay(dict, Asked):
+    def written(self):
+        return dict(self)
+
+
+def build(request):
+    given = {f"decay.{name}": leaf for name, leaf in request.belongs.below("decay").items()}
+    return Decay({path.removeprefix("decay."): value for path, value in request.mistakes.read(KEYS, given).items()})
+
+
+TABLE = Table(path="decay", build=build, keys=KEYS, always=True)
 """,
     "decays/columns.py": """
 from wavesweep.core.tables.fields import Field
 
-COLUMNS = {"decay": (Field("time_constant", "number", "s", "time in which the slowest mode falls to 1/e"),)}
+COLUMNS = {"decay": (Field("decay_time", "number", "s", "time in which the slowest mode falls to the share of [decay]"),)}
 """,
     "decays/table.py": """
 import numpy as np
@@ -25,15 +54,15 @@ from wavesweep.core.tables.table import Table, facts_of
 def decay(spec):
     loop = wavesweep.compile(spec)
     frame = spec.values["rates.ratio"] / spec.values["rates.fast_hz"]
-    decays = np.array([-frame / np.log(float(loop.spectral_radius()))])
-    return Table.of("decay", {"time_constant": decays}, facts_of([spec], {}, {"computed": 1}, {}))
+    decays = np.array([frame * np.log(spec.decay.get("to", np.exp(-1))) / np.log(float(loop.spectral_radius()))])
+    return Table.of("decay", {"decay_time": decays}, facts_of([spec], {}, {"computed": 1}, {}))
 
 
 KINDS = (
     whole_kind(
         "decay",
-        lambda columns, _: {"time_constant": float(columns["time_constant"][0])},
-        lambda numbers: iter([(f"falls to 1/e in {numbers['time_constant']:.3g} s", False)]),
+        lambda columns, _: {"decay_time": float(columns["decay_time"][0])},
+        lambda numbers: iter([(f"decays in {numbers['decay_time']:.3g} s", False)]),
         "decays.figure.decay",
     ),
 )
@@ -44,7 +73,7 @@ from wavesweep.core.plots.style import figure
 
 def decay(columns, facts):
     with figure(3.5, 2.0) as canvas:
-        canvas.subplots().plot(columns["time_constant"], "o")
+        canvas.subplots().plot(columns["decay_time"], "o")
     return canvas
 """,
     "decays/command.py": '''
@@ -83,9 +112,13 @@ def test_a_capability_of_another_package_is_there_once_it_is_installed(tmp_path)
     assert "Compute how slowly a loop decays." in " ".join(run("--help").stdout.split())
     done = run("decay", "wall.toml", "--out", "out")
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
-    assert "falls to 1/e in" in done.stderr
+    assert "decays in" in done.stderr
     header, row = (tmp_path / "out" / "decay.csv").read_text(encoding="utf-8").split()
-    assert header == "time_constant"
+    assert header == "decay_time"
     assert 0 < float(row) < 10
+    twice = run("decay", "wall.toml", "--set", f"decay.to={exp(-2)}", "--no-plot", "--quiet", "--out", "-").stdout.split()[1]
+    assert float(twice) == pytest.approx(2 * float(row), rel=1e-9)
+    assert "share of its size to which a mode decays" in run("keys", "decay.to").stdout
+    assert "decay.to: expected a number <= 1, found 2" in run("zwidth", "wall.toml", "--set", "decay.to=2").stderr
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".csv", ".parquet", ".png", ".json"}
-    assert "time in which the slowest mode falls to 1/e" in run("explain", "time_constant").stdout
+    assert "time in which the slowest mode falls to the share" in (tmp_path / "out" / "decay.datapackage.json").read_text()
