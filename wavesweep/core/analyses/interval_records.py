@@ -122,7 +122,7 @@ def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> 
 def fill_in_felt(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
     """Fill in the stiffness felt at both ends of the intervals of the loops `members`; opened: these without the number."""
     rows = np.flatnonzero(records["intervals"] > 0)
-    rows = rows[np.isin(records["slice"][rows], members)] if len(search.groups) > 1 else rows
+    rows = rows[_among(search, records["slice"][rows], members)]
     at = np.searchsorted(members, records["slice"][rows])
     known = opened if opened and opened.loops.at_rest else _resting(search, loops)
     if known is not None:
@@ -151,6 +151,12 @@ def fill_in_felt(search: "Search", records: np.ndarray, members: np.ndarray, loo
         felt_at_ends(records, rows, stiffness)
 
 
+def _among(search, slices, members):
+    """Which slices are those of some members of a search."""
+    every = members.size == sum(part.size for part, _ in search.groups)
+    return np.ones(slices.shape, bool) if every else np.isin(slices, members)
+
+
 def _buildable(search, loops):
     """The loops at any value of the number: without the whole numbers of ticks of dead times, which follow from it."""
     building = loops.drawing.building if search.in_pieces else ()
@@ -173,7 +179,7 @@ def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, lo
     """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
     few, bound = 1 if search.in_pieces else BATCH, search.bound
     ends, omegas = (np.stack([records[name] for name in pair]) for pair in (("low", "high"), ("low_omega", "high_omega")))
-    end, rows = np.nonzero(~np.isnan(omegas) & np.isin(records["slice"], members))
+    end, rows = np.nonzero(~np.isnan(omegas) & _among(search, records["slice"], members))
     p, omega = ends[end, rows], omegas[end, rows]
     at, found = np.searchsorted(members, records["slice"][rows]), omega / (2 * np.pi)
     if opened and opened.loops.cut and (bound is None or bound.on_circle):

@@ -43,13 +43,20 @@ def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> froze
 
     values: flat numbers, or arrays over a batch.
     """
-    known, acting, still = numbers_of(values), set(), set()
+    known, (reading, others) = numbers_of(values), _terms(drawing, number)
     with np.errstate(all="ignore"):
-        for port, terms in (*drawing.wires, *drawing.couplings):
-            for signal, gain in terms:
-                acts = number in dict(names_in(gain)) or np.any(values_of(gain, known))
-                (acting if acts else still).add((port, signal))
-    return frozenset(still - acting)
+        gains = [(place, values_of(gain, known)) for place, gain in others]
+    acting = {place for place, gain in gains if (np.any(gain) if np.ndim(gain) else gain)}
+    return frozenset({place for place, _ in others} - acting - reading)
+
+
+@lru_cache(maxsize=64)
+def _terms(drawing, number):
+    """Ports and signals of the terms that read a number, and those of the others, each with its gain."""
+    terms = [((port, signal), gain) for port, terms in (*drawing.wires, *drawing.couplings) for signal, gain in terms]
+    reads = [number in dict(names_in(gain)) for _, gain in terms]
+    reading = {place for (place, _), read in zip(terms, reads, strict=True) if read}
+    return reading, [term for term, read in zip(terms, reads, strict=True) if not read]
 
 
 def _reached(feeds, name):

@@ -48,7 +48,7 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
     beside = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
     thetas = (r.low_theta, np.append(False, beside), first), (r.high_theta, np.append(beside, False), last)
     omega = [np.where(open_, np.nan, theta)[at] / period[r.column[at]] for theta, open_, at in thetas]
-    stable, none = label[first] == 0, np.setdiff1d(np.arange(period.size), r.column[first])
+    stable, none = label[first] == 0, np.flatnonzero(np.bincount(r.column[first], minlength=period.size) == 0)
     error = np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0)
     nothing, zero = np.full(none.size, np.nan), np.zeros(none.size, int)
     rows = r.column[first], stable - 1, 0 * first, r.low[first], r.high[last], *omega, doubt[r.column[first]], error

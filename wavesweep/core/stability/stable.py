@@ -85,7 +85,7 @@ def _in_own_units(cut: Cut) -> Cut:
 
 def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
-    pending, done = np.arange(fixed.size), []
+    pending, answered, done = np.arange(fixed.size), np.zeros(fixed.size, bool), []
     cut, overflown = _finite(cut)
     divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
     for method in (_by_arcs,) if cut.order > MOST_STATES else (_by_polynomial, _by_polynomial_alone):
@@ -99,7 +99,8 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         last = ~divided[some] if method is _by_polynomial else True
         kept = (doubt == NONE) | lost | last
         done.append((_select(parts, kept, some), some[kept], doubt[kept]))
-        pending = np.setdiff1d(pending, some[kept], assume_unique=True)
+        answered[some[kept]] = True
+        pending = np.flatnonzero(~answered)
     return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
 
 

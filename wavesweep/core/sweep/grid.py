@@ -246,8 +246,13 @@ def _by_structure(spec, structural, size, resolved):
 
 def distinct(columns, size) -> list[np.ndarray]:
     """Indices of the rows that agree in all columns, in order of first appearance."""
-    if size < 2 or all((column == column[0]).all() for column in columns):
-        return [np.arange(size)] if size else []
+    if not size:
+        return []
+    varied = [alike for column in columns if not (alike := column == column[0]).all()]
+    if not varied:
+        return [np.arange(size)]
+    if len(varied) == 1 and all(column.dtype == bool for column in columns):
+        return [np.flatnonzero(varied[0]), np.flatnonzero(~varied[0])]
     label = _labels(columns, size)[1]
     order = np.argsort(label, kind="stable")
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
