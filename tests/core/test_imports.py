@@ -103,6 +103,12 @@ def test_a_capability_imports_the_core_alone_and_the_core_no_capability():
     assert sorted(edges) == []
 
 
+def test_a_search_for_intervals_loads_no_response():
+    """What is felt at rest is loaded where it is asked for."""
+    loaded = loaded_by("import wavesweep.core.analyses.interval_search")
+    assert not {name for name in loaded if name.startswith(("wavesweep.core.response.", "wavesweep.core.energy."))}
+
+
 def test_every_folder_is_the_core_or_a_capability():
     folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
     assert folders - {"core"} == set(NAMES)

@@ -6,10 +6,11 @@ from support.drawings import pmw, random_drawing
 
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.core.monodromy.periodic import ticks_of
 from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.port import port_of
 from wavesweep.core.response.steady import respond
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.march import run_drawn

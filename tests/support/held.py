@@ -5,7 +5,8 @@ import numpy as np
 import wavesweep
 from support.specs import nested
 from wavesweep.core.analyses.loops import drift_of, frames
-from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.controllers import HAND
+from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.sweep.grid import Loops, distinct, selected
 

@@ -230,7 +230,7 @@ class Loop:
         """
         import control
 
-        from wavesweep.core.analyses.loops import loop_at_hand
+        from wavesweep.core.analyses.at_hand import loop_at_hand
         from wavesweep.core.response.lifted import held_over_frame, over_frame
 
         drawing = self.spec.drawing

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any
 
 WALL = ("environment.K_VE", "environment.B_VE")
+HAND = ("operator.mass", "operator.damping", "operator.stiffness")
 """The keys of the wall's numbers."""
 
 

@@ -12,9 +12,10 @@ from wavesweep.core.analyses.loops import named_loops
 from wavesweep.core.arguments import real_numbers
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.drift import TickDrift, drift_of_drawn, telling_frame
 from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.port import port_of
 from wavesweep.core.response.steady import respond
 from wavesweep.core.stability.spectrum import radius_of
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.core.analyses.at_hand import felt_of, responses_of
 from wavesweep.core.analyses.hardware import peaks_of
 from wavesweep.core.analyses.intervals import at_points
-from wavesweep.core.analyses.loops import felt_of, radii_of, responses_of, telling_frames
+from wavesweep.core.analyses.loops import radii_of, telling_frames
 from wavesweep.core.columns import Rows
 from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.core.loops.controllers import keys_of_page

@@ -13,9 +13,10 @@ import numpy as np
 
 from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.analyses.loops import held_loop
+from wavesweep.core.controllers import HAND
 from wavesweep.core.drawing.drawing import Drawing, name_of
 from wavesweep.core.drawing.expressions import degree
-from wavesweep.core.energy.held_loop import HAND, HeldLoop, device_keys, device_of
+from wavesweep.core.energy.held_loop import HeldLoop, device_keys, device_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.from_drawing import scalar_place
 from wavesweep.core.spec import Spec

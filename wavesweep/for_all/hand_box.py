@@ -9,7 +9,8 @@ from wavesweep.core.analyses.interval_records import RECORD, blank_records
 from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.analyses.loops import held_loop
 from wavesweep.core.arguments import real_numbers
-from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.controllers import HAND
+from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import Axis
 from wavesweep.core.sweep.grid import Loops

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.controllers import HAND
+from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.energy.hinf import SOFT, angles, peak_by_levels
 from wavesweep.core.energy.lifted_map import TickMaps
 from wavesweep.core.errors import UsageError

@@ -22,11 +22,12 @@ from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.core.loops.domain import guards_at
 from wavesweep.core.loops.from_drawing import POSITION
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.circle import inverse, on_circle, solve
 from wavesweep.core.monodromy.open_ticks import facts_of
 from wavesweep.core.monodromy.periodic import ticks_of
 from wavesweep.core.monodromy.rounding import balance
-from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.port import port_of
 from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
 

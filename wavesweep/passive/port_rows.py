@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.core.analyses.loops import drift_of, frames
-from wavesweep.core.energy.held_loop import HAND, HeldLoop, device_of, with_hand
+from wavesweep.core.controllers import HAND
+from wavesweep.core.energy.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.core.stability.spectrum import eigenvalues
 from wavesweep.core.sweep.grid import Loops
 from wavesweep.passive.ranges import cover_of

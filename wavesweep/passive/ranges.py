@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.core.analyses.interval_search import Search
-from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.controllers import HAND
+from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.stability.positive import largest_free, positive

@@ -24,8 +24,9 @@ from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.from_drawing import OUTPUT, POSITION
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.circle import inverse, on_circle, solve
-from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.port import port_of
 from wavesweep.core.stability.spectrum import eigenvalues, is_stable
 from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
 

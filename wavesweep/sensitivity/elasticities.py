@@ -5,13 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.core.analyses.at_hand import felt_of
 from wavesweep.core.analyses.interval_records import TINY
 from wavesweep.core.analyses.lines import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, feels, felt_of, frames
+from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.columns import Columns
 from wavesweep.core.drawing.drawing import decides, path_of
 from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.ports import feels
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.core.sweep.grid import Grid, Loops, drawn_groups, keys_of, own_loop

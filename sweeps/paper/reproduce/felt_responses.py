@@ -12,7 +12,8 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec
-from wavesweep.core.analyses.loops import ports_of_batch, radii_of
+from wavesweep.core.analyses.at_hand import ports_of_batch
+from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.columns import Columns
 from wavesweep.core.drawing.drawing import Drawing
 from wavesweep.core.loops.controllers import loop_drawing

@@ -12,12 +12,13 @@ import wavesweep
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops import blocks
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.core.monodromy.open_frame import cut_of, open_frame
 from wavesweep.core.monodromy.periodic import frame_of, in_a_row, then, ticks_of
 from wavesweep.core.monodromy.product import product_with_errors
 from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.port import Ports, port_of
+from wavesweep.core.response.port import port_of
 from wavesweep.core.response.steady import respond
 from wavesweep.core.stability.along_any import stable_along_any
 from wavesweep.core.stability.stable import stable_intervals

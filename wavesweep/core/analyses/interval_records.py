@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.core.analyses.lines import lines_in_loops, strongest_in_cut
-from wavesweep.core.analyses.loops import feels, felt_of, hand_of, watched_drift
+from wavesweep.core.analyses.loops import watched_drift
 from wavesweep.core.analyses.open_loops import Opened, by_zeros
 from wavesweep.core.columns import Columns
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
-from wavesweep.core.response.resting import Resting, resting
+from wavesweep.core.loops.ports import feels, hand_of
 from wavesweep.core.stability.certificate import SEARCH
 from wavesweep.core.stability.intervals import Intervals, in_rows
 from wavesweep.core.sweep.grid import Loops
 
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search
+    from wavesweep.core.response.resting import Resting
 
 FIELDS = (
     ("slice", "<i4"),
@@ -144,7 +145,7 @@ def fill_in_felt(search: "Search", records: np.ndarray, members: np.ndarray, loo
     def stiffness(some, p):
         found, columns, varied = np.empty(p.size), at[some], _buildable(search, loops)
         for part in np.arange(p.size)[:, None] if search.in_pieces else by_zeros(loops, columns):
-            found[part] = felt_of(varied.some(columns[part]).changed({search.along: p[part]}), part.size)
+            found[part] = felt_along(varied.some(columns[part]), search.along, p[part])
         return found
 
     if rows.size:
@@ -163,13 +164,15 @@ def _buildable(search, loops):
     return Loops(loops.drawing, {path: v for path, v in loops.values.items() if path not in building})
 
 
-def _resting(search, loops) -> Resting | None:
+def _resting(search, loops) -> "Resting | None":
     """The loops at rest, if the number is one scalar gain of them."""
     if not scalar_place(loops.drawing, search.number) or seen_by_hand(loops.drawing, search.number):
         return None
     with suppress(IllPosedLoopError):
         drift = watched_drift(loops.changed({search.along: np.array(search.span)}))
         if not (drift.moved or drift.folded):
+            from wavesweep.core.response.resting import resting
+
             one = loops.changed({search.along: 1.0})
             return resting(one.drawn(search.number), hand_of(loops.drawing), PRODUCT, FACTOR)
     return None
@@ -198,6 +201,13 @@ def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, lo
         records[name][rows[own]] = found[own]
 
 
+def felt_along(loops: Loops, along: str, p: np.ndarray) -> np.ndarray:
+    """The stiffness (N/m) felt at rest in loops at values p of a number, `(n,)`."""
+    from wavesweep.core.analyses.at_hand import felt_of
+
+    return felt_of(loops.changed({along: p}), p.size)
+
+
 def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.ndarray:
     """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
 
@@ -210,9 +220,7 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.
             try:
                 found[number] = records = guarantee.records_of(loop, along, span)
                 if feels(loop.drawing) and records["intervals"][0]:
-                    felt_at_ends(
-                        records, np.arange(records.size), lambda _, p, loop=loop: felt_of(loop.changed({along: p}), p.size)
-                    )
+                    felt_at_ends(records, np.arange(records.size), lambda _, p, loop=loop: felt_along(loop, along, p))
             except FAILURES as error:
                 found[number] = unanswered(guarantee.dtype, number, span, error)
             found[number]["slice"] = number

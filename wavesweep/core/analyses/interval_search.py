@@ -17,13 +17,14 @@ from wavesweep.core.analyses.interval_records import (
     records_of,
     unanswered,
 )
-from wavesweep.core.analyses.loops import drift_of, feels
+from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside
 from wavesweep.core.analyses.subloops import common, silent, subloops
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.dead_time import breaks, structure, timing
 from wavesweep.core.loops.domain import domains, refuse_unsuitable
+from wavesweep.core.loops.ports import feels
 from wavesweep.core.monodromy.cut import with_batch
 from wavesweep.core.stability.certificate import NONE
 from wavesweep.core.stability.intervals import Intervals, joined, without_seams

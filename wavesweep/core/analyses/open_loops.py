@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wavesweep.core.analyses.bound import Bound
-from wavesweep.core.analyses.loops import drift_of, feels, hand_of, named_loops
+from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.errors import IllPosedLoopError
@@ -16,15 +17,16 @@ from wavesweep.core.loops.algebraic import WORST_CONDITION
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports, feels, hand_of
 from wavesweep.core.monodromy.cut import Cut, with_batch
 from wavesweep.core.monodromy.drift import TickDrift
 from wavesweep.core.monodromy.open_frame import OpenFrame, cut_of, open_frame
-from wavesweep.core.response.port import Ports
-from wavesweep.core.response.resting import Resting
-from wavesweep.core.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.stable import stable_intervals
 from wavesweep.core.sweep.grid import Loops, distinct, distinct_rows
+
+if TYPE_CHECKING:
+    from wavesweep.core.response.resting import Resting
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 
@@ -70,8 +72,10 @@ class OpenLoops:
         return with_batch(self.cut, 1)
 
     @cached_property
-    def at_rest(self) -> Resting | None:
+    def at_rest(self) -> "Resting | None":
         """The loops as their hand feels them at rest; None without a hand, or if the frame does not show it."""
+        from wavesweep.core.response.resting_frame import resting_frame
+
         return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
 
 
@@ -101,8 +105,10 @@ def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = Fals
     hand = hand_of(drawing) if felt and feels(drawing) else None
     if any(seen_by_hand(drawing, each) for each in (number, beside)):
         hand = None
-    if hand and not shows_at_rest(drawn, hand, read):
-        hand = None
+    if hand:
+        from wavesweep.core.response.resting_frame import shows_at_rest
+
+        hand = hand if shows_at_rest(drawn, hand, read) else None
     with named_loops(drawn), np.errstate(all="ignore"):
         seen = (hand.force, (hand.reaction,)) if hand else ("", ())
         frame = open_frame(drawn, drift, PRODUCT, read, *seen, each=each)

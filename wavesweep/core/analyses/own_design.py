@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.analyses.assumptions import FAVOURABLE, assumes
+from wavesweep.core.analyses.at_hand import loop_at_hand
 from wavesweep.core.analyses.bound import where_nothing_decides
 from wavesweep.core.analyses.feel import felt_at_rest
 from wavesweep.core.analyses.lines import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, loop_at_hand, refuse_singular, telling_frames
+from wavesweep.core.analyses.loops import drift_of, refuse_singular, telling_frames
 from wavesweep.core.analyses.poles import ON_CIRCLE, leading, named_modes
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of

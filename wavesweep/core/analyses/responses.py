@@ -6,7 +6,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.core.analyses.loops import Route, port_at_hand, ports_of_batch, radii_of
+from wavesweep.core.analyses.at_hand import Route, port_at_hand, ports_of_batch
+from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.columns import Columns, complex_columns
 from wavesweep.core.errors import SpecError
 from wavesweep.core.loops.page import RATIO, steps_of

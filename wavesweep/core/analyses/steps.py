@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from wavesweep.core.analyses.loops import Route, drift_of, named_loops, ports_of_batch
+from wavesweep.core.analyses.at_hand import Route, ports_of_batch
+from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.loops.domain import refuse_unsuitable
 from wavesweep.core.response.port import port_between
 from wavesweep.core.response.step import MOST, Step, step_of

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.core.controllers import HAND
 from wavesweep.core.drawing.drawing import Drawing, scalars
 from wavesweep.core.drawing.expressions import ONE
 from wavesweep.core.loops.from_drawing import POSITION, assembled, twins
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.loops.values import values_of
 from wavesweep.core.monodromy.drift import TickDrift, drift_of_drawn
-from wavesweep.core.response.port import Port, Ports, port_of
-
-HAND = ("operator.mass", "operator.damping", "operator.stiffness")  # paths of the numbers of a hand at the device
+from wavesweep.core.response.port import Port, port_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.core.drawing.conditions import OF_PLANT
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.drift import TickDrift
 from wavesweep.core.monodromy.periodic import Ticks, ticks_of
 from wavesweep.core.monodromy.rounding import ENTRIES, ROUNDING
@@ -18,30 +19,6 @@ STILL = 1e-9  # of the terms of a shift: a movement below it is rounding
 
 class NoPositionError(UsageError):
     """The displacement at a port cannot be counted from tick to tick."""
-
-
-@dataclass(frozen=True, slots=True)
-class Ports:
-    """The hand's port of a drawn loop: the input `force` (N), and the signals of its position (m) and of the force against it.
-
-    reaction: empty if none is known; then the impedance is that of the whole port, force over position. other: input and
-    position of a second port, of which no reaction is known.
-    """
-
-    force: str
-    position: str
-    reaction: str = ""
-    other: tuple[str, str] | None = None
-
-    @property
-    def forces(self) -> list[str]:
-        """The inputs of the ports."""
-        return [self.force, *(self.other or ())[:1]]
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """The outputs of the ports."""
-        return (self.position, *(self.other or ())[1:], *([self.reaction] if self.reaction else ()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

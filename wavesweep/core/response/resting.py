@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.interconnect import connect
 from wavesweep.core.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.core.response.linear_systems import solved
-from wavesweep.core.response.port import Ports
 from wavesweep.core.response.ticks import ordered_products
 
 SURE = 1e-9  # relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as nothing felt

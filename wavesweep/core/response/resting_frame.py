@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.core.loops.multirate import MultirateLoop
+from wavesweep.core.loops.ports import Ports
 from wavesweep.core.monodromy.drift import TickDrift, counted_row
 from wavesweep.core.monodromy.open_frame import OpenFrame
 from wavesweep.core.monodromy.rounding import ROUNDING
 from wavesweep.core.response.linear_systems import solved
-from wavesweep.core.response.port import Ports
 from wavesweep.core.response.resting import Resting
 
 SURELY = 2  # a sum below so many bounds on its rounding counts as 0

@@ -2,15 +2,19 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from wavesweep.capabilities import HANDS, modules
 from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.analyses.loops import held_loop
-from wavesweep.core.energy.held_loop import HAND, HeldLoop
+from wavesweep.core.controllers import HAND
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import own_loop
 from wavesweep.core.sweep.job import Job
+
+if TYPE_CHECKING:
+    from wavesweep.core.energy.held_loop import HeldLoop
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +86,7 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
     return Hands(tuple(sorted(found.values(), key=lambda each: each.order))) if found else None
 
 
-def device_held(kind: str, own: Job) -> HeldLoop:
+def device_held(kind: str, own: Job) -> "HeldLoop":
     """The spec's own loop, whose device any hand can hold. Errors: UsageError if its hand does not hold one mass alone."""
     loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
     if loop.device is None:
