@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.core.analyses.lines import lines_in_loops, strongest_in_cut
 from wavesweep.core.analyses.loops import watched_drift
 from wavesweep.core.analyses.open_loops import Opened, by_zeros
-from wavesweep.core.columns import Columns
+from wavesweep.core.columns import Columns, different
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
 from wavesweep.core.loops.ports import feels, hand_of
@@ -131,7 +131,7 @@ def fill_in_felt(search: "Search", records: np.ndarray, members: np.ndarray, loo
         both = known.stiffness(twice, ends)
         if known is opened and opened.loops.beside:
             unknown = np.flatnonzero(np.isnan(both) & ~np.isnan(ends))
-            of = np.unique(twice[unknown])
+            of = different(twice[unknown])
             for columns in (of[part] for part in by_zeros(loops, of)) if unknown.size else ():
                 alone = Opened.of_each(loops.some(columns), search.number, columns.size, felt=True)
                 some = unknown[np.isin(twice[unknown], columns)]

@@ -20,6 +20,7 @@ from wavesweep.core.analyses.interval_records import (
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside
 from wavesweep.core.analyses.subloops import common, silent, subloops
+from wavesweep.core.columns import different
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.dead_time import breaks, structure, timing
@@ -197,7 +198,7 @@ class Search:
         count = int(opened.which.max()) + 1
         cut = opened.loops.alone if count == 1 else with_batch(opened.loops.cut, count)
         found = opened.intervals(cut, self.span, self.bound)
-        doubtful = np.unique(found.column[found.doubt != NONE])
+        doubtful = different(found.column[found.doubt != NONE])
         if not opened.alone and size > 1:  # each by itself
             for part in by_zeros(loops, doubtful):
                 columns = doubtful[part]

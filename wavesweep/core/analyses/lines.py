@@ -33,7 +33,7 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
     with named_loops(drawn), np.errstate(all="ignore"):
         ticks, _ = counted_ticks(ticks_of(drawn, alone=True, terms=True), drift)
         n, leads = len(ticks.states), [lead for lead, _ in drift.moved]
-        inner = np.setdiff1d(np.arange(n), [*leads, *drift.unread])
+        inner = np.delete(np.arange(n), [*leads, *drift.unread])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
         own, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
         delta, _ = eigenvalues(own)

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.loops import drift_of, named_loops
+from wavesweep.core.columns import different
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.errors import IllPosedLoopError
@@ -188,7 +189,7 @@ class Opened:
         """Loops with equally many slices, `(loops,)`, and these, `(loops, slices)`."""
         order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
         starts = np.cumsum(counts) - counts
-        few = [(np.flatnonzero(counts == count), np.arange(count)) for count in np.unique(counts[counts > 0]).tolist()]
+        few = [(np.flatnonzero(counts == count), np.arange(count)) for count in different(counts[counts > 0]).tolist()]
         return [(some, order[starts[some][:, None] + own]) for some, own in few]
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.core.columns import different
 from wavesweep.core.monodromy.rounding import ROUNDING
 from wavesweep.core.response.lifted import Lifted, Sums
 from wavesweep.core.response.static import LOST, NOTHING, at_port, at_signal, limit_between, limit_of, relative_response
@@ -119,7 +120,7 @@ def _from_low_frequencies(loop, found):
     # Powers of four, and each loop its own, so that what is found of one does not depend on the others of a batch.
     level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
-    for each in np.unique(level):
+    for each in different(level):
         parts = _responses(loop, loop.circle(4.0**each * np.array([1, 0.5, 0.25])), GOOD)
         low = [np.where((level == each)[..., None], part, whole) for part, whole in zip(parts, low, strict=True)]
     off = []

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.atomic_files import open_file
+from wavesweep.core.columns import different
 from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.platform_compat import memory
 from wavesweep.core.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
@@ -55,7 +56,7 @@ class ParquetFile:
         """Open the file for columns like those of the first group: numbers that repeat are kept once, in a dictionary."""
         import pyarrow.parquet
 
-        many = [name for name, each in columns.items() if each.dtype == np.float64 and np.unique(each).size > len(each) // 2]
+        many = [name for name, each in columns.items() if each.dtype == np.float64 and different(each).size > len(each) // 2]
         few = [name for name in columns if name not in many]
         self._file = _opened(self._path, "wb")
         self._writer = pyarrow.parquet.ParquetWriter(self._file, self._schema, compression="zstd", use_dictionary=few)
@@ -126,7 +127,7 @@ def _cells(column: np.ndarray) -> Any:
     if column.dtype != np.float64:
         return _cast(_array(column.astype(np.int64)))
     array, sample = _array(column), column[:: 1 + len(column) // SAMPLE]
-    if np.unique(sample).size > len(sample) // 2:
+    if different(sample).size > len(sample) // 2:
         return _decimals(array)
     bits = _call("dictionary_encode", pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers()))  # 0 is not -0
     each = pyarrow.Array.from_buffers(pyarrow.float64(), len(bits.dictionary), bits.dictionary.buffers())

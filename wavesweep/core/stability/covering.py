@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from wavesweep.core.columns import Rows
+from wavesweep.core.columns import Rows, different
 from wavesweep.core.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
 from wavesweep.core.stability.dominance import Bent, Exact
 from wavesweep.core.stability.entries import EPS, Panels, nodes
@@ -286,7 +286,7 @@ def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> 
     doubtful &= whole.column[first] == whole.column[last]
     kept, new = np.ones(whole.column.size, bool), []
     pairs = np.stack([first, last], 1)[doubtful]
-    for column in np.unique(whole.column[pairs[:, 0]]).tolist():
+    for column in different(whole.column[pairs[:, 0]]).tolist():
         own = pairs[whole.column[pairs[:, 0]] == column]
         for before, after in own.tolist() if len(own) <= FEW else [(own[0, 0], own[-1, 1])]:
             a, b = float(whole.high[before]), float(whole.low[after])

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from wavesweep.core.columns import different
 from wavesweep.core.monodromy.circle import inverse, on_circle
 from wavesweep.core.monodromy.cut import Cut, close
 from wavesweep.core.monodromy.rounding import TELLING, at_angles_of, balance, may_have
@@ -90,7 +91,7 @@ def _blocks_of(acts):
 def _parts(n, pattern):
     """The states of every diagonal block of several, and those of no such block; a single block has all."""
     name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
-    blocks = [np.flatnonzero(name == each) for each in np.unique(name)]
+    blocks = [np.flatnonzero(name == each) for each in different(name)]
     several = [block for block in blocks if block.size > 1]
     if len(several) < 2:
         return (np.arange(n),), np.zeros(0, int)
