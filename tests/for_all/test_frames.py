@@ -43,6 +43,7 @@ def large(eigenvalues):
     return np.sort_complex(eigenvalues[np.abs(eigenvalues) > 1e-4])
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("integration", INTEGRATIONS)
 @pytest.mark.parametrize(("ticks", "delay"), [(1, 0), (1, 1), (7, 0), (7, 2), (7, FRAME)])
@@ -210,7 +211,7 @@ def test_one_length_alone_is_the_interval_of_today():
 TABLE = [
     ("pmw", Frames(LENGTHS), 196.9, 198.9),
     pytest.param("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.thorough),
-    ("pmw", Frames((20, 40)), 148.4, 148.5),
+    pytest.param("pmw", Frames((20, 40)), 148.4, 148.5, marks=pytest.mark.thorough),
     ("pmw", Frames((19, 20, 21)), 791.5, 792.3),
     pytest.param("pmw", Frames(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.thorough),
     ("dc-slow", Frames(LENGTHS), 146.8, 147.0),
@@ -254,6 +255,7 @@ def test_what_is_no_frame_is_refused():
         frames_of_controller(fig4(), Frames((20,)), "controller.b")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("b", "cutoff"), [(10.0, 8.0), (9.0, 6.5)])
 def test_designs_rank_by_short_patterns_near_to_what_is_proved(b, cutoff):

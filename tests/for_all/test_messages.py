@@ -30,6 +30,7 @@ def family(spec, along=""):
     return frames_with_messages(spec.drawing, dict(spec.values), along)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("lost", "missing"), [(0, "held"), (1, "held"), (2, "held"), (3, "held"), (3, "zero")])
 def test_an_integrator_whose_messages_are_lost(lost, missing):
     """2/(n + 1), by losing as many as possible; nothing is lost by losses where a missing message is zero."""
@@ -46,6 +47,7 @@ def test_an_integrator_whose_messages_are_late():
     assert 0.99 <= found.high < 1 <= found.fails_from < 1 + 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("hz", "lost"), [(10, 16), (20, 33)])
 def test_a_mass_holds_its_input_for_no_longer_than_a_constant_interval(hz, lost):
     """`x'' = -0.1 x' + 0.1 u`, `u = -(3.75, 11.5) x`: stable up to an interval of 1.7294 s (W. Zhang et al. 2001)."""
@@ -147,7 +149,7 @@ def test_simulate_runs_a_pattern(seed):
         assert run.pos[ticks] == pytest.approx(state[0][0], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
@@ -180,7 +182,7 @@ def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
     )
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(9))
 def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed):

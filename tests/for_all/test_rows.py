@@ -177,6 +177,7 @@ def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2, frames 10")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("every", "more", "longest"),
     [("2*n", {}, 6), ("n + 1", {}, 4), ("k", {"k": "2*n"}, 6), ("n*one", {"one": 1}, 3), ("4 - n", {}, 3), ("n**2", {}, 9)],

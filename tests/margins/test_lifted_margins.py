@@ -103,7 +103,7 @@ def test_one_sample_in_a_frame_has_the_margins_of_the_scalar_loop(signal):
             assert not lifted[margin.name].doubt
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 3, 5, 6, 9])
 def test_random_loops_are_stable_within_their_margins(seed):

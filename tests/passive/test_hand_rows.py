@@ -84,7 +84,8 @@ def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind,
 
 
 def test_no_wall_for_every_passive_hand_is_in_doubt_and_none_with_a_passive_port_is_proved():
-    run = intervals(spec_of("pmw-lm", B_VE=[1.0]), hands=hands_of(["passive", "port"]))
+    spec = spec_of("pmw", B_VE=[1.0]).with_values({"rates.ratio": 4})
+    run = intervals(spec, hands=hands_of(["passive", "port"]))
     assert rows_of(run, "passive")["intervals"].tolist() == [0]
     assert any("no damping is enough" in notice for notice in run.facts["notices"])
     assert not rows_of(run, "passive")["certified"].any()

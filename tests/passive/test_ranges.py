@@ -39,6 +39,7 @@ def largest_wall(mass, damping, wall_damping, T):
     return min(limit(near), found.fun)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("damping", "wall_damping"), [(1.5, 0.0), (1.5, 1.0), (4.0, 3.0)])
 def test_the_largest_passive_wall_at_one_rate_is_that_of_a_closed_form(values, damping, wall_damping):
     v = values("dc", **ENCODER, B_VE=wall_damping, **{"device.damping": damping})
@@ -51,9 +52,7 @@ def test_the_largest_passive_wall_at_one_rate_is_that_of_a_closed_form(values, d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "case", [pytest.param(case, marks=[pytest.mark.thorough] * (case in ("device", "between"))) for case in CASES]
-)
+@pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.thorough] * (case != "wall")) for case in CASES])
 def test_a_scan_by_python_control_sees_the_same_intervals(values, case):
     kind, path, span, others = CASES[case]
     v = values(kind, **others)

@@ -101,7 +101,7 @@ FRAMES = [
 ]
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("frames", FRAMES)
 @pytest.mark.parametrize("delay", [0, 3, "frame"])
 @pytest.mark.parametrize("step", ["elapsed", "nominal"])

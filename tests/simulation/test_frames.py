@@ -117,6 +117,7 @@ def alike(symbol, ticks, delay, following):
     return (symbol.ticks, symbol.delay, symbol.through) == (ticks, delay, following == 0)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("integration", INTEGRATIONS)

@@ -38,7 +38,7 @@ MANY_BLOCKS = (
     drawn()
     + "[type.chain.block.g]\ntype = 'gain'\n[type.chain.signals]\n"
     + "".join(f"s{n} = 'g.y'\n" for n in range(300))
-    + "".join(f"[block.c{n}]\ntype = 'chain'\n" for n in range(100))
+    + "".join(f"[block.c{n}]\ntype = 'chain'\n" for n in range(34))
 )
 
 

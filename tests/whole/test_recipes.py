@@ -139,7 +139,7 @@ ANSWERS = {
 }
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ANSWERS)
 def test_the_answers_are_those_of_the_comments(name):
@@ -152,6 +152,7 @@ def test_the_answers_are_those_of_the_comments(name):
             assert shown in numbers_of(name)
 
 
+@pytest.mark.thorough
 def test_an_arm_whose_commands_are_lost():
     """A constant interval of n + 1 ticks makes it unstable at 2 kd/((n + 1) h); some patterns do so earlier."""
     rows = whole_table("lost-commands")
@@ -182,6 +183,7 @@ def test_messages_that_are_late_by_other_times():
     assert brentq(lambda K: radius(K) - 1, 50, 66) == pytest.approx(rows.fails_from[15], rel=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_arm_whose_messages_are_lost_at_random():
     rows = whole_table("random-loss")

@@ -132,6 +132,7 @@ def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
     assert compared > 3
 
 
+@pytest.mark.sample(1)
 @pytest.mark.whole
 @pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0), ("pmw-lm", 25.0), ("dc", 25.0)])
 def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):

@@ -75,6 +75,7 @@ def test_every_slice_of_a_recipe_is_what_it_is_alone(path):
     assert not differences(tomllib.loads(path.read_text()), ())
 
 
+@pytest.mark.sample(2)
 @pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["admittance", "decimation", "policy", "two-rate-wall", "pmw"])

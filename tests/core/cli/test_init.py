@@ -121,7 +121,7 @@ TO_BEGIN_WITH = sorted(path.stem for path in (SWEEPS / "templates").glob("*.toml
 
 
 @pytest.mark.whole
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TO_BEGIN_WITH)
 def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_path, monkeypatch):

@@ -32,6 +32,7 @@ def exponential(A, B, period):
         return [[found[i, j] for j in range(n + B.shape[1])] for i in range(n)]
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_plant_is_exact_to_its_bounds(seed, way):

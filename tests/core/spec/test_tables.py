@@ -20,6 +20,7 @@ def test_the_lines_of_capabilities_name_the_tables_that_they_read():
     assert {path for each in CAPABILITIES for path in each.tables} == {*tables()}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("table", TABLES)
 def test_a_table_of_a_capability_that_is_not_there_is_one_mistake_that_names_it(table, write):
     write(f'[controller]\nkind = "dc"\n\n[{table}]\nanything = {{ whatever = 1 }}\nother = 2\n')

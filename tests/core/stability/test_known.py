@@ -274,7 +274,7 @@ def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(ki
 
 
 @pytest.mark.whole
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("b", "ratio", "delay"), [(44.4, 100, 0), (88.2, 10, 10), (36.1, 20, 20), (44.4, 20, 0)])
 def test_where_two_eigenvalues_meet_at_one_as_the_mode_of_the_tick_turns_over(b, ratio, delay):
     """`v' = -v` for the damper b against the device: `tanh(d T/2m) = d/b`. Neither filter nor position correction hides it."""

@@ -94,6 +94,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_chunk_costs_that_chunk_alone(stopped, long, long_table, same, damage):
@@ -166,6 +167,7 @@ def of_another_program(path):
     other.close()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [some_text, cut_off, without_its_first_page, of_another_program])
 def test_a_file_that_is_no_checkpoint_is_moved_away_and_all_is_computed(stopped, long, long_table, same, damage):

@@ -83,6 +83,7 @@ def radius(A, B, C, k, h, tau):
     return np.abs(np.linalg.eigvals(F)).max()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("along", "seed"),
     [

@@ -60,6 +60,7 @@ def random_spec(rng):
             continue
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "changes"),
     [
@@ -81,6 +82,7 @@ def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
     assert np.abs(after[:, :1000]).max() == pytest.approx(found.step, rel=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(2, 30))])
 def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
     rng = np.random.default_rng(seed)

@@ -13,13 +13,12 @@ SAMPLE = [
     ("drawn_frames", 3),
     ("drawn_messages", 4),
     ("drawn_ranges", 2),
-    ("built_in", 10),
     ("built_in", 12),
     ("drawn_alone", 6),
     ("mean_square", 7),
     ("mean_square", 8),
     ("box_margins", 9),
-    ("two_ports", 2),
+    pytest.param("two_ports", 2, marks=pytest.mark.thorough),
     ("built_in_words", 4),
 ]
 
