@@ -38,7 +38,7 @@ MANY_BLOCKS = (
     drawn()
     + "[type.chain.block.g]\ntype = 'gain'\n[type.chain.signals]\n"
     + "".join(f"s{n} = 'g.y'\n" for n in range(300))
-    + "".join(f"[block.c{n}]\ntype = 'chain'\n" for n in range(34))
+    + "".join(f"[block.c{n}]\ntype = 'chain'\n" for n in range(100))
 )
 
 
@@ -52,7 +52,7 @@ MANY_BLOCKS = (
         (drawn(signals={"s0": "m.x"} | {f"s{n + 1}": f"-s{n}" for n in range(300)}), "200 within each other"),
         (drawn(long={"type": "tf", "num": [1.0], "den": [1.0] * 5000}), "long: expected at most 1200 states in all blocks"),
         (drawn(**{f"d{n}": {"type": "delay", "steps": 900} for n in (1, 2)}), "at most 1200 states in all blocks, found 1800"),
-        (MANY_BLOCKS, "at most 10000 keys with those of all classes"),
+        pytest.param(MANY_BLOCKS, "at most 10000 keys with those of all classes", marks=pytest.mark.thorough),
         (f"{HEAD}b = {{ start = 1, stop = 2, num = {10**7} }}\n", "a whole number <= 1e\\+06"),
     ],
 )
