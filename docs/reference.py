@@ -214,6 +214,7 @@ SAMPLED = {
     "passivity": "passivity mine.toml --filters",
     "why": "why mine.toml --set environment.integration=explicit",
     "margins": "margins mine.toml --cut avatar.out",
+    "poles": "poles mine.toml",
     "design": "design mine.toml",
     "identify": "identify pushed.csv --friction",
     "check": "check mine.toml",

@@ -5,6 +5,7 @@ others stands in the module of that name, e.g. `on_check.py`. It imports the cor
 list what there is. A capability is taken away by deleting its folder, its tests and its line.
 
 diagram: the picture of a loop, `diagram` of a spec.
+locus: the root locus of a spec, `axis_over` a number, and `root_locus` of both.
 marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
 keys: what the core has to know of a table of a spec, `TABLE` (see `core.reading.tables`).
 guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`); `of_word`, the one
@@ -90,7 +91,7 @@ CAPABILITIES = (
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
-        library=("verdict", "Loop.plot_root_locus"),
+        library=("verdict",),
         offers=("on_check", "verdict"),
     ),
     Capability(
@@ -129,6 +130,13 @@ CAPABILITIES = (
         kinds=("margins",),
         library=("Loop.margins", "Loop.plot_margins"),
         offers=("on_check", "panel", "section"),
+    ),
+    Capability(
+        "poles",
+        {"poles": "List the modes of a loop with frequency, damping and states, and draw their root locus over a number."},
+        kinds=("poles",),
+        library=("Loop.poles", "Loop.plot_root_locus"),
+        offers=("locus",),
     ),
     Capability(
         "designs",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,7 +22,7 @@ from wavesweep.core.doubts import DOUBTS
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
-    from wavesweep.core.spec import Axis, Spec
+    from wavesweep.core.spec import Spec
 
 MOST = 15  # lines without --all
 STEPS = 3  # commands that are named, at most
@@ -40,7 +41,7 @@ STEPS = 3  # commands that are named, at most
     "--root-locus",
     "locus",
     metavar="NUMBER",
-    help="Draw the poles over a number as well, over its range in [sweep], or that in which the verdict looks.",
+    help="Draw the poles over a number as well, as `wavesweep poles SPEC --over NUMBER` does with a table.",
 )
 @folder("Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.", or_file=True)
 @click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable.")
@@ -79,7 +80,7 @@ def check(
 
     loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
     # Errors come before anything is printed.
-    poles = _axis_of_poles(loaded, locus) if locus is not None else None
+    poles = partial(_locus().root_locus, loaded, _locus().axis_over(loaded, locus)) if locus is not None else None
     list(asked("on_check", "refuse", loaded))
     places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
 
@@ -204,34 +205,23 @@ def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[st
     return places
 
 
-def _axis_of_poles(spec: Spec, name: str) -> Axis:
-    """The values of a root locus: over the range of a number in [sweep], or that in which the verdict looks."""
-    import numpy as np
-
-    from wavesweep.check.locus import LOCUS
-    from wavesweep.check.ranges import searched
-    from wavesweep.core.analyses.asked import axes_asked, key_named
-
-    key = key_named(spec, name)
-    of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
-    if of_sweep and of_sweep[0].values:
-        return of_sweep[0]
-    start, stop = (of_sweep[0].start, of_sweep[0].stop) if of_sweep else searched(spec, name, key.path)
-    (axis,) = axes_asked(spec, {name: np.linspace(start, stop, LOCUS)})
-    return axis
+def _locus() -> ModuleType:
+    """What draws the root locus. Errors: UsageError if it is not there."""
+    for module in modules("locus"):
+        return module
+    raise click.UsageError("--root-locus: expected the capability poles, found that it is not there")
 
 
-def _drawn(spec: Spec, places: Mapping[str, Path], poles: Axis | None) -> Iterator[Path]:
-    """Draw the loop, its poles over an axis, or both, and yield the paths of the files."""
+def _drawn(spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | None) -> Iterator[Path]:
+    """Draw the loop, its root locus, or both, and yield the paths of the files."""
     if not places:
         return
     from wavesweep import __version__
-    from wavesweep.check.locus import locus_of
     from wavesweep.core import plots
     from wavesweep.core.plots.files import save_all
     from wavesweep.core.plots.style import about_figure
 
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     for name, path in places.items():
-        canvas = plots.diagram(spec) if name == "diagram" else locus_of(spec, poles)
+        canvas = plots.diagram(spec) if name == "diagram" else poles()
         yield from save_all(canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts))

@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.analyses.intervals import Way, cost_of, job_over, searches_of
 from wavesweep.core.analyses.loops import radii_of
-from wavesweep.core.analyses.own_design import FAR, USUAL
+from wavesweep.core.analyses.own_design import searched
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.resolving import longest_delay
@@ -40,15 +40,6 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
         if report:
             report(done, len(names))
     return found
-
-
-def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
-    """The range about the value of a number in which its stable intervals are looked for."""
-    value, wall = spec.values[path], spec.wall
-    usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
-    start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    low, high = sorted((start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))))
-    return low, high
 
 
 def _limit(spec, name, path, span=None):

@@ -153,18 +153,6 @@ class Loop:
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
         return radius_over(spec, asked).reshape(shape)
 
-    def poles(self) -> DataFrame:
-        """The closed-loop poles of the loop's own numbers: a DataFrame, a row per pole, the slowest first, without what drifts.
-
-        Columns: `z_re` and `z_im` per frame and their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s = log(z)/T`, T the period
-        of the frame; `frequency_hz`, `damping_ratio` and `time_constant_s` of s; `states`, the states that take part most,
-        by participation factors. A frame shows only an image of a frequency above half its rate.
-        Accuracy: that of eigenvalues in double precision; intervals and the spectral radius say when rounding hides them.
-        """
-        from wavesweep.core.analyses.poles import UNITS, poles
-
-        return frame(poles(self.spec), UNITS, self.spec.for_all)
-
     def response(
         self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
     ) -> DataFrame:

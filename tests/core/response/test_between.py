@@ -9,6 +9,7 @@ import pytest
 from support.drawn import DRIVE, WALL, drive
 
 import wavesweep
+from wavesweep.core.analyses.poles import poles
 
 FREQUENCIES = [0.3, 2.0, 17.0, 81.0, 317.0]  # below and above half the rate of the frame, 100 Hz
 OUTPUTS = ("speed", "angle", "torque", "twice")
@@ -101,9 +102,9 @@ def test_to_control_is_the_loop_at_the_starts_of_frames_under_inputs_held_over_t
     wanted = drive(np.repeat(frames, 5, axis=1))[:, ::5]
     found = control.forced_response(system, 0.005 * np.arange(60), frames).outputs
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
-    own = loop().poles()
+    own = poles(loop().spec)
     shown = np.sort_complex(np.round(system.poles(), 9))
-    assert np.isin(np.round(own.z_re + 1j * own.z_im, 9)[own.radius > 1e-9], shown).all()
+    assert np.isin(np.round(own["z_re"] + 1j * own["z_im"], 9)[own["radius"] > 1e-9], shown).all()
 
 
 def at_50_digits(frequency, source):

@@ -21,6 +21,15 @@ USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}
 SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 
+def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
+    """The range about the value of a number in which its stable intervals are looked for."""
+    value, wall, largest = spec.values[path], spec.wall, np.finfo(float).max
+    usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
+    start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
+    low, high = sorted((start, float(np.clip(FAR * (value or usual), -largest, largest))))
+    return low, high
+
+
 @np.errstate(all="ignore")  # of numbers that overflow
 def own_design(spec: Spec, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.

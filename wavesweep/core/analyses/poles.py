@@ -1,38 +1,59 @@
-"""The closed-loop poles of a spec's own loop, with frequency, damping and the states that take part."""
+"""The closed-loop poles of a spec's own loop, or over a number, with frequency, damping and the states that take part."""
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from wavesweep.core.analyses.lines import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, frames, refuse_singular
-from wavesweep.core.columns import Columns
+from wavesweep.core.analyses.loops import drift_of, refuse_singular, telling_frames
+from wavesweep.core.columns import Columns, joined
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.monodromy.drift import TickDrift
-from wavesweep.core.spec import Spec
+from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.stability.modes import Modes, modes_of
-from wavesweep.core.stability.spectrum import damping_ratio
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.core.stability.spectrum import NEIGHBOURHOOD, count_outside, damping_ratio
+from wavesweep.core.sweep.grid import Loops, drawn_groups, make_grid, own_loop
 
 ON_CIRCLE = 1e-6  # distance from the unit circle, up to which a pole is on it: it is known to rounding
 MOST = 3  # states that are named of a mode
 LEAST = 0.05  # share of a mode, below which a state is not named
 
 
-def poles(spec: Spec) -> Columns:
-    """The columns of all poles per frame, the slowest first; what drifts is left out.
+@np.errstate(divide="ignore", invalid="ignore")  # of a pole of 0 or of 1
+def poles(spec: Spec, axis: Axis | None = None) -> Columns:
+    """The columns of all poles per frame, the slowest first, of the spec's own loop or of those over the values of an axis.
 
-    frequency_hz: as it is seen once a frame; shown_hz: the strongest line that a spectrum of the states shows; second_hz: the
-    next one, if it has more than a third of the energy.
+    What drifts is left out. frequency_hz: as it is seen once a frame; shown_hz: the strongest line that a spectrum of the
+    states shows; second_hz: the next one, if it has more than a third of the energy. doubt: "rounding" of poles that rounding
+    could move across the circle, "overflow" of a row without numbers for a loop whose frame is not known.
 
     Errors: SpecError for a loop without a solution.
     """
-    loop = own_loop(spec)
-    refuse_singular(spec, loop.drawing)
-    drawn, drift = loop.drawn(), drift_of(loop)
-    period = float(drawn.period * drawn.ticks)
-    names, (delta, shares) = named_modes(frames(loop, drift), drawn, drift)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.log1p(delta) / period
-        columns = {
+    refuse_singular(spec, own_loop(spec).drawing)
+    grid, parts = make_grid(spec, (axis,) if axis else ()), {}
+    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+        found = _of_batch(loops.read, members.size)
+        axes = grid.axis_columns(members)
+        for place, (at, columns) in enumerate(zip(members.tolist(), found, strict=True)):
+            parts[at] = {name: np.full(len(columns["doubt"]), axes[name][place]) for name in axes} | columns
+    return joined(parts[at] for at in sorted(parts))
+
+
+def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of each loop of a batch."""
+    drawn, drift = loops.drawn(), drift_of(loops)
+    kept, period = len(drift.kept), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    E, hidden = telling_frames(loops)
+    E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
+    finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
+    named = [named_modes(each, drawn, drift) for each in E]
+    all_delta = np.stack([each.delta if each.delta.size else np.full(kept, -0.5 + 0j) for _, each in named])
+    lines = [lines_in_loops(loops, np.log1p(all_delta[:, [k]])) for k in range(kept)]
+    for at, (names, (delta, shares)) in enumerate(named):
+        near = np.abs(np.abs(1 + delta) - 1) <= NEIGHBOURHOOD
+        doubted = np.full(delta.shape, not clear[at]) & (near | ~near.any())
+        s, (hz, second) = np.log1p(delta) / period[at], np.array([each[at] for each in lines]).reshape(-1, 2).T[:, : delta.size]
+        numbers = {
             "z_re": 1 + delta.real,
             "z_im": delta.imag,
             "radius": np.abs(1 + delta),
@@ -41,14 +62,19 @@ def poles(spec: Spec) -> Columns:
             "frequency_hz": np.abs(s.imag) / (2 * np.pi),
             "damping_ratio": damping_ratio(delta),
             "time_constant_s": -1 / s.real,
+            "states": np.array([", ".join(leading(names, each)) for each in shares], object),
+            "shown_hz": hz,
+            "second_hz": second,
+            "shown_damping_ratio": -s.real / np.abs(s.real + 2j * np.pi * hz),
+            "stable": (np.abs(1 + delta) < 1) & ~doubted,
+            "doubt": np.where(doubted, "rounding", "").astype(object),
         }
-        hz = lines_in_loops(loop, np.log1p(delta)[:, None])
-    columns |= {"states": np.array([", ".join(leading(names, each)) for each in shares], object)}
-    return columns | {"shown_hz": hz[:, 0], "second_hz": hz[:, 1]}
-
-
-UNITS = {"z_re": "1", "z_im": "1", "radius": "1", "s_re": "1/s", "s_im": "rad/s", "frequency_hz": "Hz", "damping_ratio": "1"}
-UNITS |= {"time_constant_s": "s", "states": "", "shown_hz": "Hz", "second_hz": "Hz"}
+        if kept and not finite[at]:
+            unknown = {"states": np.array([""], object), "stable": np.zeros(1, bool), "doubt": np.array(["overflow"], object)}
+            numbers = {name: unknown.get(name, np.full(1, np.nan)) for name in numbers}
+        yield {
+            name: np.where(np.isfinite(each), each, np.nan) if each.dtype == float else each for name, each in numbers.items()
+        }
 
 
 def named_modes(E, drawn: MultirateLoop, drift: TickDrift) -> tuple[list[str], Modes]:

@@ -1,0 +1,56 @@
+"""The root locus of a spec over a number: its values, and the ends of stable intervals between them."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.analyses.asked import axes_asked, key_named
+from wavesweep.core.analyses.intervals import job_over
+from wavesweep.core.analyses.own_design import searched
+from wavesweep.core.analyses.poles import ON_CIRCLE, poles
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.sweep.grid import make_grid
+from wavesweep.core.sweep.running import in_memory
+from wavesweep.poles.table import LOCUS, over
+
+End = tuple[float, list[float], list[float], float, bool]
+
+
+def axis_over(spec: Spec, name: str) -> Axis:
+    """The values of a root locus: over the range of a number in [sweep], or that in which `check` looks. Errors: UsageError."""
+    key = key_named(spec, name)
+    of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
+    if of_sweep and of_sweep[0].values:
+        return of_sweep[0]
+    start, stop = (of_sweep[0].start, of_sweep[0].stop) if of_sweep else searched(spec, name, key.path)
+    values = np.linspace(start, stop, LOCUS)
+    (axis,) = axes_asked(spec, {name: np.unique(values.round().astype(int)) if key.type == "integer" else values})
+    return axis
+
+
+def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
+    """Ends of stable intervals between the least and the largest value of an axis: the value, real and imaginary parts of the
+    poles there that are on the unit circle, the strongest line of their oscillation (Hz), and whether the end is certified.
+
+    None of a number that decides how the loop is built, or without a range.
+    """
+    if axis.structural or not axis.start < axis.stop:
+        return []
+    rows, found = in_memory(job_over(make_grid(spec, (), axis.path), replace(axis, values=()))), []
+    for end in ("low", "high"):
+        columns = (rows[name] for name in (end, f"{end}_omega", f"{end}_hz", "certified"))
+        for value, omega, hz, certified in zip(*columns, strict=True):
+            if np.isfinite(value) and np.isfinite(omega):  # one that stability sets
+                there = poles(spec.with_values({axis.path: float(value)}))
+                on = np.abs(there["radius"] - 1) <= ON_CIRCLE
+                found.append((float(value), there["z_re"][on].tolist(), there["z_im"][on].tolist(), float(hz), bool(certified)))
+    return sorted((each for each in found if each[1]), key=lambda each: each[0])  # what drifts there is left out
+
+
+def root_locus(spec: Spec, axis: Axis) -> Any:
+    """The figure of the poles over the values of an axis."""
+    from wavesweep.poles.figure import poles as drawn
+
+    found = over(spec, axis)
+    return drawn(found.columns, found.facts)

@@ -1,0 +1,107 @@
+"""The modes of a loop, of its own numbers or over a range of one of them: the table `poles`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.spec import Axis, Spec
+from wavesweep.core.tables.kind import Line, Numbers, count, from_spec, plain, whole_kind
+from wavesweep.core.tables.table import Table, facts_of
+
+LOCUS = 300  # values of the number by default
+MOST = 8  # modes that the summary names
+METHOD = (
+    "eigenvalues of the frame in double precision, and whether rounding can move one across the circle by the smallest "
+    "singular value there; the line of a mode by following it through the ticks of a frame; ends as stable intervals have them"
+)
+
+
+def poles(spec: Spec, number: str = "") -> Table:
+    """The poles of the spec's own loop, or those over the range of a number.
+
+    Errors: UsageError for a name that is not that of a number, SpecError for a range that the spec does not take.
+    """
+    from wavesweep.core.spec.loading import naming
+    from wavesweep.poles.locus import axis_over
+
+    return over(spec := naming(spec, [number] if number else []), axis_over(spec, number) if number else None)
+
+
+def over(spec: Spec, axis: Axis | None = None) -> Table:
+    """The same over the values of an axis."""
+    from wavesweep.core.analyses.assumptions import over_preset
+    from wavesweep.core.analyses.loops import drift_of
+    from wavesweep.core.analyses.poles import poles as poles_of
+    from wavesweep.core.sweep.grid import own_loop
+    from wavesweep.poles.locus import ends_on_circle
+
+    started, columns, own = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
+    drawn, drift = own.drawn(), drift_of(own)
+    labels = drawn.labels()
+    gone = [labels[drift.states[at]] for at in sorted({*(lead for lead, _ in drift.moved), *drift.folded, *drift.unread})]
+    notices = [f"left out, since nothing in the loop holds or reads it: {', '.join(gone)}"] if gone else []
+    timings = {"compute_s": time.perf_counter() - started}
+    loops, doubted = len(axis.values) if axis else 1, columns["doubt"] != ""
+    certified = loops - np.unique(columns[axis.name][doubted]).size if axis else int(not doubted.any())
+    counts = {"computed": loops, "skipped": 0, "certified": certified}
+    facts = facts_of(spec, {"poles": METHOD}, counts, timings, [*notices, *over_preset(spec)], [axis.path] if axis else [])
+    facts |= {"over": axis.name if axis else "", "period_s": float(drawn.period * drawn.ticks)}
+    return Table.of("poles", columns, facts | {"ends": ends_on_circle(spec, axis) if axis else []})
+
+
+def modes(columns: Columns) -> Iterator[dict[str, Any]]:
+    """Yield each mode of one loop, a pair of poles as one, in their order."""
+    for row in range(len(columns["radius"])):
+        if not columns["z_im"][row] < 0 and not np.isnan(columns["radius"][row]):
+            yield {name: plain(column[row]) for name, column in columns.items()}
+
+
+def in_words(mode: Mapping[str, Any]) -> str:
+    """A mode as a line of a summary."""
+    hz, ratio, tau, image = (mode[name] for name in ("shown_hz", "shown_damping_ratio", "time_constant_s", "frequency_hz"))
+    if not mode["radius"]:
+        return f"over within a frame: {mode['states']}"
+    beside = f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""
+    once = f" (once a frame {image:.4g} Hz)" if hz and abs(hz - image) > 1e-6 * hz else ""
+    rings = f"{hz:.4g} Hz{beside}{once}, damping ratio {ratio:.3g}" if hz else "no oscillation"
+    decays = "stays" if tau is None else f"{'falls to 1/e' if tau > 0 else 'grows by e'} in {abs(tau):.4g} s"
+    unknown = f", {mode['doubt']} hides whether it is stable" if mode["doubt"] else "" if mode["stable"] else ", UNSTABLE"
+    return f"{rings}, {decays}{unknown}: {mode['states']}"
+
+
+def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    name = facts["over"]
+    found = {"period_s": facts["period_s"], "poles": len(columns["radius"]), "doubts": {}, "over": name or None}
+    words, counts = np.unique(columns["doubt"][columns["doubt"] != ""].astype(str), return_counts=True)
+    found["doubts"] = dict(zip(words.tolist(), counts.tolist(), strict=True))
+    if not name:
+        return found | {"modes": [*modes(columns)]}
+    values = np.unique(columns[name])
+    ends = [{"value": value, "hz": hz, "certified": certified} for value, _, _, hz, certified in facts["ends"]]
+    return found | {"from": plain(values[0]), "to": plain(values[-1]), "values": int(values.size), "ends": ends}
+
+
+def _lines(found: Numbers) -> Iterator[Line]:
+    per = f"per frame of {1e3 * found['period_s']:.6g} ms"
+    if found["over"]:
+        span = f"{found['values']} values of {found['over']}, {found['from']:g} to {found['to']:g}"
+        yield f"{count(found['poles'], 'pole')} {per} at {span}", False
+        for end in found["ends"]:
+            doubt = "" if end["certified"] else ", not certified"
+            yield f"  a stable interval ends at {found['over']} = {end['value']:.6g}, {end['hz']:.4g} Hz{doubt}", bool(doubt)
+    else:
+        yield f"{count(found['poles'], 'pole')} {per}", False
+        for mode in found["modes"][:MOST]:
+            yield f"  {in_words(mode)}", not mode["stable"]
+        if len(found["modes"]) > MOST:
+            yield f"  and {count(len(found['modes']) - MOST, 'faster mode')}, which the table has", False
+    if "overflow" in found["doubts"]:
+        yield f"not known at {count(found['doubts']['overflow'], 'value')} (overflow)", True
+
+
+KINDS = (whole_kind("poles", _numbers, _lines, "wavesweep.poles.figure.poles", again=from_spec(poles, "over")),)
