@@ -8,7 +8,6 @@ from itertools import islice
 
 from wavesweep.core.drawing.classes import expanded, numbers_of_blocks
 from wavesweep.core.drawing.drawing import MARKS, RATE, path_of
-from wavesweep.core.drawing.drawing_tables import as_meant, read_drawing
 from wavesweep.core.errors import Mistake, SpecError, UsageError
 from wavesweep.core.reading.checking import Mistakes
 from wavesweep.core.reading.keys import BUILT_IN, KEYS, SYMBOLS
@@ -126,6 +125,8 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
     leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
     if drawn:
+        from wavesweep.core.drawing.drawing_tables import as_meant, read_drawing
+
         leaves = expanded(as_meant(leaves, mistakes), mistakes)
         drawing, values, of_loop, names = read_drawing(leaves, place, mistakes)
         given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
