@@ -174,6 +174,7 @@ def test_a_range_ends_where_the_spec_takes_no_more():
     assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)
 
 
+@pytest.mark.asks("simulation")
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "changes"),

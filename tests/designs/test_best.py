@@ -57,6 +57,7 @@ def test_what_it_holds_for_all_of_stays_in_for_all_and_the_device_keeps_its_enco
     assert found.simulate["resolution"] == 2e-5
 
 
+@pytest.mark.asks("simulation")
 def test_a_drawn_loop_is_looked_along_its_number_sweeps_no_other_that_was_chosen_and_keeps_its_experiment():
     ranges = {"kv": {"start": 5, "stop": 200}, "kp": {"start": 0.1, "stop": 10}}
     spec = load(Path(__file__).parents[2] / "sweeps/templates/position-loop.toml")

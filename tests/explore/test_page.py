@@ -159,7 +159,7 @@ def test_a_plane_without_the_walls_numbers_is_filled_as_in_a_figure(client):
 
 
 def test_what_is_not_certified_is_not_drawn_as_stable():
-    from wavesweep.core.tables.regions import KNOWN, Curve, Interval, View
+    from wavesweep.core.tables.planes import KNOWN, Curve, Interval, View
     from wavesweep.explore.answers import plane_of
 
     columns = {float(x): ((Interval(0.0, 1.0 + x, True, True, x < 2),), ()) for x in range(4)}
@@ -169,7 +169,7 @@ def test_what_is_not_certified_is_not_drawn_as_stable():
 
 
 def test_an_open_place_is_sent_with_its_values_and_what_is_known_nowhere_without():
-    from wavesweep.core.tables.regions import KNOWN, Curve, Interval, View
+    from wavesweep.core.tables.planes import KNOWN, Curve, Interval, View
     from wavesweep.explore.answers import plane_of
 
     interval, spans = (Interval(0.0, 1.0, True, True, False),), (((0.2, 0.4),), ((-np.inf, np.inf),))

@@ -21,6 +21,7 @@ def pushed(tmp_path, monkeypatch):
     return "pushed.csv"
 
 
+@pytest.mark.asks("simulation")
 def test_the_log_of_the_page_is_that_of_its_script():
     spec = importlib.util.spec_from_file_location("pushed", EXAMPLES / "pushed.py")
     script = importlib.util.module_from_spec(spec)
@@ -52,6 +53,7 @@ def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep
     assert wavesweep("verify", str(folder))[0] == 0
 
 
+@pytest.mark.asks("simulation")
 def test_that_no_constant_force_was_fitted_is_said(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))

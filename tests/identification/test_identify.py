@@ -21,6 +21,7 @@ def written(path, force, position, names="time,force,position", period=1 / RATE)
     return path
 
 
+@pytest.mark.asks("simulation")
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 @pytest.mark.parametrize("spring", [0.0, 40.0])
 def test_the_model_is_that_of_the_simulation(friction, spring):
@@ -124,6 +125,7 @@ def test_two_masses_are_found_from_a_frequency_response(tmp_path):
         assert found[name]["low"] < truth < found[name]["high"], name
 
 
+@pytest.mark.asks("simulation")
 @pytest.mark.parametrize("friction", [False, True])
 def test_a_delay_can_be_held(friction):
     """And the numbers are those of the fit that finds it, if it is the true one."""
@@ -162,6 +164,7 @@ def test_a_model_that_lacks_an_effect_is_not_called_enough(kind, missing):
     assert {each[2] for each in study(kind, 2)} == {missing}
 
 
+@pytest.mark.asks("simulation")
 def test_the_march_of_the_logs_is_the_simulation():
     """With friction, and a force that changes within a tick: the simulation at four times the rate."""
     force = np.random.default_rng(1).uniform(-1, 1, 100).repeat(3)
@@ -244,6 +247,7 @@ def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     assert verdict.explained
 
 
+@pytest.mark.asks("simulation")
 def test_a_log_in_which_no_resonance_would_show_cannot_tell():
     """A good one shows one in some band, in which that of a quarter of the mass is."""
     force, source = np.where((np.arange(800) >= 50) & (np.arange(800) < 250), 0.3, 0.0), np.random.default_rng(0)
@@ -321,6 +325,7 @@ def test_other_columns_may_hold_anything(tmp_path):
     assert (read_log(path, {}, {}).reading == read_log(plain, {}, {}).reading).all()
 
 
+@pytest.mark.asks("simulation")
 def test_jitter_of_the_times_is_said(tmp_path):
     source = np.random.default_rng(0)
     force = np.sin(0.05 * np.arange(300))
@@ -334,6 +339,7 @@ def test_jitter_of_the_times_is_said(tmp_path):
     assert any("times jitter by up to" in each and "equal steps of 1 ms" in each for each in notices)
 
 
+@pytest.mark.asks("simulation")
 def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
     """A slow push of a device in syrup."""
     force = np.sin(2 * np.pi * 0.2 * np.arange(1500) / RATE)

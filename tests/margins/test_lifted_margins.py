@@ -77,6 +77,7 @@ def test_a_signal_that_is_made_five_times_in_a_frame_has_margins():
     assert "delay" not in each
 
 
+@pytest.mark.asks("simulation")
 def test_three_integrators_hide_no_small_eigenvalue_of_the_return_ratio():
     """A servo drive: at low frequencies L has an eigenvalue beyond 1e16 next to others of size 1."""
     spec = load(CASCADE.parents[1] / "templates/position-loop.toml", ["J=0.02", "kp=10", "ki=500", "kv=50"])
@@ -121,6 +122,7 @@ def test_random_loops_are_stable_within_their_margins(seed):
     assert met > 0
 
 
+@pytest.mark.asks("simulation")
 def test_a_loop_is_broken_at_what_a_plant_of_several_blocks_shows():
     """As at a block that samples it, and at the torque, the loop being one; between two ticks it cannot be broken."""
     path = Path(__file__).parents[2] / "sweeps" / "templates" / "two-mass.toml"

@@ -251,6 +251,7 @@ def test_a_range_that_the_spec_does_not_give_is_named():
     assert "K_VE is not swept, because it has a range and no values: held at the spec's 500" in table.attrs["facts"]["notices"]
 
 
+@pytest.mark.asks("simulation")
 def test_a_mode_has_its_strongest_line_within_the_frame():
     """The sampled damping of the waves turns the velocity over every other tick; once a frame that looks slow."""
     waves = wavesweep.why(load(ROOT / "sweeps/examples/first-hour.toml", ["sweep.b={start=8,stop=200}"]), "b")

@@ -13,7 +13,7 @@ from wavesweep.core.arguments import real_numbers
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.loops.ports import Ports
-from wavesweep.core.monodromy.drift import TickDrift, drift_of_drawn, telling_frame
+from wavesweep.core.monodromy.drift import TickDrift, drift_of_drawn, frame_with_reliability
 from wavesweep.core.response.lifted import Lifted
 from wavesweep.core.response.port import port_of
 from wavesweep.core.response.steady import respond
@@ -43,7 +43,7 @@ class DrawnLoop:
         """Largest eigenvalue modulus per frame, without drift, over the batch: infinite after overflow, NaN if rounding hides
         it."""
         with named_loops(self.drawn):
-            return radius_of(*telling_frame(self.drawn, self.drift))
+            return radius_of(*frame_with_reliability(self.drawn, self.drift))
 
     def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
         """Admittance and impedance at a port: a DataFrame with a row per frequency.

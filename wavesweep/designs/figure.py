@@ -10,7 +10,7 @@ from wavesweep.core.plots.scales import by_factors
 from wavesweep.core.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
 from wavesweep.core.plots.words import assumption, at_hand, label, printed, with_unit
 from wavesweep.core.tables.columns import fields
-from wavesweep.core.tables.regions import spec_of
+from wavesweep.core.tables.planes import spec_of
 from wavesweep.designs.table import margins_of, wish_of
 from wavesweep.designs.wish_keys import WISHES
 

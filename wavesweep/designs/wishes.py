@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.core.analyses.at_hand import felt_of, responses_of
 from wavesweep.core.analyses.hardware import peaks_of
 from wavesweep.core.analyses.intervals import at_points
-from wavesweep.core.analyses.loops import radii_of, telling_frames
+from wavesweep.core.analyses.loops import frames_with_reliability, radii_of
 from wavesweep.core.columns import Rows
 from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.core.loops.controllers import keys_of_page
@@ -370,7 +370,7 @@ def _settling(spec, wish, loops, size):
 
 def _frames(loops, size):
     """Return the frames less identity, and whether their radius is known."""
-    E, hidden = telling_frames(loops.read)
+    E, hidden = frames_with_reliability(loops.read)
     E = np.broadcast_to(E, (size, *E.shape[-2:]))
     return E, np.isfinite(radius_of(E, hidden))
 

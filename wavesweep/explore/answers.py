@@ -26,7 +26,7 @@ from wavesweep.core.response.steady import respond
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.sweep.grid import make_grid
 from wavesweep.core.sweep.running import in_memory
-from wavesweep.core.tables.regions import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
+from wavesweep.core.tables.planes import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
 

@@ -71,7 +71,7 @@ def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = 
 def proofs(
     cases: Sequence["Case"], span: tuple[float, float], near: float
 ) -> Iterator[tuple[Part, tuple[float, float] | None]]:
-    """Yield the intervals that nothing which was met refutes, in order, and what is proved of each, None without.
+    """Yield the intervals that no loop met so far refutes, in order, and what is proved of each, None without.
 
     near: share of an end that is refuted, by which what is tried to be proved stays away from it.
     """

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.core.analyses.lines import lines_in_loops
+from wavesweep.core.analyses.lines_of_loops import lines_in_loops
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import open_loops
 from wavesweep.core.drawing.drawing import Drawing, path_of

@@ -11,7 +11,7 @@ from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.certificate import words
-from wavesweep.core.tables.kind import Kind, Line, Numbers, Whole, from_spec, plain
+from wavesweep.core.tables.kind import Kind, Line, Numbers, SingleBlockTally, from_spec, plain
 from wavesweep.core.tables.table import Table, facts_of, held
 
 METHOD = (
@@ -147,6 +147,10 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
 
 KINDS = (
     Kind(
-        "margins", lambda _: Whole(_numbers), _lines, figure="wavesweep.margins.figure.margins", again=from_spec(margins, "cut")
+        "margins",
+        lambda _: SingleBlockTally(_numbers),
+        _lines,
+        figure="wavesweep.margins.figure.margins",
+        again=from_spec(margins, "cut"),
     ),
 )

@@ -24,7 +24,7 @@ from wavesweep.core.plots.style import (
 )
 from wavesweep.core.plots.words import assumption, at_hand, label, symbol, valued
 
-_TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
+_TOLERANCE = 1e-10  # of the norm: up to this above 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _PASSIVE, _COLOUR = {"color": "#CCECE3", "linewidth": 0}, distinct_colour(0)  # the shade, and the dots
 _UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}

@@ -18,7 +18,7 @@ from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
 from wavesweep.core.tables.columns import at_port
 from wavesweep.core.tables.intervals import interval_kind
-from wavesweep.core.tables.kind import Kind, Line, Numbers, Whole, count, from_spec
+from wavesweep.core.tables.kind import Kind, Line, Numbers, SingleBlockTally, count, from_spec
 from wavesweep.core.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -270,14 +270,14 @@ KINDS = (
     ),
     Kind(
         "passivity-filters",
-        lambda _: Whole(_filter_numbers),
+        lambda _: SingleBlockTally(_filter_numbers),
         _filter_lines,
         figure="wavesweep.passive.figure.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
     ),
     Kind(
         "passivity-ports",
-        lambda _: Whole(_index_numbers),
+        lambda _: SingleBlockTally(_index_numbers),
         _index_lines,
         figure="wavesweep.passive.figure.passivity_ports",
         again=from_spec(over_frequency),

@@ -73,7 +73,7 @@ class Found:
 def report(spec: Spec, asked: Request) -> str:
     """The report of a spec as the text of an HTML file; the same spec and request give the same text.
 
-    Errors: UsageError for hands that are none. What the spec does not allow is in the report, with the reason.
+    Errors: UsageError for words that name no hands. What the spec does not allow is in the report, with the reason.
     """
     name = quote(f"{spec.name}.toml") + "".join(f" --set {quote(each)}" for each in asked.overrides)
     found: dict[str, Found] = {}

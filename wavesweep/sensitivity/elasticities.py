@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.core.analyses.at_hand import felt_of
 from wavesweep.core.analyses.interval_records import TINY
-from wavesweep.core.analyses.lines import lines_in_loops
+from wavesweep.core.analyses.lines_of_loops import lines_in_loops
 from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.columns import Columns
 from wavesweep.core.drawing.drawing import decides, path_of

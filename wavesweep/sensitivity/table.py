@@ -15,7 +15,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import Axis, Spec, sweep_axes
 from wavesweep.core.spec.loading import naming
 from wavesweep.core.tables.interval_tally import open_in_words
-from wavesweep.core.tables.kind import Again, Line, Numbers, counted_doubts, plain, whole_kind
+from wavesweep.core.tables.kind import Line, Numbers, Recompute, counted_doubts, plain, whole_kind
 from wavesweep.core.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -199,11 +199,11 @@ def _unit(unit: str) -> str:
     return "" if unit in ("", "1") else f" {unit}"
 
 
-def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
     from wavesweep.core.spec import load
 
     spec = load(facts["spec"])
-    return Again(spec.sha256, why(spec, facts["along"]["name"]).blocks)
+    return Recompute(spec.sha256, why(spec, facts["along"]["name"]).blocks)
 
 
 KINDS = (whole_kind("why", _numbers, _lines, "wavesweep.sensitivity.figure.why", again=_again),)

@@ -24,7 +24,7 @@ from wavesweep.core.plots.style import (
 )
 from wavesweep.core.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.core.tables.columns import signals_of
-from wavesweep.core.tables.regions import spec_of
+from wavesweep.core.tables.planes import spec_of
 
 _DETAIL_FRAMES = 40
 _LINEAR_POINTS = 800  # of the linear loop next to a simulation

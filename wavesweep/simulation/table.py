@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.tables.kind import Again, Line, Numbers, plain, whole_kind
+from wavesweep.core.tables.kind import Line, Numbers, Recompute, plain, whole_kind
 from wavesweep.core.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
 from wavesweep.simulation.keys import entry_of
@@ -279,13 +279,13 @@ def _off(columns: Columns, name: str) -> float | None:
     return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
 
 
-def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Again | None:
+def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:
     from wavesweep.core.spec import load
 
     if facts["spec"]["simulate"]["input"] == "record":
         return None  # the package does not have the path of the recorded force
     spec = replace(load(facts["spec"]).asking("simulate"), name=name())
-    return Again(spec.sha256, simulate(spec)[number].blocks)
+    return Recompute(spec.sha256, simulate(spec)[number].blocks)
 
 
 KINDS = (

@@ -21,7 +21,7 @@ from wavesweep.core.plots.style import (
     wide,
 )
 from wavesweep.core.plots.words import label
-from wavesweep.core.tables.regions import curves_of, region_of
+from wavesweep.core.tables.planes import curves_of, region_of
 
 NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 MARKS = "osv^D<>p"

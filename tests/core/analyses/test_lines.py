@@ -5,7 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.core.analyses.poles import poles
-from wavesweep.core.stability.lines import lines_of
+from wavesweep.core.stability.spectral_lines import lines_of
 
 RATES = {"drive": 8000.0, "wall": 1000.0}
 STATES = {"drive": ["mv", "mx", "lv", "lx"], "wall": ["x", "v"]}

@@ -10,7 +10,7 @@ from wavesweep.core.plots.regions import draw_region
 from wavesweep.core.plots.style import Look
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.regions import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
+from wavesweep.core.tables.planes import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
 
 VIEW = View("B_VE", False, 500, 400)
 

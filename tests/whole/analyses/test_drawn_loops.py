@@ -127,7 +127,7 @@ def test_a_number_that_is_one_scalar_gain_and_others_agree():
     gain = gain.replace("kd*m.v", "1.5*m.v + g.y")
     twice = PD.replace("[wire]", '[block.h]\ntype = "gain"\n[wire]\n"h.u" = "kd*m.v"')
     jobs = [job_of(load(tomllib.loads(text + axis))) for text in (PD, gain, twice)]
-    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT, Way.PANELS]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT, Way.DOMINANCE]
     tables = [in_memory(job) for job in jobs]
     for table in tables[1:]:
         np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
@@ -367,13 +367,13 @@ def test_every_axis_of_a_grid_is_read():
     spec = load(tomllib.loads(ARM))
     axis, others = sweep_axes(spec)
     grid = make_grid(spec, others, axis.path)
-    assert (grid.loops, grid.ignored, job_over(grid, axis).asked.way) == (3, (), Way.PANELS)
+    assert (grid.loops, grid.ignored, job_over(grid, axis).asked.way) == (3, (), Way.DOMINANCE)
 
 
 def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
     axes = [NETWORK, NETWORK + "d = [1.5, 2.0]\n"]
     jobs = [job_of(load(tomllib.loads(text))) for text in axes]
-    assert [job.asked.way for job in jobs] == [Way.CUT, Way.PANELS]
+    assert [job.asked.way for job in jobs] == [Way.CUT, Way.DOMINANCE]
     highs = [in_memory(job)["high"] for job in jobs]
     assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)
 

@@ -7,7 +7,7 @@ import wavesweep
 from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.sweep.grid import loops_of
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.regions import View, curves_of, region_of
+from wavesweep.core.tables.planes import View, curves_of, region_of
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
 
 pytestmark = pytest.mark.slow

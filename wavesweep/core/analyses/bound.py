@@ -46,5 +46,5 @@ def required_in_words(written: Mapping[str, object]) -> str:
 
 
 def where_nothing_decides() -> str:
-    """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if there is none such."""
+    """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if it finds none."""
     return next((each.BOUNDED for each in modules("bound")), "")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core.analyses.lines import lines_in_loops, strongest_in_cut
+from wavesweep.core.analyses.lines_of_loops import lines_in_loops, strongest_in_cut
 from wavesweep.core.analyses.loops import watched_drift
 from wavesweep.core.analyses.open_loops import Opened, by_zeros
 from wavesweep.core.columns import Columns, different

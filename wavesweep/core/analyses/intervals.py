@@ -22,9 +22,9 @@ from wavesweep.core.stability.certificate import words
 from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
 from wavesweep.core.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
 
-# Seconds per slice and squared order, measured: one polynomial per slice; panels, along any
+# Seconds per slice and squared order, measured: one polynomial per slice; dominance, along any
 # parameter but the wall, and for crowded poles of high order.
-BY_POLYNOMIAL, BY_PANELS = 0.2e-6, 15e-6
+BY_POLYNOMIAL, BY_DOMINANCE = 0.2e-6, 15e-6
 CROWDED = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
@@ -32,10 +32,10 @@ MOST_TICKS = 64  # pieces of a range, up to which one is a sample
 
 
 class Way(Enum):
-    """How the intervals along a number are found: from a cut, where it is one scalar gain of a frame, by panels, or by both."""
+    """How the intervals along a number are found: from a cut, where it is one scalar gain of a frame, by dominance, or both."""
 
     CUT = "cut"
-    PANELS = "panels"
+    DOMINANCE = "dominance"
     BOTH = "both"
 
 
@@ -73,7 +73,7 @@ class Along:
     """
 
     axis: Axis
-    way: Way = Way.PANELS
+    way: Way = Way.DOMINANCE
     guarantee: "Guarantee | None" = None
     require: Asked | None = None
 
@@ -199,7 +199,7 @@ def _order_of_drawing(drawing, path, items):
     cut = exact_cut(loops, name_of(path))
     if cut is not None:
         return cut.order, Way.CUT
-    return frames(loops, drift_of(loops)).shape[-1], Way.PANELS
+    return frames(loops, drift_of(loops)).shape[-1], Way.DOMINANCE
 
 
 def expected_cost(order: int, way: Way) -> float:
@@ -207,7 +207,7 @@ def expected_cost(order: int, way: Way) -> float:
 
     A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
     """
-    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED else BY_PANELS
+    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED else BY_DOMINANCE
     return share * max(order, 2) ** 2
 
 
@@ -254,14 +254,14 @@ def at_points(
 
 
 CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
-PANELS = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
+DOMINANCE = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
 
 
 def method(asked: Along) -> str:
     """How the intervals are found, in a line."""
     found = {
         Way.CUT: CUT,
-        Way.PANELS: PANELS,
-        Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others",
+        Way.DOMINANCE: DOMINANCE,
+        Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {DOMINANCE}, in others",
     }[asked.way]
     return asked.require.bound.method(found) if asked.require else found

@@ -13,7 +13,7 @@ from wavesweep.core.loops.domain import refuse_unsuitable
 from wavesweep.core.loops.from_drawing import twins
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.loops.ports import hand_of
-from wavesweep.core.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.core.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, frame_with_reliability
 from wavesweep.core.stability.spectrum import radius_of
 from wavesweep.core.sweep.grid import Loops, drawn_groups, items_of, make_grid
 
@@ -82,18 +82,18 @@ def frames(loops: Loops, drift: TickDrift) -> np.ndarray:
         return closed_frame(drawn, drift)
 
 
-def telling_frames(loops: Loops):
-    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`."""
+def frames_with_reliability(loops: Loops):
+    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `frame_with_reliability`."""
     drawn = loops.drawn()
     with named_loops(drawn), np.errstate(all="ignore"):
-        return telling_frame(drawn, drift_of(loops))
+        return frame_with_reliability(drawn, drift_of(loops))
 
 
 def radii_of(loops: Loops, size: int = 1) -> np.ndarray:
     """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
-    radii = np.array(np.broadcast_to(radius_of(*telling_frames(loops)), (size,)))
+    radii = np.array(np.broadcast_to(radius_of(*frames_with_reliability(loops)), (size,)))
     for at in np.flatnonzero(np.isnan(radii)).tolist() if size > 1 else ():
-        radii[at] = radius_of(*telling_frames(loops.one(at))).item()
+        radii[at] = radius_of(*frames_with_reliability(loops.one(at))).item()
     return radii
 
 

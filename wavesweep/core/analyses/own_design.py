@@ -9,8 +9,8 @@ from wavesweep.core.analyses.assumptions import FAVOURABLE, assumes
 from wavesweep.core.analyses.at_hand import loop_at_hand
 from wavesweep.core.analyses.bound import where_nothing_decides
 from wavesweep.core.analyses.feel import felt_at_rest
-from wavesweep.core.analyses.lines import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, refuse_singular, telling_frames
+from wavesweep.core.analyses.lines_of_loops import lines_in_loops
+from wavesweep.core.analyses.loops import drift_of, frames_with_reliability, refuse_singular
 from wavesweep.core.analyses.poles import ON_CIRCLE, leading, named_modes
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of
@@ -46,7 +46,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     """
     own = own_loop(spec)
     refuse_singular(spec, own.drawing)
-    (E, hidden), drawn, drift = telling_frames(own), own.drawn(), drift_of(own)
+    (E, hidden), drawn, drift = frames_with_reliability(own), own.drawn(), drift_of(own)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
     if radius == 1:

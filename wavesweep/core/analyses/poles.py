@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wavesweep.core.analyses.lines import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, refuse_singular, telling_frames
+from wavesweep.core.analyses.lines_of_loops import lines_in_loops
+from wavesweep.core.analyses.loops import drift_of, frames_with_reliability, refuse_singular
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.monodromy.drift import TickDrift
@@ -43,7 +43,7 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
     drawn, drift = loops.drawn(), drift_of(loops)
     kept, period = len(drift.kept), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-    E, hidden = telling_frames(loops)
+    E, hidden = frames_with_reliability(loops)
     E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
     finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
     named = [named_modes(each, drawn, drift) for each in E]

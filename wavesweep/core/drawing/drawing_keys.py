@@ -180,7 +180,7 @@ class KeyReader:
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
             return None
         keys = keys_of_block(kind)
-        given = self.as_meant(path, given, keys)
+        given = self.with_corrected_names(path, given, keys)
         every = self.read_key(f"{path}.every", keys.pop("every"), given.get("every"))
         self.period = self.periods[name] = ("/", every or ONE, self.tick_hz, 0)
         if kind == "delay" and "seconds" in given and "steps" not in given:
@@ -205,7 +205,7 @@ class KeyReader:
             return self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
         return block
 
-    def as_meant(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
+    def with_corrected_names(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
         """Return the leaves; an unknown key is a mistake and stands for the key that is meant, which then is not missing."""
         meant = dict(given)
         for key, leaf in given.items():

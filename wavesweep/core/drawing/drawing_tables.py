@@ -26,7 +26,7 @@ LISTED = 8  # ports that a message lists
 Path = tuple[str, ...]
 
 
-def as_meant(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves of tables that a drawn loop has, and add a mistake for each other table.
 
     An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.

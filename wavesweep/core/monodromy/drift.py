@@ -246,7 +246,7 @@ def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
     return known_frames(filled(without_drift(E, drift)), growth)
 
 
-def telling_frame(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+def frame_with_reliability(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
     E, dE = errors_of_closed(ticks_of(drawn, alone=True, terms=True), drift)
     finite = np.isfinite(E).all((-1, -2))

@@ -10,7 +10,7 @@ from wavesweep.core.plots.regions import BEYOND, CARET, FELT_LINE, RIGHT, SHADE,
 from wavesweep.core.plots.shown import Shown
 from wavesweep.core.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting, paler
 from wavesweep.core.plots.words import unit, valued
-from wavesweep.core.tables.regions import incomplete
+from wavesweep.core.tables.planes import incomplete
 from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers

@@ -20,7 +20,7 @@ from wavesweep.core.plots.shown import Shown
 from wavesweep.core.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figure, is_narrow, note_below, wide
 from wavesweep.core.plots.words import assumed, label, printed, symbol, valued, with_unit
 from wavesweep.core.tables.columns import unlike_units
-from wavesweep.core.tables.regions import incomplete, region_of, smooth_axes
+from wavesweep.core.tables.planes import incomplete, region_of, smooth_axes
 
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 1.6  # points between thin bars of two members
@@ -30,7 +30,7 @@ _EDGE = 0.03  # of the axis, beyond the bars at its ends
 def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """Draw the stable intervals of a `zwidth` or `stability-region` table.
 
-    The intervals between two values of x are those of `tables.regions`; if these cannot be computed, thin bars show the values
+    The intervals between two values of x are those of `tables.planes`; if these cannot be computed, thin bars show the values
     of the table. A single region is filled, and so is what is proved under [for_all]. Several are outlined, with strokes to the
     unstable side, so that none hides the hole of another. Boundaries are dashed red if not certified, and slices that are only
     partly known are hatched outside of their intervals. One further axis is a family of lines, the next one gives panels

@@ -12,7 +12,7 @@ from wavesweep.core.columns import Columns, whose_column
 from wavesweep.core.plots.layout import rows_with, where
 from wavesweep.core.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, paler
 from wavesweep.core.plots.words import shortened, valued
-from wavesweep.core.tables.regions import KNOWN, Curve, View, columns_of, curves_of, open_spans
+from wavesweep.core.tables.planes import KNOWN, Curve, View, columns_of, curves_of, open_spans
 from wavesweep.core.tables.row_kinds import COMPUTED, RowKind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars

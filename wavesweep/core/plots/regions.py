@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
-from wavesweep.core.tables.regions import Region, View
+from wavesweep.core.tables.planes import Region, View
 
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}

@@ -11,7 +11,7 @@ from wavesweep.core.plots.layout import Layout
 from wavesweep.core.plots.members import Member, members_of, specs_of
 from wavesweep.core.plots.regions import felt_differs, range_end
 from wavesweep.core.tables.columns import swept_range
-from wavesweep.core.tables.regions import spec_of
+from wavesweep.core.tables.planes import spec_of
 
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
 

@@ -16,7 +16,7 @@ from wavesweep.core.results.files import GROUP_ROWS, csv_blocks, read_rows, rows
 from wavesweep.core.results.folder import PACKAGE
 from wavesweep.core.results.package import file_facts, loaded, packaged_facts
 from wavesweep.core.tables import HOMES, kind_named
-from wavesweep.core.tables.kind import Again
+from wavesweep.core.tables.kind import Recompute
 
 ROWS = 20
 SEED = 0
@@ -144,7 +144,7 @@ def _between(csv: Path, parquet: Path) -> Iterator[str]:
         yield f"{parquet} and {csv.name}: {difference}"
 
 
-def _again(package: Path, facts: Mapping[str, Any]) -> Again | None:
+def _again(package: Path, facts: Mapping[str, Any]) -> Recompute | None:
     """The way to compute the rows of this table again; None for a table that does not come from one spec."""
     kind = package.name.removesuffix(PACKAGE)
     return kind_named(kind).again(facts, partial(_stem, package)) if kind in HOMES else None
@@ -167,7 +167,7 @@ def _counted(items: Sequence[int], progress: Callable[[int, int], None]) -> Iter
 
 
 def _rows(
-    package: Path, facts: Mapping[str, Any], again: Again, rows: int, seed: int, progress: Callable[[int, int], None]
+    package: Path, facts: Mapping[str, Any], again: Recompute, rows: int, seed: int, progress: Callable[[int, int], None]
 ) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
     parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), versions().items() <= facts.items()
@@ -242,7 +242,7 @@ def _starts(parquet: Path) -> np.ndarray | None:
 
 
 def _proved_again(
-    parquet: Path, again: Again, most: int, proved: list, progress: Callable[[int, int], None]
+    parquet: Path, again: Recompute, most: int, proved: list, progress: Callable[[int, int], None]
 ) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
     try:

@@ -125,9 +125,9 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
     leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
     if drawn:
-        from wavesweep.core.drawing.drawing_tables import as_meant, read_drawing
+        from wavesweep.core.drawing.drawing_tables import read_drawing, with_corrected_names
 
-        leaves = expanded(as_meant(leaves, mistakes), mistakes)
+        leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)
         drawing, values, of_loop, names = read_drawing(leaves, place, mistakes)
         given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
         hz = drawing.rate(values) if drawing else values.get(RATE)
@@ -159,7 +159,7 @@ def _installed(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
     """Sort by line and column; mistakes without a place keep their order, at the end.
 
-    A key below a value that should be a table is not said to be missing as well.
+    Of a value that should be a table, the keys below it are not reported as missing too.
     """
     none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
     below = tuple(f"{key}." for key in none)

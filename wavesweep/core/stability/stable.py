@@ -19,7 +19,7 @@ MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree 
 ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
-@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what overflows is told from what it leaves
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # results that are not finite show what overflowed
 def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Intervals:
     """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
 

@@ -14,7 +14,7 @@ from wavesweep.core.analyses.assumptions import notices_of
 from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.tables.interval_tally import Tallies, interval_lines
-from wavesweep.core.tables.kind import Again, Kind, ProvedAgain
+from wavesweep.core.tables.kind import Kind, ProvedAgain, Recompute
 from wavesweep.core.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ def _limits_of_walls(spec, along, swept) -> dict:
     return {"limits_of_walls": limits} if limits else {}
 
 
-def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
     """A way to compute rows of a table with these facts again."""
     from wavesweep.core.spec import load
     from wavesweep.core.tables.hands import hands_of
@@ -199,7 +199,7 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     run = spec, along, hands_of(facts.get("for_hands", ()))
     sizes = [stage.job.grid.size for stage in stages_of(*run)]
     some, prove = partial(rows_again, *run), partial(proved_again, spec, along)
-    return Again(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
+    return Recompute(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
 
 
 def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:

@@ -43,7 +43,7 @@ class ProvedAgain(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Again:
+class Recompute:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
 
     rows: their expected number, 0 if it is known only once they are computed. provable: how many of the combinations, the
@@ -75,7 +75,7 @@ class Kind:
     tally: Callable[[Table], Tally]
     lines: Callable[[Numbers], Iterator[Line]]
     figure: str
-    again: Callable[[Mapping[str, Any], Callable[[], str]], Again | None] = field(default=lambda *_: None, repr=False)
+    again: Callable[[Mapping[str, Any], Callable[[], str]], Recompute | None] = field(default=lambda *_: None, repr=False)
     study: Literal["sweep", "bode"] = "sweep"
     before: int = 0
 
@@ -105,7 +105,7 @@ class Kind:
         return {name: columns[name] for name in (*own[: self.before], *axes, *own[self.before :])}
 
 
-class Whole:
+class SingleBlockTally:
     """The summary of a table whose rows come in one block. measure: gives its numbers."""
 
     def __init__(self, measure: Callable[[Columns, Numbers], Numbers]) -> None:
@@ -121,20 +121,20 @@ class Whole:
 
 
 def whole_kind(name: str, measure: Callable[[Columns, Numbers], Numbers], lines: Callable, figure: str, **more: Any) -> Kind:
-    """A kind of table whose rows come in one block; see `Whole` and `Kind`."""
-    return Kind(name, lambda _: Whole(measure), lines, figure, **more)
+    """A kind of table whose rows come in one block; see `SingleBlockTally` and `Kind`."""
+    return Kind(name, lambda _: SingleBlockTally(measure), lines, figure, **more)
 
 
 def from_spec(
     make: Callable[..., Table], *given: str, rows: Callable[[Any], int] = lambda _: 0
-) -> Callable[[Mapping[str, Any], Callable[[], str]], Again]:
+) -> Callable[[Mapping[str, Any], Callable[[], str]], Recompute]:
     """A way to compute rows again: by `make`, of the spec and these facts of the table; rows: their number, of a spec."""
 
-    def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Again:
+    def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
         from wavesweep.core.spec import load
 
         spec = load(facts["spec"])
-        return Again(spec.sha256, lambda: make(spec, *(facts[name] for name in given)).blocks(), rows(spec))
+        return Recompute(spec.sha256, lambda: make(spec, *(facts[name] for name in given)).blocks(), rows(spec))
 
     return again
 

@@ -17,7 +17,7 @@ from wavesweep.core.doubts import where_explained
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.stability.certificate import SPARED
 from wavesweep.core.tables import kind_named
-from wavesweep.core.tables.kind import Again, Kind, Line, Numbers, count
+from wavesweep.core.tables.kind import Kind, Line, Numbers, Recompute, count
 from wavesweep.core.tables.table import Table, digest_of, facts_of, with_unlike_units
 
 if TYPE_CHECKING:
@@ -174,13 +174,13 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
             yield f"{count(rest, 'row')} without a reliable value ({words})", True
 
 
-def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Again:
+def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute:
     from wavesweep.core.spec import load
 
     specs = [replace(load(tables), name=each) for each, tables in (facts.get("specs") or {name(): facts["spec"]}).items()]
     combinations = (prod(len(axis.values) for axis in spec.bode) * len(routes_of(spec)) for spec in specs)
     rows = sum(each * len(spec.frequency_hz) for each, spec in zip(combinations, specs, strict=True))
-    return Again(digest_of(specs), lambda: responses(specs, jobs=1).blocks(), rows)
+    return Recompute(digest_of(specs), lambda: responses(specs, jobs=1).blocks(), rows)
 
 
 KINDS = (

@@ -14,7 +14,7 @@ from wavesweep.core.monodromy.hessenberg import in_even_units, polynomials, redu
 from wavesweep.core.monodromy.periodic import frame_of, ticks_of
 from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.stability.boundary import times
-from wavesweep.core.stability.lines import lines_of, share_of_first
+from wavesweep.core.stability.spectral_lines import lines_of, share_of_first
 from wavesweep.core.stability.spectrum import eigenvalues
 from wavesweep.core.sweep.grid import Loops
 
