@@ -13,7 +13,7 @@ from wavesweep.require.discs import BAD, GOOD, LOST, OPEN, Circle, Spiral, verdi
 
 PANELS, MANY = 16, 1024  # panels of a column to begin with; so many that are open, beyond which it is given up
 LARGE, OFTEN = 50_000, 16  # entries of so many frames, of fewer panels then; times that in all
-ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
+BEGUN = 1e-9  # of the span: an interval is proved from so near to its low end on, where a gain of zero leaves a drift
 NARROW = 256.0  # so many of the narrowest panels are as wide as an end is exact: eigenvalues may move along the spiral
 RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)  # of a disc; its lower half is the conjugate
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
@@ -109,7 +109,7 @@ class _Loops:
         while column.size:
             parts = [slice(first, first + few) for first in range(0, column.size, few)]
             label = np.concatenate([self._label(column[some], low[some], high[some], bounds, place) for some in parts])
-            narrow = (NARROW * (high - low) <= _exact((low + high) / 2, width)) | (high - span[0] <= ATTACHED * width)
+            narrow = (NARROW * (high - low) <= _exact((low + high) / 2, width)) | (high - span[0] <= EXACT * NEAR_ZERO * width)
             open_ = np.bincount(column, minlength=count)
             tried += open_
             lost = ((open_ > many) | (tried > OFTEN * many))[column]
@@ -171,9 +171,10 @@ def _intervals(column, edges, label, loops, span, period, place):
     for at, (low, high, what) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
         if what == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
-            tight = high - low <= (ATTACHED * width if at == 0 else _exact(high, width))
-            doubt = max(doubt, NONE if tight else ROUNDING)
-            gaps |= dict.fromkeys((low, high), (low, high))
+            tight, begun = high - low <= _exact(high, width), at == 0 and high - low <= BEGUN * width
+            doubt = max(doubt, NONE if tight or begun else ROUNDING)
+            if tight or not begun:
+                gaps |= dict.fromkeys((low, high), (low, high))
         elif what != BAD:
             doubt = max(doubt, {GOOD: NONE, LOST: SEARCH}.get(what, CROWDED))
             parts.append((low, high, what == GOOD))

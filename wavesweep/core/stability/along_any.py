@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.core.monodromy.rounding import uneven_units
 from wavesweep.core.stability.certificate import NONE
 from wavesweep.core.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
-from wavesweep.core.stability.entries import DEGREES, EPS, NARROW, panels_of
+from wavesweep.core.stability.entries import DEGREES, EPS, panels_of
 from wavesweep.core.stability.frames import Frames
 from wavesweep.core.stability.intervals import Intervals, doubts_of, intervals_of
 from wavesweep.core.stability.regions import NEAR_ZERO, Regions
@@ -56,9 +56,8 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
     these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
     that leaves are windows about crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is
     not known: its column is in doubt, and the rest of it is given.
-    Accuracy: ends to 1e-9 relative, usually 1e-12; those that are as near to an end of the span as ends are exact, or that
-    rounding does not tell from its low end, are given as that end. Entries that are not followed within 1e-9 of the span of
-    its low end leave no doubt.
+    Accuracy: ends to 1e-9 relative, usually 1e-12; those that are as near to an end of the span as ends are exact are given as
+    that end.
     """
     low, high = span
     if variable == FROM_ZERO:
@@ -156,9 +155,7 @@ def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
             own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
             parts.append(tiles_of(some, own, span, names.size, slack))
         tiles = Tiles.join(parts)
-    attached, (owner, left, right, _) = (np.full(names.size, slack(span[0])), slack(span[1])), lost
-    first = (left == span[0]) & (right - left <= NARROW * (span[1] - span[0]))
-    np.maximum.at(attached[0], owner[first].astype(int), (right - left)[first])
+    attached = slack(span[0]), slack(span[1])
     if balls is not None:
         tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))
     found = regions_of(tiles, lost, span, names.size, attached)

@@ -12,7 +12,6 @@ from wavesweep.core.stability.dominance import Bent, Exact
 from wavesweep.core.stability.entries import EPS, Panels, nodes
 from wavesweep.core.stability.regions import Regions
 
-ATTACHED = 1e-11  # of the span, at most; what rounding does not tell from its low end, as a drift at 0, is given as there
 NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
 CROSSING = 6  # steps towards a crossing on the panel's polynomials; from then on the frame at the place itself is taken
 FIRM = 2.5  # times what the errors of entries move a crossing by: half of a window about it, at least
@@ -168,7 +167,6 @@ class _Test:
         self.miss = unsure / np.maximum(1, np.abs(slope * open_.place) / half)
         self.there = open_.place + half * h
         low, high = (np.maximum(slack(end), 4 * EPS * np.abs(end)) for end in span)
-        low = np.maximum(low, np.minimum(FIRM * half * unsure / np.abs(slope), ATTACHED * (span[1] - span[0])))
         self.beside = np.where(self.there - span[0] <= low, -1, 0)
         self.beside[span[1] - self.there <= high] = 1
         off = np.where(self.beside < 0, np.maximum(slack(open_.place), low), slack(open_.place)) / half
@@ -278,7 +276,7 @@ def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> 
         return total[last] - total[first + 1]
 
     low, high, at_end = whole.high[first], whole.low[last], outer[first] | outer[last]
-    slack = 4 * EPS * np.abs(high) + np.where(outer[first], attached[0][whole.column[first]], attached[1]) * at_end
+    slack = 4 * EPS * np.abs(high) + np.where(outer[first], *attached) * at_end
     doubtful = (high - low - between(whole.high - whole.low) > slack) | (between(plain & rough) > 0)
     doubtful |= (one * other == 0) & (between(rough) > 0)
     alike = (one == other) & (last - first > 1) & ((one == 0) | (between(plain) > 0))
@@ -323,13 +321,13 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     """Return the parts of the spans in which the loops are stable, unstable or not known; all of a column have its doubt.
 
     lost: parts without panels, see `panels_of`. attached: from each end of the span, how far what is not known may reach
-    without a doubt, since a crossing there is given as at the end itself; from its low end of each column, `(columns,)`.
+    without a doubt, since a crossing there is given as at the end itself.
     """
     tiles = Tiles.join([tiles, _gaps(tiles, span, columns, attached)])
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
     doubt = np.full(columns, NONE)
     owner, low, high, overflown = lost
-    searched = (high > span[0] + attached[0][owner.astype(int)]) & (low < span[1] - attached[1])
+    searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
     np.maximum.at(doubt, owner[searched].astype(int), np.where(overflown[searched] > 0, OVERFLOW, SEARCH))
     np.maximum.at(doubt, tiles.column, np.where(tiles.outside == UNKNOWN, CROWDED, NONE))
     # Inside a plain window all may be stable, also at an end of the span.
@@ -374,4 +372,4 @@ def _gaps(tiles, span, columns, attached):
     some = np.flatnonzero((np.diff(column) == 0) & (left[1:] > right[:-1]))
     gaps = Tiles.of(column[some], right[some], left[some + 1], UNKNOWN)
     whole = (gaps.low == span[0]) & (gaps.high == span[1])
-    return gaps.take(whole | (gaps.high > span[0] + attached[0][gaps.column]) & (gaps.low < span[1] - attached[1]))
+    return gaps.take(whole | (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1]))
