@@ -43,7 +43,9 @@ class Resting:
         Morrison 1950); of F the product of the other number is a part.
         """
         at = at if len(self.shown) > 1 else 0 * at
-        (still, more), (unsure, of_more) = (np.moveaxis(part[at], (-1, -2), (0, 1)) for part in (self.shown, self.error))
+        (still, more), (unsure, of_more) = (
+            np.moveaxis(part.take(at, axis=0), (-1, -2), (0, 1)) for part in (self.shown, self.error)
+        )
         with np.errstate(all="ignore"):
             if self.free:
                 if len(still) > 3:

@@ -161,7 +161,7 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     sign of the polynomial. A column in which a root may be at such an end itself (an undamped device crosses twice at z = 1, at
     K_VE = 0) is not complete. Crossings that are surely outside the span are only counted.
     """
-    coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
+    coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(owner, axis=0)
     n = coefficients.shape[-1]
     noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
@@ -192,7 +192,7 @@ def _side(polynomial, owner, fixed, cosine, span):
 
     The wall parameter is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
     """
-    over, noise = polynomial.value[owner], polynomial.value_noise[owner]
+    over, noise = polynomial.value.take(owner, axis=0), polynomial.value_noise.take(owner, axis=0)
     before, now, total, weight = np.zeros_like(cosine), np.ones_like(cosine), 0.0, 0
     twice = 2 * cosine
     for k in range(over.shape[-1]):

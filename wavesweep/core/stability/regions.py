@@ -181,7 +181,7 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
     of_stable = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
     column, value, theta = (part[of_stable] for part in (column, value, theta))
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
-    back = found.inverses[found.inverse[parts.order[of_stable]]]
+    back = found.inverses.take(found.inverse[parts.order[of_stable]], axis=0)
     least = NEAR_ZERO * (span[1] - span[0])
     left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back, least)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
