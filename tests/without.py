@@ -49,19 +49,17 @@ def without_lines(text, names):
 
 def run(folder, *arguments):
     """Run Python in a copy, which it imports the package from."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1", "WAVESWEEP_WITHOUT": "some"}
+    environment = {**os.environ, "PYTHONPATH": str(folder), "WAVESWEEP_WITHOUT": "some"}
     return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, check=False)
 
 
 def tables_of(folder):
     """The bytes of the tables of the paper's specs, as the package in a folder writes them."""
-    found = {}
-    for command, name in ASKED:
-        out = folder / "results" / name
-        spec = str(ROOT / "sweeps" / "paper" / f"{name}.toml")
-        run(folder, "-m", "wavesweep", command, spec, "--out", str(out), "--no-plot", "--quiet", "--overwrite")
-        found |= {(command, name, path.suffix): path.read_bytes() for path in sorted(out.glob("*.csv"))}
-    return found
+    paper, options = ROOT / "sweeps" / "paper", ["--no-plot", "--quiet", "--overwrite"]
+    calls = [[command, f"{paper / name}.toml", "--out", f"results/{name}", *options] for command, name in ASKED]
+    run(folder, "-c", f"from wavesweep.core.cli import main\nfor words in {calls!r}:\n    main(words)")
+    found = {name: [*(folder / "results" / name).glob("*.csv")] for _, name in ASKED}
+    return {(name, path.name): path.read_bytes() for name, paths in found.items() for path in paths}
 
 
 def main(arguments):

@@ -33,6 +33,7 @@ def check(wavesweep, tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.slow
 def test_the_ends_in_the_lines_are_those_of_stability(check):
     """The spectral radius, computed by another way, crosses 1 at each end that a line names."""
     loop = library.compile("mine.toml")

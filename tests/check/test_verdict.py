@@ -31,6 +31,7 @@ def test_it_can_be_written_as_json():
         json.dumps(verdict(values_of(kind)), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_the_limits_are_the_ends_of_the_stable_interval_about_the_value():
     found = verdict(WAVES)
     assert found["stable"]
@@ -76,6 +77,7 @@ def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
     assert felt["damping"] == pytest.approx(B, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
@@ -123,6 +125,7 @@ def test_a_late_wall_is_felt_with_less_damping():
     assert felt["damping"] == pytest.approx(3.0 - 50.0 * 0.0095, rel=2e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(("Kp", "ratio", "damping"), [(0.5, 2, -1151.175), (1.0, 2, -570.985), (0.5, 20, -1794.691)])
 def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, damping):
@@ -134,12 +137,14 @@ def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, dampi
     assert felt["damping"] == pytest.approx(damping, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_slowest_mode_decays_as_a_simulation_does():
     found = verdict(WAVES)["slowest"]
     assert 0 < found["damping_ratio"] < 1
     assert found["time_constant_s"] == pytest.approx(-0.02 / np.log(verdict(WAVES)["spectral_radius"]), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "pmw", "pmw-lm"])
 @pytest.mark.filterwarnings("error")
@@ -155,6 +160,7 @@ def test_no_damping_is_felt_as_none(kind):
         assert (felt["stiffness"], felt["damping"], felt["rigid"]) == (K, 0.0, False)
 
 
+@pytest.mark.slow
 @pytest.mark.asks("prove")
 def test_a_range_ends_where_the_spec_takes_no_more():
     """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
@@ -174,6 +180,7 @@ def test_a_range_ends_where_the_spec_takes_no_more():
     assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
@@ -198,6 +205,7 @@ def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, 
     assert slowest["omega"] / (2 * np.pi) == pytest.approx(found, abs=2 * frequency[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "known"), [("pmw-lm", False), ("pmw", True)])
 def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
     """Its matrix grows with the frame on both sides with a local model; without one it has a single row."""
@@ -246,6 +254,7 @@ def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ti
     assert found["to"] == pytest.approx(np.ceil(found["high"] / 0.1) * 0.1, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_range_that_takes_long_ends_next_to_the_value(monkeypatch):
     monkeypatch.setattr(judging, "WORK", 0)
     spec = load(late(0.02, 48))

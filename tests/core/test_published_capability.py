@@ -96,6 +96,7 @@ def decay(spec: str, options: Options) -> None:
 }
 
 
+@pytest.mark.slow
 def test_a_capability_of_another_package_is_there_once_it_is_installed(tmp_path):
     for name, text in FILES.items():
         (tmp_path / "site" / name).parent.mkdir(parents=True, exist_ok=True)

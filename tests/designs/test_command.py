@@ -213,6 +213,7 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     assert 0 < float(place) < 0.08
 
 
+@pytest.mark.slow
 def test_of_whole_numbers_all_between_the_ends_are_checked():
     """With trapezoidal integration and delays of 0 and 20 ticks some walls are stable; with 15 ticks none is."""
     tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "trapezoidal"}}
@@ -277,6 +278,7 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
     assert rows["box_settled"][number] == bool(guaranteed.settled.all())
 
 
+@pytest.mark.slow
 def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
     hands = pytest.importorskip("wavesweep.for_all.hand_box")
 
@@ -358,6 +360,7 @@ I = [0.02, 0.04]
 """
 
 
+@pytest.mark.slow
 def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_path):
     (tmp_path / "mine.toml").write_text(JOINT)
     code, text, results = run("--no-plot")

@@ -168,6 +168,7 @@ def test_a_design_that_breaks_its_bound_between_the_ends_of_a_range_is_not_the_b
     assert min(ratios) >= 0.7 - 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.asks("for_all")
 def test_a_design_is_proved_for_all_numbers_of_its_spec():
     """Direct coupling: the wall of the worst numbers, from which the proof is no further than 1 %."""

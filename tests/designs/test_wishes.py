@@ -59,6 +59,7 @@ def loops(spec, number):
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("within", [False, True])
 def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
@@ -93,6 +94,7 @@ def test_whole_numbers_between_that_make_no_loop_are_left_out():
         study.job_of(load(drawn))
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
@@ -284,6 +286,7 @@ def test_points_are_the_product_with_the_designs_slowest():
     assert scenario[0] == 2
 
 
+@pytest.mark.slow
 def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
     spec, random = load(TABLES), np.random.default_rng(5)
     points = {
@@ -304,6 +307,7 @@ def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
             np.testing.assert_allclose(found[name][same], row[name], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_loops_that_modes_are_too_rough_for_are_computed_again(monkeypatch):
     spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [50]})
     right, own = values_of(spec)["transparency"], measures.responses_of
@@ -345,6 +349,7 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
     assert not run.look(Judged(best.genes, best.objectives, np.ones(3)))
 
 
+@pytest.mark.slow
 def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):
     spec = wishes(delay_margin={"at_least": 1, "walls": [100]})
     sure = values_of(spec)["delay_margin"]

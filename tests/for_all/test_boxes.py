@@ -23,6 +23,7 @@ def touching(numbers, depth):
     return cover(frames, np.array([[-1.0] * numbers, [1.0] * numbers]), everywhere, 100_000)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("numbers", [1, 2, 3])
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])

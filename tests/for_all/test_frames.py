@@ -43,6 +43,7 @@ def large(eigenvalues):
     return np.sort_complex(eigenvalues[np.abs(eigenvalues) > 1e-4])
 
 
+@pytest.mark.slow
 @pytest.mark.sample(20)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("integration", INTEGRATIONS)

@@ -64,6 +64,7 @@ def largest_of_words(A, longest):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("matrices", "radius"),
     [
@@ -121,6 +122,7 @@ def test_no_short_word_grows_where_decay_is_proved(seed):
     assert found.fails_from * radius == pytest.approx(1, rel=0.02)
 
 
+@pytest.mark.slow
 def test_stretches_of_a_proof_join_and_hold_between_their_ends():
     A, B = (np.random.default_rng(seed).normal(size=(2, 3, 3)) for seed in (7, 8))
     family = Affine.of(0.3 * A / np.abs(A).max(), B)

@@ -30,6 +30,7 @@ def family(spec, along=""):
     return frames_with_messages(spec.drawing, dict(spec.values), along)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(("lost", "missing"), [(0, "held"), (1, "held"), (2, "held"), (3, "held"), (3, "zero")])
 def test_an_integrator_whose_messages_are_lost(lost, missing):
@@ -41,12 +42,14 @@ def test_an_integrator_whose_messages_are_lost(lost, missing):
     assert found.settled
 
 
+@pytest.mark.slow
 def test_an_integrator_whose_messages_are_late():
     """Kao and Lincoln's small-gain bound is 2/3; with every message a tick late the limit is 1."""
     found = bracket(family(integrator(late=1), "K"), 0.1, (0.0, 3.0))
     assert 0.99 <= found.high < 1 <= found.fails_from < 1 + 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(("hz", "lost"), [(10, 16), (20, 33)])
 def test_a_mass_holds_its_input_for_no_longer_than_a_constant_interval(hz, lost):
@@ -75,6 +78,7 @@ def test_messages_that_are_always_as_late_have_the_limit_of_that_delay(ticks):
     assert growth(found.at(limit * 0.999), (alone,)) < 1 < growth(found.at(limit * 1.001), (alone,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channel", [{"lost": 1, "missing": "zero"}, {"late": 2}])
 def test_messages_that_carry_what_drifts_are_refused(channel):
     """Two integrators that move together for ever: a message that is zero, or an empty register, would hold them back."""

@@ -190,6 +190,7 @@ def frames_at(kind, box):
     return plan.over(paths, lambda sides: np.column_stack([np.exp(sides[:, 0]), sides[:, 1:]]), box)
 
 
+@pytest.mark.slow
 def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""
     box = np.array([[np.log(300.0), 0.0, 0.0, 0.0], [np.log(1200.0), 0.05, 1.0, 50.0]])
@@ -198,6 +199,7 @@ def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     assert found.end < np.log(800.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
 def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
     """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""

@@ -46,6 +46,7 @@ def for_all(spec, **ranges):
     return [row for row in rows if row["guarantee"] == "spec"], [row for row in rows if row["guarantee"] == "for_all"]
 
 
+@pytest.mark.slow
 def test_pd_held_over_a_period_that_is_not_known_has_the_limit_of_the_longest():
     """`kp < 2 kd/T` for ideal samples on a free mass, whatever the mass, if `kd < 2 m/T`."""
     ranges = {"block.arm.mass": {"start": 0.15, "stop": 0.25}, "kd": {"start": 3, "stop": 5}, "n": {"values": [2, 5, 10]}}
@@ -59,6 +60,7 @@ def test_pd_held_over_a_period_that_is_not_known_has_the_limit_of_the_longest():
     assert "kd = 3" in row["counterexample"]
 
 
+@pytest.mark.slow
 def test_a_gain_that_the_spec_does_not_have_is_in_the_loops_of_its_range():
     """Without Kp its wire is not drawn; what holds for all of a range has to hold for each of its values."""
     (own,), (row,) = for_all(FIG4, **{"controller.Kp": {"start": 20, "stop": 60}})
@@ -154,6 +156,7 @@ def test_results_that_fail_to_come_are_held():
     assert row["fails_from"] < 801
 
 
+@pytest.mark.slow
 def test_a_drawn_loop_may_have_frames_of_any_length():
     """PD held over a period that changes in any order: the limit is no higher than that of the longer one for ever."""
     (_,), (row,) = for_all(PD, n={"values": [5, 10], "varying": True})
@@ -177,6 +180,7 @@ def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
     assert (bad["verdict"], bad["counterexample"]) == ("refuted", "kd = 0.2, frames 10")
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("every", "more", "longest"),
@@ -196,6 +200,7 @@ def test_every_may_be_any_expression_of_the_number_that_varies(every, more, long
     assert row["counterexample"] == f"frames {longest}"
 
 
+@pytest.mark.slow
 def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_reported(monkeypatch):
     """Frames that are planned half as long as they are, are told from the loops at constant frames."""
     own = Slow.of
@@ -399,6 +404,7 @@ def wavesweep_hands():
     return hands_of("port")
 
 
+@pytest.mark.slow
 def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one():
     """An integrator whose input is held 1, 2 or 3 ticks of 10 ms: `0 < k < 2/(3 T)`."""
     spec = {
@@ -427,6 +433,7 @@ def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
     assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= 1000
 
 
+@pytest.mark.slow
 def test_the_library_gives_the_rows_of_the_command():
     spec = load(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})
     loop, table = wavesweep.compile(spec), wavesweep.stability_region(spec)

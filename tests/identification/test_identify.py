@@ -125,6 +125,7 @@ def test_two_masses_are_found_from_a_frequency_response(tmp_path):
         assert found[name]["low"] < truth < found[name]["high"], name
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 @pytest.mark.parametrize("friction", [False, True])
 def test_a_delay_can_be_held(friction):
@@ -247,6 +248,7 @@ def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     assert verdict.explained
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 def test_a_log_in_which_no_resonance_would_show_cannot_tell():
     """A good one shows one in some band, in which that of a quarter of the mass is."""
@@ -325,6 +327,7 @@ def test_other_columns_may_hold_anything(tmp_path):
     assert (read_log(path, {}, {}).reading == read_log(plain, {}, {}).reading).all()
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 def test_jitter_of_the_times_is_said(tmp_path):
     source = np.random.default_rng(0)
@@ -339,6 +342,7 @@ def test_jitter_of_the_times_is_said(tmp_path):
     assert any("times jitter by up to" in each and "equal steps of 1 ms" in each for each in notices)
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
     """A slow push of a device in syrup."""

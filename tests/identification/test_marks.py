@@ -46,6 +46,7 @@ def test_a_figure_of_another_plane_says_that_measured_walls_are_not_in_it(tmp_pa
     assert points_of(figure.axes[0], "o") == []
 
 
+@pytest.mark.slow
 def test_the_figure_of_responses_has_the_measured_one_beyond_its_frequencies_too(tmp_path):
     text = "frequency_hz,admittance_abs,admittance_deg\n0.02,0.002,-1\n2,0.003,-5\n90,1e-5,-170\n"
     spec = spec_of(tmp_path, "response", text)
@@ -58,6 +59,7 @@ def test_the_figure_of_responses_has_the_measured_one_beyond_its_frequencies_too
     assert "measured" in named(figure)
 
 
+@pytest.mark.slow
 def test_models_of_one_measurement_share_its_points_in_a_comparison(tmp_path):
     spec = spec_of(tmp_path, "z_width", WALLS)
     (tmp_path / "other.csv").write_text("B_VE,K_VE\n1,2000\n")

@@ -52,6 +52,7 @@ def test_a_limit_beyond_all_that_is_searched_is_at_least_so_far_off(tmp_path):
     assert few["worst"] == few["points"][0] | {"computed": 1000.0, "ratio": 10.0, "beyond": True}
 
 
+@pytest.mark.slow
 def test_limits_are_held_against_their_own_end_beside_a_hole(tmp_path):
     rows = wavesweep.compile(HOLE).stable_intervals(span=(0, 6000), B_VE=1.0)
     (first, second), start = rows.high, rows.low[1]

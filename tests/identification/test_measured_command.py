@@ -12,6 +12,7 @@ BENCH = str(EXAMPLES / "bench.toml")
 TRUE = [word for each in ("device.mass=0.09", "device.damping=1.1", "environment.delay=2") for word in ("--set", each)]
 
 
+@pytest.mark.slow
 def test_runs_of_the_simulation_are_on_the_right_side_of_the_boundary_of_the_same_device(wavesweep):
     found = json.loads(wavesweep("check", BENCH, *TRUE, "--json")[1])["verdict"]["measured"]
     assert (found["tried"]["count"], found["tried"]["wrong"]) == (42, 0)

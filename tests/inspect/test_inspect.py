@@ -95,6 +95,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("command", ["inspect", "plot"])
 def test_a_table_that_is_not_whole_is_refused_in_a_line(change, command, folder, wavesweep):
@@ -112,6 +113,7 @@ def test_a_foreign_table_of_many_rows_is_refused_before_they_are_read(folder, wa
     assert (code, "expected a whole table zwidth, found none with " in err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_package_that_lists_its_files_again_and_again_is_answered_by_a_screen(folder, wavesweep, monkeypatch):
     from wavesweep.core.results import verification
 

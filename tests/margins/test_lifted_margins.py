@@ -77,6 +77,7 @@ def test_a_signal_that_is_made_five_times_in_a_frame_has_margins():
     assert "delay" not in each
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 def test_three_integrators_hide_no_small_eigenvalue_of_the_return_ratio():
     """A servo drive: at low frequencies L has an eigenvalue beyond 1e16 next to others of size 1."""

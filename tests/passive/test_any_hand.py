@@ -69,6 +69,7 @@ def test_waves_without_position_feedback_need_infinite_damping(values):
     assert damping_needed(values("pmw", **ENCODER | {"rates.ratio": 1})).damping < np.inf
 
 
+@pytest.mark.slow
 def test_walls_that_are_passive_end_at_the_bound(values):
     found = any_hand_walls(values("dc", **ENCODER | {"device.damping": 3.5}), (0.0, 9000.0))
     np.testing.assert_allclose([found.low, found.high], [[0.0], [5000.0]], rtol=1e-6)

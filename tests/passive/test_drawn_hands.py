@@ -43,6 +43,7 @@ def rows_of(spec, hand, box=None, port=False):
     return {name: column[found["hand"] == own] for name, column in found.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("ratio", [1, 4])
 @pytest.mark.parametrize(("hand", "port"), [("passive", False), ("free", True)])
@@ -70,6 +71,7 @@ def test_a_box_goes_along_any_number(number):
     assert found["settled"].tolist() == [True]
 
 
+@pytest.mark.slow
 @pytest.mark.asks("for_all")
 def test_what_a_hand_cannot_hold_is_refused():
     sampled = drawn(4, "device.v")

@@ -47,6 +47,7 @@ def test_which_hands_have_rows(operator, words, expected):
     assert list(dict.fromkeys(run.columns["hand"])) == expected
 
 
+@pytest.mark.slow
 def test_the_other_rows_are_those_of_the_plain_table():
     spec = spec_of(operator=OPERATOR, B_VE=[0.0, 1.0])
     run = intervals(spec, hands=hands_of("passive"))
@@ -56,6 +57,7 @@ def test_the_other_rows_are_those_of_the_plain_table():
         same(rows, intervals(loop).columns)
 
 
+@pytest.mark.slow
 def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
     damping = np.array([0.0, 2.9])
     run = intervals(spec_of(B_VE=damping.tolist()), hands=hands_of("passive"))
@@ -83,6 +85,7 @@ def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind,
     assert np.all(middle <= (needed(K[0], B[0]) + needed(K[1], B[1])) / 2 * (1 + 1e-7) + 1e-7)
 
 
+@pytest.mark.slow
 def test_no_wall_for_every_passive_hand_is_in_doubt_and_none_with_a_passive_port_is_proved():
     spec = spec_of("pmw", B_VE=[1.0]).with_values({"rates.ratio": 4})
     run = intervals(spec, hands=hands_of(["passive", "port"]))
@@ -92,6 +95,7 @@ def test_no_wall_for_every_passive_hand_is_in_doubt_and_none_with_a_passive_port
     assert (rows_of(run, "port")["intervals"].tolist(), rows_of(run, "port")["certified"].tolist()) == ([0], [True])
 
 
+@pytest.mark.slow
 def test_along_another_number_the_least_damping_of_the_device_is_found():
     spec = spec_of(along="device.damping", **{"device.damping": {"start": 0, "stop": 20}, "B_VE": [2.0]})
     rows = rows_of(intervals(spec, hands=hands_of("passive")), "passive")
@@ -135,6 +139,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_progress_counts_all_hands_together():
     seen = []
     intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("port"), progress=lambda *now: seen.append(now[:2]))

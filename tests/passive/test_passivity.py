@@ -53,6 +53,7 @@ def test_a_channel_is_computed_once_for_all_loops_around_it(monkeypatch):
     assert seen == [2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
 def test_without_waves_there_is_no_norm_and_no_energy_is_added(kind):
     run = passivity(spec_of(kind, B_VE=[0.5, 1.0]))
@@ -87,6 +88,7 @@ def test_the_library_gives_the_same_table():
     assert all(np.array_equal(table[name], column, equal_nan=True) for name, column in columns.items())
 
 
+@pytest.mark.slow
 def test_a_channel_is_known_at_any_rates_and_in_any_drawing():
     """At 60 Hz beside 1 kHz, where sampling is uneven; and drawn waves have the norm of the built-in ones."""
     rates = [50.0, 60.0, 62.5]
@@ -101,6 +103,7 @@ def test_a_channel_is_known_at_any_rates_and_in_any_drawing():
         assert not drawn["channel_passive"].any()
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "given"),

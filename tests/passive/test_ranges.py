@@ -39,6 +39,7 @@ def largest_wall(mass, damping, wall_damping, T):
     return min(limit(near), found.fun)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(("damping", "wall_damping"), [(1.5, 0.0), (1.5, 1.0), (4.0, 3.0)])
 def test_the_largest_passive_wall_at_one_rate_is_that_of_a_closed_form(values, damping, wall_damping):
@@ -83,6 +84,7 @@ def test_a_proof_refutes_a_finder_that_overlooks_a_hole(values):
     assert 17.4 < within < 19.1
 
 
+@pytest.mark.slow
 def test_a_channel_ends_where_its_norm_says(values):
     v, path = values("pmw", **WAVES, **{"filters.lp1.order": 2}), "filters.lp1.cutoff_hz"
     found = channel_ranges(held(v, path), path, (1.0, 20.0), 1e-3)

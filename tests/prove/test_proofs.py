@@ -45,6 +45,7 @@ def test_limits_that_are_known_in_closed_form(prove, text, number, span, limit):
     assert proof.bits <= 256
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_plants_of_several_blocks(prove, seed):
     """Bodies with springs between them, as products, multiplied out and as blocks, beside one state-space model."""

@@ -32,6 +32,7 @@ def with_require(**numbers):
     return {**SPEC, "sweep": {**SPEC["sweep"], "require": numbers}}
 
 
+@pytest.mark.slow
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE", "device.mass", "b"])
 @pytest.mark.parametrize("kind", KINDS)
@@ -83,6 +84,7 @@ JOINTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize(("along", "span"), [("kp", (0.0, 400.0)), ("slow", (0.5, 40.0)), ("m", (0.02, 1.0))])
 @pytest.mark.parametrize("radius", [0.93, 0.95])
@@ -109,6 +111,7 @@ def turned(tables, name, value):
     return lambda ratio: np.minimum(gone, s.real + ratio / np.sqrt(1 - ratio**2) * np.abs(s.imag)).max(initial=-1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("draw", [random_tables, random_feedback])
 @pytest.mark.parametrize("seed", range(16))
@@ -130,6 +133,7 @@ RATIO = 0.4
 TURN = np.exp(-np.pi * RATIO / np.sqrt(1 - RATIO**2))  # |z| of a negative eigenvalue of that damping ratio
 
 
+@pytest.mark.slow
 def test_the_damping_ratio_of_an_integrator_and_of_an_oscillator_has_closed_forms():
     """z = 1 - K T, and the mass `m x'' + d x' + k x`, whose damping ratio is `d/(2 sqrt(k m))` at any rate above its own."""
     integrator = {"type": "tf", "num": [1], "den": [1, 0]}
@@ -163,6 +167,7 @@ def steps(**numbers):
     return {"rates": {"tick_hz": "1/h"}, "numbers": numbers, "block": block, "wire": wire}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("N", "first"), [(2, True), (4, True), (8, True), (31, True), (33, False), (40, False)])
 def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
     """2 W cot(N t/2)/(N h), an eigenvalue -1, and beyond N t = pi it is -2 W tan(N t/2)/(N h), an eigenvalue 1."""
@@ -175,6 +180,7 @@ def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
     assert row.high_omega == pytest.approx(np.pi / (N * h) if first else 0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ["k1", "k2", "h"])
 @pytest.mark.parametrize("seed", range(8))
@@ -196,6 +202,7 @@ def test_a_loop_that_conserves_is_bounded_where_its_trace_is_below_2(seed, along
             assert any(row.low < value < row.high for row in rows) == (abs(np.trace(frame)) < 2)
 
 
+@pytest.mark.slow
 def test_a_damping_ratio_and_a_radius_are_what_both_have_in_common():
     loop = wavesweep.compile(load(JOINTS))
     both, ratio, radius = (
@@ -300,6 +307,7 @@ def test_a_loop_that_may_conserve_is_told_how_to_ask():
     assert not any("bounded" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_loop_that_conserves_name_what_finds_them():
     tables = steps() | {"sweep": {"along": "k2", "k2": {"start": 1.0, "stop": 100.0}}}
     table = intervals(load(tables), jobs=1)

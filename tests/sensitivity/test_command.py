@@ -59,6 +59,7 @@ def test_every_end_has_its_rows_its_words_and_its_files(wavesweep, hole, tmp_pat
     assert package["wavesweep"]["slices"] == {"computed": 1, "skipped": 0, "certified": 1}
 
 
+@pytest.mark.slow
 def test_another_axis_and_a_drawn_loop(wavesweep, hole, tmp_path):
     code, _, err = wavesweep("why", hole, "--along", "b", "--set", "sweep.b={start=5, stop=200}", "--no-plot")
     assert code == 0

@@ -120,6 +120,7 @@ def compare(tables, along, span):
     return compared
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 12))])
 def test_limits_of_random_specs_computed_again(seed):
@@ -155,6 +156,7 @@ def test_closed_forms():
     assert of(table, "high", "d", "rates.tick_hz") == pytest.approx([1, 1])
 
 
+@pytest.mark.slow
 def test_a_controller_as_blocks_has_the_same_derivatives():
     values = load({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"}}).values
     drawn, built = (wavesweep.compile(each).sensitivity("K_VE", (0, 20000)) for each in (as_blocks(values), nested(values)))
@@ -230,6 +232,7 @@ def test_requests_that_cannot_be_met_say_why():
         wavesweep.why({"controller": {"kind": "pmw"}}, "operator.damping")  # ten times 0 is no range
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("along", "span", "end"), [("b", (5, 1000), "high"), ("Kp", (0, 50), "low")])
 def test_where_a_frame_does_not_say_what_is_felt_there_are_no_derivatives_of_it(along, span, end):
     """The device alternates from tick to tick at the high end; at 0 a branch is out of the loop."""
@@ -251,6 +254,7 @@ def test_a_range_that_the_spec_does_not_give_is_named():
     assert "K_VE is not swept, because it has a range and no values: held at the spec's 500" in table.attrs["facts"]["notices"]
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 def test_a_mode_has_its_strongest_line_within_the_frame():
     """The sampled damping of the waves turns the velocity over every other tick; once a frame that looks slow."""

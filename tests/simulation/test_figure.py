@@ -83,6 +83,7 @@ def test_the_linear_loop_is_drawn_between_the_tones_as_well():
     assert (frequency.min(), frequency.max()) == (0.5, 20.0)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [4.18408, 0.921, 238.226])
 def test_values_that_agree_to_rounding_lie_on_one_another(size):
@@ -120,6 +121,7 @@ def test_a_name_that_sticks_out_keeps_its_numbers_and_gets_room():
         assert isinstance(axes.yaxis.get_major_locator(), FixedLocator)
 
 
+@pytest.mark.slow
 def test_a_loop_without_a_hand_is_drawn_again_from_its_file(tmp_path):
     spec = load(Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml")
     *_, run = simulation_tables(spec.asking("simulate"))

@@ -79,6 +79,7 @@ def test_a_march_in_plain_numpy_has_the_same_motion(step, frames, pattern):
 EFFECTS = {"wall": 0.002, "late": 9, "dropped": 0.3, "jitter": 0.2, "friction": 0.05, "max_force": 2.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [{}, EFFECTS])
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize(("ratio", "delay"), [(1, 0), (2, 1), (7, 0), (7, 2), (7, "frame")])

@@ -55,6 +55,7 @@ def marched(ref, kind, method, acts, umax):
     return np.array(rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("acts", ["none", "back-calculation", "clamping"])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", ["integrator", "pi", "pid"])

@@ -33,6 +33,7 @@ def test_at_constant_frames_it_is_the_damping_needed(kind, ticks, delay):
     assert (found.refuted, found.omega) == pytest.approx((float(exact.damping), float(exact.omega)), rel=1e-9, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("B_VE", "damping"), [(0.0, 1.79457871), (1.0, 4.39839959)])
 def test_prompt_results_need_no_more_than_the_longest_frame(B_VE, damping):
     found = needed("dc-slow", Frames(tuple(range(16, 34))), B_VE=B_VE)
@@ -75,6 +76,7 @@ def test_waves_without_position_feedback_settle_nowhere():
     assert EveryHand.of(plan_of_controller(values_of("pmw", **WALL), Frames((4, 5)))) is None
 
 
+@pytest.mark.slow
 def test_energies_for_less_damping_than_a_pattern_needs_are_refused(monkeypatch):
     search = every_hand.least_damping
     monkeypatch.setattr(every_hand, "least_damping", lambda *loop: ((forms, 0.99 * d) for forms, d in search(*loop)))

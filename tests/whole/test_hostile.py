@@ -42,6 +42,7 @@ MANY_BLOCKS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -62,6 +63,7 @@ def test_a_spec_without_bound_is_refused(text, said, tmp_path):
         load(tmp_path / "a.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

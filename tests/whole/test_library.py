@@ -77,6 +77,7 @@ def turning(path, **more):
     return tables | more
 
 
+@pytest.mark.slow
 def test_the_hand_of_a_loop_that_turns_has_torques_and_angles():
     """The numbers are those of the same loop that slides: only the units differ."""
     turned, slid = turning(WHEEL), turning(WHEEL)
@@ -102,6 +103,7 @@ def test_the_hand_of_a_loop_that_turns_has_torques_and_angles():
     assert wavesweep.bode(turned, turned).attrs["units"]["admittance_abs"] == "rad/(N*m)"
 
 
+@pytest.mark.slow
 def test_hands_are_an_option():
     table = wavesweep.zwidth(
         {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}, "sweep": {**SPEC["sweep"], "B_VE": [1.0]}},

@@ -152,6 +152,7 @@ def test_the_answers_are_those_of_the_comments(name):
             assert shown in numbers_of(name)
 
 
+@pytest.mark.slow
 @pytest.mark.thorough
 def test_an_arm_whose_commands_are_lost():
     """A constant interval of n + 1 ticks makes it unstable at 2 kd/((n + 1) h); some patterns do so earlier."""

@@ -20,6 +20,7 @@ def felt_at(values, **changes):
     return float(static_response(loop_of(changed))[1].real)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(("along", "span"), [("K_VE", (10, 20000)), ("B_VE", (0, 30)), ("b", (2, 100))])
 def test_it_is_the_static_impedance_at_that_end(along, span):
@@ -132,6 +133,7 @@ def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
     assert compared > 3
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.whole
 @pytest.mark.parametrize(("kind", "b"), [("pmw", 80.0), ("pmw-lm", 25.0), ("dc", 25.0)])

@@ -36,6 +36,7 @@ def line(b, damping=1.5, **tables):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [1.5, 1e-6])
 def test_responses_are_within_their_bounds(damping):
     def responses(b):
@@ -56,6 +57,7 @@ NAMES = "admittance", "impedance"
 ALONG = {"K": {"start": 0, "stop": 2e5}, "m": {"start": 1e-4, "stop": 1.0}, "B": {"start": 0, "stop": 1e4}}
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ALONG)
 @pytest.mark.parametrize("integration", ["implicit", "explicit"])
@@ -84,6 +86,7 @@ def test_a_spectral_radius_is_right_or_missing():
     assert np.isnan(hidden) or hidden == pytest.approx(truth, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 def test_a_margin_at_the_port_is_right_or_missing():
     def margin(b):

@@ -63,6 +63,7 @@ def test_the_ends_have_the_unit_of_their_axis(along, unit):
     assert loop.stable_intervals(along, (500.0, 600.0)).attrs["units"]["low"] == unit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "own", "K"),
     [("dc", {}, 4000.0), ("dc-slow", {}, 1500.0), ("pmw-lm", {"b": 25.0, "Kp": 20.0}, 4000.0)],

@@ -84,6 +84,7 @@ def test_slices_of_recipes_are_what_they_are_alone(name):
     assert not differences(tomllib.loads(path.read_text()), (0.0, 0.55, 0.999))
 
 
+@pytest.mark.slow
 def test_a_rate_that_every_tick_belongs_to_does_not_change_the_other_slices():
     """With n = 1 no tick can be divided out; with n = 10 the dead time has two states and not twenty."""
     assert not differences(tomllib.loads(RING), ())
@@ -104,6 +105,7 @@ def failing_at(function, path, value, error):
     return failing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [np.linalg.LinAlgError("singular"), FloatingPointError("overflow"), IndexError("0")])
 def test_a_slice_whose_search_fails_is_in_doubt_and_ends_none_of_the_others(monkeypatch, error):
     tables = PMW | {"sweep": {"K_VE": K_VE, "b": [5.0, 10.0, 20.0, 40.0, 80.0], "device.mass": [0.1, 0.2]}}

@@ -42,6 +42,7 @@ def test_it_is_stable_where_its_direct_terms_have_a_solution(spec):
     assert (found["stable"], found["slowest"]["time_constant_s"]) == (True, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(4)
 @pytest.mark.whole
 @pytest.mark.parametrize("blocks", [{}, {"d": DELAY}, {"h": HELD}])

@@ -59,6 +59,7 @@ def test_ends_are_right_or_in_doubt(zeta, detuned, every, turns):
         assert sides[0] != sides[1], end
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("wire", ["K*h.y + 0.3*K*p.y", "K*(1+K)*h.y"])
 @pytest.mark.parametrize("every", [1, 5])

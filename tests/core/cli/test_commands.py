@@ -118,6 +118,7 @@ def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("words", [("-q", "check", "SPEC"), ("check", "-q", "SPEC"), ("check", "SPEC", "--quiet")])
 def test_how_the_program_speaks_may_stand_anywhere_in_the_line(words, wavesweep, spec):

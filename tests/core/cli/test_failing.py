@@ -90,6 +90,7 @@ def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, s
     assert "replaced" not in err
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
     program = (
         "import sys, os, signal\n"
@@ -132,6 +133,7 @@ def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
 def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
@@ -242,6 +244,7 @@ def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wa
     assert (code, err.startswith(f"Error: here: another run is at work on {kind} here")) == (1, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
 def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec, monkeypatch):
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here")[0] == 0
@@ -292,6 +295,7 @@ REPLACING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize(("words", "name"), REPLACING)
 @pytest.mark.parametrize("linked", [False, True])

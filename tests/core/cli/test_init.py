@@ -105,6 +105,7 @@ def test_wall_and_velocity_are_those_of_an_ordinary_engine(kind, written):
     assert package.compile(spec).spectral_radius() < 1
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

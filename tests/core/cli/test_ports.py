@@ -22,6 +22,7 @@ def run(tmp_path, monkeypatch, capfd):
     return run
 
 
+@pytest.mark.slow
 def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(run):
     code, text, results = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 20]", "--out", "results/drive")
     assert (code, "8 curves of 2 frequencies" in text) == (0, True)
@@ -36,6 +37,7 @@ def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(r
     assert code == 0, text
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 def test_check_draws_a_root_locus_and_lists_the_pairs(run):
     code, text, results = run("check", "drive.toml", "--root-locus", "kp", "--all")

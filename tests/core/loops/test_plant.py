@@ -32,6 +32,7 @@ def exponential(A, B, period):
         return [[found[i, j] for j in range(n + B.shape[1])] for i in range(n)]
 
 
+@pytest.mark.slow
 @pytest.mark.sample(5)
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("seed", range(4))

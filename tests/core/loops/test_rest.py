@@ -59,6 +59,7 @@ def test_numbers_that_are_not_exact_are_refused(text):
         value(text, a=2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_no_tick_changes_what_a_shift_moves(seed):
     """Where nothing reads what moves but what moves with it."""

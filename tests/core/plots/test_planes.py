@@ -116,6 +116,7 @@ def closed(path):
     return len(path.vertices) > 3 and path.codes is not None and path.codes[-1] == path.CLOSEPOLY
 
 
+@pytest.mark.slow
 def test_nothing_is_filled_between_values_that_are_not_joined():
     """Without the spec nothing more can be computed, and whole numbers have nothing between them."""
     walls = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 1.0, 2.0]}}

@@ -62,6 +62,7 @@ def sampled_wall(rng):
     return blocks, {"h.u": "device.x", "wall.u": "h.y"}, "wall.y + B*device.v + b*device.v"
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("drawn", [wave_line, coupling, sampled_wall])
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5, 6, 8])  # 7: a delay of two frames, which leaves the bound too large

@@ -100,6 +100,7 @@ def test_no_name_of_a_column_is_a_word_of_sql():
     assert names & {word for (word,) in duckdb.sql(words).fetchall()} == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", [*range(-12, 20), 300])
 def test_every_number_has_a_point_or_an_exponent(power, facts, tmp_path):
     """The bounds of Arrow's own way to write whole numbers, on both sides."""

@@ -196,6 +196,7 @@ def test_every_kind_of_damage_is_named(folder, damage, capfd):
     assert [text for text in DAMAGES[damage] if text not in err] == []
 
 
+@pytest.mark.slow
 def test_a_number_that_was_changed_in_the_csv_is_found_whatever_the_package_says_of_it(folder):
     lines = (folder / "zwidth.csv").read_text().splitlines(keepends=True)
     names, cells = lines[0].split(","), lines[3].split(",")
@@ -237,6 +238,7 @@ def test_a_file_of_a_few_bytes_and_many_rows_is_refused_by_its_metadata(folder, 
         results.read(folder / "zwidth.parquet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "differences"), [(1e-12, 0), (1e-6, 1)])
 def test_rows_of_another_numpy_are_compared_with_a_tolerance(folder, change, differences):
     columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]

@@ -83,6 +83,7 @@ def test_a_slip_of_one_key_is_marked_and_refused(base, slip):
         load(slipped)
 
 
+@pytest.mark.slow
 def test_an_editor_finds_every_key_with_its_meaning(capsys):
     assert main(["keys", "--schema"]) == 0
     shown = json.loads(capsys.readouterr().out)

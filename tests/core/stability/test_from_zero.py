@@ -25,6 +25,7 @@ def joint(force, **block):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.sample(3)
 @pytest.mark.parametrize(

@@ -210,6 +210,7 @@ def test_a_chain_of_integrators_that_only_the_gain_reads_is_no_drift(every, meth
     assert sides == [False, True, True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("mass", [0.05, 0.1])
 def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
@@ -273,6 +274,7 @@ def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(ki
     assert not found.low_omega[0] > 0  # a crossing, or the end of the range
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(("b", "ratio", "delay"), [(44.4, 100, 0), (88.2, 10, 10), (36.1, 20, 20), (44.4, 20, 0)])
@@ -367,6 +369,7 @@ def test_a_crossing_beside_a_very_large_eigenvalue_is_no_end():
     assert ((loop.spectral_radius(b=grid) < 1) == ((row.low < grid) & (grid < row.high))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ["b", "filters.lp1.cutoff_hz", "operator.mass"])
@@ -413,6 +416,7 @@ def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is
     assert below > 1 > above
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), [(8e-11, 8e-11), (4e-11, 8e-11), (8e-12, 2e-11)])
 def test_an_island_between_a_pair_that_leaves_and_one_that_enters_is_not_certified_away(first, second):
     """Narrower than the distance at which two ends are one; pairs of squared size 1 + (p - first) and 1 - (p + second)."""

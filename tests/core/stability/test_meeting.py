@@ -32,6 +32,7 @@ def least_mass(b, d, tick=1e-3):
     return -d * tick / np.log((b - d) / (b + d))
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("every", [2, 10, 24])
@@ -47,6 +48,7 @@ def test_the_least_mass_behind_a_sampled_damper_is_certified(every, K):
     assert alone["low"].tolist() == table["low"][2:3].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.whole
 @pytest.mark.parametrize("every", [2, 10])
@@ -58,6 +60,7 @@ def test_the_largest_impedance_beside_a_mass_is_certified(every):
     np.testing.assert_allclose(table["high"], 1.5 * (1 + a) / (1 - a), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("span", [(-0.1, 14.0), (-0.11078307313546859, 13.616621741204757), (-0.11, 13.6)])
 def test_an_end_at_which_a_position_and_its_integral_lose_their_springs_is_exact(span):

@@ -130,6 +130,7 @@ SPEC_TABLES = {
 }
 
 
+@pytest.mark.slow
 def test_summary_json_and_table_say_where_nothing_is_known(blind, tmp_path, capsys):
     out = ["--out", str(tmp_path / "out"), "--overwrite"]
     assert blind(2.0, 2.5, "stability-region", *out) == 0
@@ -171,6 +172,7 @@ def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
     assert "k = 3: stable from 0.3 (where the search starts)" in said
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 def test_the_row_of_a_report_names_the_open_place_beside_its_doubt(blind, tmp_path):
     assert blind(2.0, 2.5, "report", "--out", str(tmp_path / "report.html")) == 0

@@ -32,6 +32,7 @@ def pair_of_poles(beside):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("beside", [1e-2, 1e-4, 1e-5, 1e-7])
 def test_a_narrow_band_between_two_poles_beside_the_axis_is_found_or_doubted(beside):
@@ -114,6 +115,7 @@ EXPRESSIONS = (  # gains that are large at c = 1 alone, by what is there beside 
 )
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("gain", EXPRESSIONS)
 def test_poles_of_expressions_beside_the_range_are_not_certified_over(gain):
@@ -152,6 +154,7 @@ def test_a_mass_that_vanishes_beside_the_axis_is_not_certified_over():
     assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawn", [False, True])
 def test_a_filter_goes_on_to_a_cutoff_of_0(drawn):
     """A frame has no pole there: the lower end of the range leaves no digits for it."""
@@ -170,6 +173,7 @@ def test_a_filter_goes_on_to_a_cutoff_of_0(drawn):
     assert radius[0] < 1 < radius[1]
 
 
+@pytest.mark.slow
 def test_a_pivot_whose_zeros_cancel_poles_is_seen_through():
     """`g = (1 - (x^2 + d^2)/(x^2 + 100 d^2)) g + v`, x = c - 1: as many zeros as poles."""
     spec = {

@@ -38,6 +38,7 @@ def test_what_rounding_alone_keeps_within_the_circle_is_not_stable(distance, ins
     assert [float(radius_of(each)) for each in E] == radius.tolist()  # alone as in a batch
 
 
+@pytest.mark.slow
 @pytest.mark.whole
 def test_an_undamped_mode_is_not_stable_at_any_stiffness():
     """The sign of rounding decided: stable at some of them, with a steady response. Doubles cannot tell 1 from less."""

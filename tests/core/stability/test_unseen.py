@@ -12,6 +12,7 @@ from wavesweep.core.stability.spectrum import count_outside
 from wavesweep.core.stability.stable import stable_intervals
 
 
+@pytest.mark.slow
 def test_a_window_in_which_the_tick_explodes_is_found():
     """Between 0.103 and 0.1075 kg the fast loop explodes within every frame; beside it the mode is gone after 1000 ticks."""
     loop = wavesweep.compile(
@@ -42,6 +43,7 @@ def test_what_overflows_is_not_known_and_the_rest_is():
     assert (loop.spectral_radius(b=np.concatenate([found.low + 1e-9, found.high * (1 - 1e-9)])) < 1).all()
 
 
+@pytest.mark.slow
 def test_a_range_that_overflows_throughout_has_no_interval_and_a_reason():
     """Nothing is invented where nothing is known."""
     loop = wavesweep.compile({"controller": {"kind": "pmw"}, "rates": {"ratio": 200}})

@@ -26,6 +26,7 @@ def rows(run, **wanted):
     return {name: column[chosen] for name, column in run.columns.items()}
 
 
+@pytest.mark.slow
 def test_this_tool_finds_every_interval_to_rounding(quick):
     for method in (LIBRARY, COMMAND):
         seen = rows(quick, part="stiffness", method=method)

@@ -36,6 +36,7 @@ def drawn(order, fine, q, act, sensor, seed):
 SAMPLES = [pytest.param(seed, marks=[pytest.mark.thorough] * (seed % 20 > 0)) for seed in range(200)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SAMPLES)
 def test_intervals_are_those_of_a_tick_of_which_the_dead_times_are_multiples(seed):
     rng = np.random.default_rng(seed)

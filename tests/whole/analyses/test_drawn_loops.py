@@ -216,6 +216,7 @@ def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
             ask(compiled(text))
 
 
+@pytest.mark.slow
 def test_a_range_without_a_loop_in_it_is_refused():
     refused = (
         r"between 0 and 90 there is a value without a loop, or at which it is not smooth, since wire\.m\.f divides by zero"
@@ -490,6 +491,7 @@ def test_the_radius_of_a_loop_that_forgets_is_known(block, gain, radii):
     assert loop.spectral_radius() == pytest.approx(radii, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("hz", "ratio", "seen", "steps"), [(0.0639, 0.005, 10.0, 8), (0.0434, 0.01, 5.0, 7), (0.003, 0.05, 3.0, 4)]
@@ -516,6 +518,7 @@ def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
         assert loop.spectral_radius(c=end * (1 - 1e-6)) < 1 < loop.spectral_radius(c=end * (1 + 1e-6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fast", "ways"), [([10, 20], "panels"), ([1], "polynomial"), ([10, 1], "both"), ([1, 10, 20], "both")]
 )
@@ -534,6 +537,7 @@ def test_values_of_the_axis_of_intervals_are_said_to_be_a_range():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("near", "spans"), [(2.5e-7, [(-1000, 1000), (-1e4, 1e4), (-1e6, 1e6)]), (0.5, [(-1, 1e9), (-10, 1e10), (-2, 1e9)])]

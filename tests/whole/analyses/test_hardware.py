@@ -60,6 +60,7 @@ def random_spec(rng):
             continue
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "changes"),
@@ -82,6 +83,7 @@ def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
     assert np.abs(after[:, :1000]).max() == pytest.approx(found.step, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(2, 30))])
 def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
@@ -134,6 +136,7 @@ def test_an_exact_velocity_and_no_kp_do_not_see_the_encoder():
     assert peak_of_encoder(own_loop(spec)).gain == 0
 
 
+@pytest.mark.slow
 def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
     """With a spring in the hand, sampled waves leave an offset between hand and avatar that no wave takes away."""
     tables = nested(values_of("pmw", velocity="difference", damping=5.0)) | {"operator": {"stiffness": 300.0}}
@@ -143,6 +146,7 @@ def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
     assert np.abs(after[-20:]).max() > 1e-4 * np.abs(after).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "ratio", "delay"), [("dc", 1, 0), ("dc-slow", 20, 0), ("dc-slow", 5, 5)])
 def test_direct_coupling_is_passive_up_to_its_limit(kind, ratio, delay):
     tables = nested(values_of(kind, ratio=ratio, delay=delay, B_VE=0.0))
@@ -161,6 +165,7 @@ def test_a_limit_is_that_of_whole_frames_and_of_the_keys_that_decide_it():
     assert [deciding(path) for path in paths] == [True] * 5 + [False] * 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "rests"), [(0.9, True), (1.2, False)])
 def test_friction_holds_a_device_between_two_steps_of_its_encoder_up_to_its_limit(factor, rests):
     """A hand that presses half a step deep: beyond the limit neither of both readings lets the device rest."""

@@ -31,6 +31,7 @@ def test_a_stiffer_spring_tends_to_the_rigid_joint():
     assert ((away > 0) & (away < [0.07, 0.007, 7e-5, 7e-7, 7e-9])).all()
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("seed", range(500))
 def test_random_plants_are_one_state_space_model(seed):

@@ -233,6 +233,7 @@ def test_integral_action_is_rigid_at_rest():
     assert wavesweep.verdict(with_integral())["felt"] == {"stiffness": None, "damping": None, "rigid": True}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leak", [1e-2, 1e-6, 1e-9])
 def test_an_integral_that_leaks_is_as_stiff_as_what_is_left_of_it(leak):
     columns = wavesweep.bode(with_integral(leak) | {"bode": {"frequency_hz": [0.0]}})

@@ -152,6 +152,7 @@ def test_a_value_of_an_axis_that_makes_no_loop_is_found_at_its_line(run, tmp_pat
     assert (code, said in text) == (2, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["stability-region", "bode", "passivity"])
 def test_two_numbers_that_make_no_loop_together_are_found_before_the_work(run, tmp_path, command):
     """Each value makes one with the other's own; the combination without one is in the last of several chunks."""

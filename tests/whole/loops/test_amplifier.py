@@ -19,6 +19,7 @@ def values(kind, late, **more):
     return values_of(kind, **more) | {"device.delay": late}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [1, 7])
 @pytest.mark.parametrize("kind", KINDS)
 def test_intervals_of_every_controller_are_those_of_its_equations_with_the_force_late(kind, late):

@@ -235,6 +235,7 @@ def test_pd_on_an_integrator_has_its_limits_in_closed_form():
     assert intervals("kp", (-3, 3000), pd, {"kp": 300.0, "kd": 0.2}) == pytest.approx(np.array([[0, 2 * 0.8 / T]]), rel=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("block", "along", "span"),

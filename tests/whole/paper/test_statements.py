@@ -71,6 +71,7 @@ def row_of(judged, part):
     return found[0]
 
 
+@pytest.mark.slow
 @pytest.mark.sample(5)
 @pytest.mark.parametrize(("part", "expected"), EXPECTED.items(), ids=list(EXPECTED))
 def test_the_verdict_of_a_statement(part, expected, paper):

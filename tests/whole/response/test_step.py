@@ -13,6 +13,7 @@ from wavesweep.core.errors import UsageError
 MOTOR = wavesweep.load(Path(__file__).parents[3] / "sweeps" / "templates" / "drive.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("route", routes_of(MOTOR), ids="-".join)
 def test_samples_and_what_follows_are_those_of_a_march(route):

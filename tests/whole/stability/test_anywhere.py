@@ -241,6 +241,7 @@ CHAIN = {  # (g - 3) vanishes in some slices: then a held value is read by nobod
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("along", "span"), [("k", (0, 1e5)), ("k", (-10, 10)), ("d", (-2, 400))])
 def test_slices_that_forget_other_states_do_not_change_each_other(along, span):
     loop = wavesweep.compile(CHAIN)
