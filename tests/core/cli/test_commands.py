@@ -158,7 +158,7 @@ def test_results_with_set_stand_beside_the_specs_own_in_a_folder_that_says_so(se
     code, _, err = wavesweep("zwidth", spec, "--no-plot", *words)
     assert (code, "replaced" in err, sorted(path.name for path in Path("results").iterdir())) == (0, False, ["wall", folder])
     assert {path: path.read_bytes() for path in Path("results/wall").iterdir()} == own
-    assert wavesweep("inspect", folder)[0] == 0
+    assert wavesweep("verify", folder)[0] == 0
 
 
 def test_a_folder_for_long_settings_has_a_short_name():
