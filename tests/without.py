@@ -74,7 +74,7 @@ def main(arguments):
     with tempfile.TemporaryDirectory() as made:
         folder, whole = Path(made) / "left", Path(made) / "whole"
         copy_without(names, folder)
-        code = run(folder, "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-p", "no:cacheprovider", *more).returncode
+        code = run(folder, "-m", "pytest", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider", *more).returncode
         if names == NAMES:
             copy_without((), whole)
             left, there = tables_of(folder), tables_of(whole)
