@@ -67,6 +67,7 @@ def test_the_verdict_is_printed_before_ranges_are_searched(wavesweep, tmp_path, 
     assert "no range" in err
 
 
+@pytest.mark.asks("passive")
 def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(DESIGN)

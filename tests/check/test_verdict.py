@@ -206,6 +206,7 @@ def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, 
 
 
 @pytest.mark.slow
+@pytest.mark.asks("passive")
 @pytest.mark.parametrize(("kind", "known"), [("pmw-lm", False), ("pmw", True)])
 def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):
     """Its matrix grows with the frame on both sides with a local model; without one it has a single row."""

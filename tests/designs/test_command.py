@@ -127,6 +127,7 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
     assert not list((tmp_path / "three").glob(".design-*"))
 
 
+@pytest.mark.asks("passive")
 def test_bounds_that_stand_against_each_other_are_named():
     spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {
         "z_width": {"at_least": 100}, "channel": {"at_most": 1.1}, "port": {"at_least": 0}}}})  # fmt: skip
@@ -145,6 +146,7 @@ def test_bounds_that_stand_against_each_other_are_named():
     assert text.endswith("z_width stands against channel: 1 designs met the one, 2 the other, none both")
 
 
+@pytest.mark.asks("passive")
 def test_a_design_with_unknown_values_is_never_nearer_than_one_without():
     """However far beyond its bounds that is; one that is not certified counts as unknown."""
     spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {
@@ -361,6 +363,7 @@ I = [0.02, 0.04]
 
 
 @pytest.mark.slow
+@pytest.mark.asks("passive")
 def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_path):
     (tmp_path / "mine.toml").write_text(JOINT)
     code, text, results = run("--no-plot")
@@ -382,6 +385,7 @@ def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_
     assert rows["holds"][0]
 
 
+@pytest.mark.asks("passive")
 @pytest.mark.parametrize(("wish", "said"), [("channel", True), ("damping_ratio", False)])
 def test_a_study_of_the_channel_alone_says_that_it_shows_no_loop(wish, said):
     tables = {"controller": {"kind": "pmw"}, "design": {"vary": {"b": {"start": 5, "stop": 10}}, "wish": {wish: {}}}}

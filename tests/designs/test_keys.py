@@ -27,6 +27,7 @@ DESIGN = {
 }  # fmt: skip
 
 
+@pytest.mark.asks("passive")
 def test_a_design_is_read_whole():
     design = load(LOOP | {"design": DESIGN}).design
     assert [(axis.path, axis.values, axis.scale) for axis in design.vary] == [
@@ -45,6 +46,7 @@ def test_a_design_is_read_whole():
     assert design.settings == {"seed": 7, "population": 96, "generations": 80}
 
 
+@pytest.mark.asks("passive")
 def test_the_design_is_part_of_the_request_only_if_it_is_asked_for():
     spec, plain = load(LOOP | {"design": DESIGN}), load(LOOP)
     assert spec.sha256 == plain.sha256

@@ -95,6 +95,7 @@ def test_whole_numbers_between_that_make_no_loop_are_left_out():
 
 
 @pytest.mark.slow
+@pytest.mark.asks("passive")
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
@@ -136,6 +137,7 @@ def test_the_slowest_mode_of_an_integrator_settles_in_closed_form():
     np.testing.assert_allclose(found["damping_ratio"].value, -log.real / np.abs(log), rtol=1e-10)
 
 
+@pytest.mark.asks("passive")
 def test_designs_that_make_no_loop_are_none_and_change_no_other():
     """A cutoff beyond half the rate, a phase beyond the period, and a loop of direct terms without a solution."""
     tables = tomllib.loads(ARM)
@@ -252,6 +254,7 @@ def test_what_is_felt_is_that_of_the_stiffest_wall_if_another_number_follows_it(
     assert found["felt"].value[0] == pytest.approx(min(lowest), rel=1e-6)
 
 
+@pytest.mark.asks("passive")
 def test_an_unstable_loop_has_no_margin_at_the_port():
     """Its map may have a positive real part on the whole circle: with b = 0.18 N*s/m it has, and a radius of 2."""
     values = {"b": 0.1797, "K_LM": 53.7, "B_LM": 7.45, "filters.lp1.order": 1, "filters.hp.order": 0, "filters.lp2.order": 2}
@@ -273,6 +276,7 @@ def test_an_unstable_loop_has_no_margin_at_the_port():
     assert found["port"].value[1] > 0
 
 
+@pytest.mark.asks("passive")
 def test_points_are_the_product_with_the_designs_slowest():
     spec = load(TABLES)
     points = points_of(spec.values, DESIGNS, scenarios_of(spec), {"environment.B_VE": (1.0, 5.0)})
@@ -287,6 +291,7 @@ def test_points_are_the_product_with_the_designs_slowest():
 
 
 @pytest.mark.slow
+@pytest.mark.asks("passive")
 def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
     spec, random = load(TABLES), np.random.default_rng(5)
     points = {

@@ -76,7 +76,7 @@ def test_the_copied_text_is_the_same_request(path):
     assert again.sha256 == other.sha256 != spec.sha256
 
 
-@pytest.mark.asks("designs", "simulation")
+@pytest.mark.asks("designs", "passive", "simulation")
 def test_the_copied_text_keeps_the_simulation_and_the_design_study():
     spec = load(
         {"controller": {"kind": "dc"}, "simulate": {"input": "stepped-sine", "frequency_hz": [1.0, 2.0], "friction": 0.5}}
