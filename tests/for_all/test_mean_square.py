@@ -207,6 +207,7 @@ def test_the_mean_square_of_many_runs_is_that_of_the_second_moments():
     assert abs((x**2).mean() - expected) < 2 * spread < 0.05 * expected
 
 
+@pytest.mark.asks("check")
 def test_what_a_verdict_says_of_messages_in_time_leaves_probabilities_out():
     """Stability then depends on none of them: "stable for every p" would be no answer."""
     found = wavesweep.verdict(recursion(1.2))

@@ -6,6 +6,8 @@ from scipy.stats import f as fisher
 
 import wavesweep
 
+pytestmark = pytest.mark.asks("check")
+
 MASS, DAMPING, PERIOD = 0.1, 1.5, 1e-3
 HOLE = {"environment": {"integration": "explicit"}, "controller": {"kind": "pmw", "b": 30.0}}
 HOLE |= {"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}

@@ -12,6 +12,7 @@ BENCH = str(EXAMPLES / "bench.toml")
 TRUE = [word for each in ("device.mass=0.09", "device.damping=1.1", "environment.delay=2") for word in ("--set", each)]
 
 
+@pytest.mark.asks("check")
 @pytest.mark.slow
 def test_runs_of_the_simulation_are_on_the_right_side_of_the_boundary_of_the_same_device(wavesweep):
     found = json.loads(wavesweep("check", BENCH, *TRUE, "--json")[1])["verdict"]["measured"]
@@ -19,6 +20,7 @@ def test_runs_of_the_simulation_are_on_the_right_side_of_the_boundary_of_the_sam
     assert found["response"]["worst"]["ratio"] == pytest.approx(1, abs=1e-3)
 
 
+@pytest.mark.asks("check")
 def test_check_says_that_a_model_does_not_explain_limits(wavesweep, tmp_path):
     spec_of(tmp_path, "z_width", "B_VE,K_VE\n" + 3 * "0,1000\n0,1200\n2,3500\n")
     lines = wavesweep("check", str(tmp_path / "mine.toml"), "--all")[1].splitlines()
@@ -33,6 +35,7 @@ def test_check_says_that_a_model_does_not_explain_limits(wavesweep, tmp_path):
     ]
 
 
+@pytest.mark.asks("check")
 @pytest.mark.parametrize("command", ["check", "zwidth", "compare", "bode"])
 def test_a_file_that_cannot_be_used_ends_a_command_before_its_work(command, wavesweep, sweep, tmp_path, monkeypatch):
     spec_of(tmp_path, "response" if command == "bode" else "z_width", "B_VE\n1\n")

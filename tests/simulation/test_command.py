@@ -151,6 +151,7 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     assert example.read_text().startswith("# ")
 
 
+@pytest.mark.asks("check")
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc", "pmw"])
 def test_a_mode_that_has_not_died_out_where_a_sine_is_measured_is_told(kind):
