@@ -144,6 +144,9 @@ def test_the_damping_ratio_of_an_integrator_and_of_an_oscillator_has_closed_form
     assert row.high_omega == pytest.approx(50 * np.pi)
     (row,) = wavesweep.compile(tables).stable_intervals("K", (0.0, 200.0), require={"damping_ratio": 0.9}).itertuples()
     assert (row.certified, row.high) == (True, pytest.approx(50 * 1.1, rel=1e-9))  # over within a frame up to z = -0.1
+    (row,) = wavesweep.compile(tables).stable_intervals("K", (0.0, 1e12), require={"damping_ratio": RATIO}).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert row.high == pytest.approx(50 * (1 + TURN), rel=1e-9)
     body = {"m": {"type": "mass", "mass": "m", "damping": 3.0, "stiffness": "k"}, "seen": {"type": "hold"}}
     tables = {
         "rates": {"tick_hz": 200},

@@ -31,8 +31,8 @@ def along_by_discs(frames, errors, span, columns: int, period, bounds, place: Sp
     eigenvectors of that in the middle. The entries there are bounded by the frames on a circle about the panel, as they are
     analytic and vanish in the middle (Schwarz's lemma), and by the errors of the frames. Otherwise the panel is halved. What is
     left are the ends, each in a gap as narrow as ends are exact, and panels in doubt. Diagonal blocks go apart.
-    Accuracy: ends to 1e-9 of themselves and of a hundred-thousandth of the span; those within 1e-9 of the span of its low end
-    are given as that end. Errors: UsageError if no loop can have its eigenvalues there.
+    Accuracy: ends to 1e-9 of themselves and of a hundred-thousandth of the span; within 1e-9 of the span of its low end,
+    an interval begins where it is proved from. Errors: UsageError if no loop can have its eigenvalues there.
     """
     loops, known = _loops_of(frames, errors, span, columns, place)
     panels = [[(np.full(1, span[0]), np.full(1, GOOD if known[column] else LOST))] for column in range(columns)]
@@ -171,7 +171,7 @@ def _intervals(column, edges, label, loops, span, period, place):
     for at, (low, high, what) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
         if what == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
-            tight, begun = high - low <= _exact(high, width), at == 0 and high - low <= BEGUN * width
+            tight, begun = high - low <= _exact(high, width), at == 0 and sides == [GOOD] and high - low <= BEGUN * width
             doubt = max(doubt, NONE if tight or begun else ROUNDING)
             if tight or not begun:
                 gaps |= dict.fromkeys((low, high), (low, high))

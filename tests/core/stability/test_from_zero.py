@@ -63,21 +63,32 @@ def test_ends_next_to_0_are_found_in_a_range_that_goes_far_beyond(force, stable,
     np.testing.assert_allclose(found[["low", "high"]], [stable], rtol=1e-9)
 
 
+def crossing_at_0_6(column, p):
+    """Frames with eigenvalues 0.7 + p/2, and 0.5 - p/2 + 0.3i with its conjugate: the first is outside from 0.6 on."""
+    p = np.broadcast_arrays(column, p)[1].ravel()
+    E = np.zeros((p.size, 3, 3), p.dtype)
+    E[:, 0, 0], E[:, 1, 1], E[:, 2, 2] = p / 2 - 0.3, -0.5 - p / 2, -0.5 - p / 2
+    E[:, 1, 2], E[:, 2, 1] = 0.3, -0.3
+    return E
+
+
 @pytest.mark.parametrize("high", [1e3, 1e9, 1e11])
 def test_a_crossing_next_to_the_low_end_is_no_drift(high):
-    """Eigenvalues 0.7 + p/2, and 0.5 - p/2 + 0.3i with its conjugate: the first is outside from 0.6 on."""
-
-    def frames(column, p):
-        p = np.broadcast_arrays(column, p)[1].ravel()
-        E = np.zeros((p.size, 3, 3), p.dtype)
-        E[:, 0, 0], E[:, 1, 1], E[:, 2, 2] = p / 2 - 0.3, -0.5 - p / 2, -0.5 - p / 2
-        E[:, 1, 2], E[:, 2, 1] = 0.3, -0.3
-        return E
-
-    found = stable_along_any(frames, (0.0, high), 1, np.ones(1), variable=BENT)
+    found = stable_along_any(crossing_at_0_6, (0.0, high), 1, np.ones(1), variable=BENT)
     assert found.certified.all()
     assert found.low.tolist() == [0.0]
     np.testing.assert_allclose(found.high, 0.6, rtol=1e-9, atol=1e-14 * high)
+
+
+def test_frames_that_are_not_known_next_to_the_low_end_leave_the_column_in_doubt():
+    def frames(column, p):
+        E = crossing_at_0_6(column, p)
+        E[np.broadcast_arrays(column, p)[1].ravel().real < 5] = np.nan
+        return E
+
+    found = stable_along_any(frames, (0.0, 1e11), 1, np.ones(1), variable=BENT)
+    assert not found.certified.any()
+    assert found.low.tolist() == [0.0]  # of what is not known, where all that is stable lies
 
 
 def test_a_root_that_is_zero_in_some_loops_is_no_hindrance_to_others():
