@@ -1,6 +1,5 @@
 from typing import overload
 
-from wavesweep.check import library as check
 from wavesweep.check.library import verdict as verdict
 from wavesweep.core import api
 from wavesweep.core import results as results
@@ -22,6 +21,7 @@ from wavesweep.passive import library as passive
 from wavesweep.passive.library import filter_choices as filter_choices
 from wavesweep.passive.library import passivity as passivity
 from wavesweep.picture import library as picture
+from wavesweep.poles import library as poles
 from wavesweep.reports.library import report as report
 from wavesweep.sensitivity import library as sensitivity
 from wavesweep.sensitivity.library import why as why
@@ -30,7 +30,7 @@ from wavesweep.simulation.library import simulate as simulate
 
 __version__: str
 
-class Loop(check.Loop, margins.Loop, passive.Loop, picture.Loop, sensitivity.Loop, simulation.Loop): ...
+class Loop(margins.Loop, passive.Loop, picture.Loop, poles.Loop, sensitivity.Loop, simulation.Loop): ...
 class DrawnLoop(simulation.DrawnLoop): ...
 
 @overload

@@ -57,7 +57,9 @@ def test_commands_are_completed(complete):
 
 
 def test_keys_for_set_are_completed(complete):
-    assert complete("zwidth", "a.toml", "--set", "contr") == ["controller.kind=", "controller.b=", "controller.Kp="]
+    assert complete("zwidth", "a.toml", "--set", "contr") == [
+        f"controller.{name}=" for name in ("kind", "b", "Kp", "K_VC", "B_VC")
+    ]
     offered = complete("zwidth", "a.toml", "--set", "")
     assert {f"{name}=" for name in (*KEYS, *study_keys(), *SYMBOLS, "sweep.along")} <= set(offered)
     assert complete("bode", "a.toml", "b.toml", "--set", "bode.fre") == ["bode.frequency_hz="]
@@ -69,7 +71,7 @@ def test_keys_for_set_are_completed(complete):
         (("--set", "controller.kind", "="), list(CONTROLLERS)),
         (("--set", "controller.kind", "=", "pmw-"), ["pmw-lm"]),
         (("--set", "device.preset", "=", "o"), ["omni", "omega"]),
-        (("--set", "sweep.along", "=", "K_"), ["K_VE", "K_LM"]),
+        (("--set", "sweep.along", "=", "K_"), ["K_VE", "K_LM", "K_VC"]),
         (("--set", "=", "environment.integration", "=", "e"), ["explicit"]),
         (("--set", "b", "=", "4", "--set", "sweep.device.m"), ["sweep.device.mass="]),
         (("--set", "device.mass", "="), []),
@@ -203,5 +205,5 @@ def test_bash_itself_completes(tmp_path):
     path = f"{program.parent}:{os.environ['PATH']}"
     shell = [shutil.which("bash"), "-c", script]
     done = subprocess.run(shell, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == ["dc-slow dc-lm"]
+    assert done.stdout.splitlines() == ["dc-slow dc-lm dc-vc dc-vc-lm"]
     assert done.stderr == ""

@@ -131,7 +131,8 @@ def tick(values, phase) -> Tick:
     ratio, delay, T = clock(values)
     sections = _sections(values, T)
     forms = Forms(_states(values, sections, delay))
-    draw = _direct if values["controller.kind"].startswith("dc") else _waves
+    kind = values["controller.kind"]
+    draw = _waves if kind.startswith("pmw") else _coupled if "-vc" in kind else _direct
     f_m, v_m, x_tilde, x_dot = draw(forms, values, sections, (phase, ratio, delay, T))
     f_m = _late(forms, values, f_m)
     put = _closer(forms, v_m)
@@ -208,10 +209,13 @@ def _states(values, sections, delay):
     for name, parts in sections.items():
         for k, part in enumerate(parts):
             names += [f"{name}.p{k}"] + ([f"{name}.q{k}"] if part[2] is not None else [])
-    held = {"dc": [], "dc-slow": ["F"], "dc-lm": ["F", "x_ref", "v_ref"]}.get(kind, ["v_1", "x_bar"])
+    held = {"dc": [], "dc-slow": ["F"], "dc-lm": ["F", "x_ref", "v_ref"], "dc-vc": ["x_bar", "v_bar"]}
+    held = held.get(kind, ["x_bar", "v_bar", "F"] if kind == "dc-vc-lm" else ["v_1", "x_bar"])
     names += held + ([f"{name}.next" for name in held] if delay else [])
-    if kind.startswith("pmw"):
+    if kind.startswith(("pmw", "dc-vc")):
         names += ["x_s", "x_dot"]
+    if kind == "dc-vc-lm":
+        names += ["x_l", "x_dot_l"]
     if kind == "pmw-lm":
         names += ["x_l", "x_dot_l"] + (["v_2"] if values["local_model.delay"] else [])
     return names + _amplifier(values)
@@ -252,6 +256,35 @@ def _direct(forms, values, _sections, clock):
         f_m = f_m + (x - held["x_ref"]) * arb(values["local_model.K_LM"])
         f_m = f_m + (v_hat - held["v_ref"]) * arb(values["local_model.B_LM"])
     return f_m, None, x, v_hat
+
+
+def _coupled(forms, values, _sections, clock):
+    """`dc-vc`, `dc-vc-lm`: (f_m, nothing, what the wall reads)."""
+    phase, ratio, delay, T = clock
+    K, B, x, v_hat = arb(values["controller.K_VC"]), arb(values["controller.B_VC"]), forms.now["x"], _velocity(forms, values, T)
+
+    def follow(position, velocity, period, integration, runs, pull, stiffness, damping):
+        """The step of a massless avatar on which `pull - stiffness x~ - damping v` acts: x~, the new position, and v."""
+        before = forms.now[velocity] * (period / 2) if integration == "trapezoidal" else forms.unit()
+        known = forms.now[position] + before
+        total = damping + stiffness * period * SHARE[integration]
+        v = (pull - known * stiffness) * (1 / total)
+        return *_integrate(forms, position, velocity, v, period, integration, runs), v
+
+    pull = x * K + v_hat * B
+    slow = "x_s", "x_dot", ratio * T, values["environment.integration"], phase == 0
+    x_tilde, x_s, v_s = follow(*slow, pull - forms.force, K, B)
+    fresh = {"x_bar": x_s, "v_bar": v_s, "F": forms.force}
+    held = _hold(forms, {name: fresh[name] for name in fresh if name in forms.now}, phase, ratio, delay)
+    f_m = pull - held["x_bar"] * K - held["v_bar"] * B
+    if values["controller.kind"] == "dc-vc-lm":
+        K_LM, B_LM = arb(values["local_model.K_LM"]), arb(values["local_model.B_LM"])
+        rest = held["F"] - held["x_bar"] * K_LM - held["v_bar"] * B_LM
+        fast = "x_l", "x_dot_l", T, values["local_model.integration"], True
+        x_l, _, v_l = follow(*fast, pull - rest, K + K_LM, B + B_LM)
+        f_m = rest + x_l * K_LM + v_l * B_LM
+    forms.seen |= {"F_s": forms.force} if phase == 0 else {}
+    return f_m, None, x_tilde, v_s
 
 
 def _waves(forms, values, sections, clock):

@@ -15,6 +15,7 @@ DEFAULTS = {
     "operator.mass": 0.0, "operator.damping": 0.0, "operator.stiffness": 0.0,
     "environment.K_VE": 500.0, "environment.B_VE": 1.0, "environment.integration": "implicit", "environment.delay": 0,
     "controller.kind": "pmw-lm", "controller.b": 25.0, "controller.Kp": 0.0,
+    "controller.K_VC": 1000.0, "controller.B_VC": 5.0,
     "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 10.0,
     "filters.hp.order": 1, "filters.hp.cutoff_hz": 10.0,
     "filters.lp2.order": 2, "filters.lp2.cutoff_hz": 20.0,
@@ -69,6 +70,7 @@ def random_values(seed, kind=None):
         "controller.b": spread(5, 80), "controller.Kp": maybe(spread(1, 60), 0.5),
         "local_model.K_LM": maybe(spread(10, 3000), 0.2), "local_model.B_LM": maybe(spread(0.1, 5), 0.4),
         "local_model.integration": str(r.choice(INTEGRATIONS)), "local_model.delay": int(r.integers(0, 2)),
+        "controller.K_VC": spread(50, 5000), "controller.B_VC": spread(0.5, 50),
     }  # fmt: skip
 
 

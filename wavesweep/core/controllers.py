@@ -42,6 +42,16 @@ CONTROLLERS = {
     "dc-lm": Controller(
         "dc-slow with a local model of the wall at the fast rate, in the power domain", _page("direct", "dc_lm"), filters=()
     ),
+    "dc-vc": Controller(
+        "a spring and a damper at the fast rate, a virtual coupling, to an avatar at the slow wall",
+        _page("virtual_coupling", "dc_vc"),
+        filters=(),
+    ),
+    "dc-vc-lm": Controller(
+        "dc-vc with a local model of the wall at the fast rate, about the slow avatar's pose and force",
+        _page("virtual_coupling", "dc_vc_lm"),
+        filters=(),
+    ),
     "pmw": Controller(
         "passive multirate wave control, wave variables with a low-pass before the downsampler (the paper's Figure 1)",
         _page("pmw", "pmw"),

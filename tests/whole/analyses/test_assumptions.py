@@ -19,7 +19,7 @@ def test_nothing_is_said_of_defaults_if_all_is_given(kind):
     assert "default" not in said
     assert said.endswith("velocity from differences of position")
     assert ("7 of 20" in said) == (kind != "dc")
-    assert ("trapezoidal" in said) == kind.startswith("pmw")
+    assert ("trapezoidal" in said) == (kind not in ("dc", "dc-slow", "dc-lm"))
 
 
 def test_swept_values_are_neither_defaults_nor_single():

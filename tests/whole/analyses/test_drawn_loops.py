@@ -93,7 +93,7 @@ DRAWN = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DRAWN)
 def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):
     case = next(case for case in REFERENCES if case["name"] == DRAWN[kind])
     text = (CONTROLLERS / f"{kind}.toml").read_text(encoding="utf-8")
@@ -103,6 +103,18 @@ def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):
     np.testing.assert_allclose(drawn[["B", "low", "high"]], own[["B_VE", "low", "high"]], rtol=1e-10)
     assert drawn.certified.all()
     gives_the_reference(wavesweep.compile(tomllib.loads(text)), case, "K", "B")
+
+
+@pytest.mark.parametrize("kind", ["dc-vc", "dc-vc-lm"])
+def test_the_drawn_virtual_couplings_are_the_built_in_ones(kind):
+    text = (CONTROLLERS / f"{kind}.toml").read_text(encoding="utf-8")
+    assert f"\n#     wavesweep zwidth sweeps/recipes/controllers/{kind}.toml\n" in text
+    drawn = wavesweep.compile(tomllib.loads(text))
+    built = wavesweep.compile({"controller": {"kind": kind}, "environment": {"delay": 1}, "local_model": {"K_LM": 400.0}})
+    rows, own = drawn.stable_intervals("K", (0, 20000), B=[0, 1, 5]), built.stable_intervals("K_VE", (0, 20000), B_VE=[0, 1, 5])
+    np.testing.assert_allclose(rows[["low", "high"]], own[["low", "high"]], rtol=1e-10)
+    assert rows.certified.all()
+    assert float(drawn.spectral_radius()) == pytest.approx(float(built.spectral_radius()), rel=1e-10)
 
 
 def gives_the_reference(loop, case, stiffness, damping):

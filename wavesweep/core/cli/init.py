@@ -38,6 +38,8 @@ CHOSEN = {
     "environment.integration": "explicit",
     "environment.delay": 20,
     "controller.Kp": 0.0,
+    "controller.K_VC": 100.0,
+    "controller.B_VC": KEYS["controller.B_VC"].default,
     "filters.lp1.order": 1,
     "filters.lp1.cutoff_hz": 10.0,
 }
@@ -46,6 +48,7 @@ NOTES = {
     "device.velocity": "the default, exact, is kinder than an encoder",
     "environment.integration": "the default, implicit, is kinder than most engines",
     "environment.delay": "a whole frame; the default, 0, is kinder than any engine",
+    "controller.K_VC": "soft, since a slow avatar that is a frame late makes a stiff one unstable",
     "filters.lp1.order": "or give band edges, see `wavesweep keys filters.lp1`",
 }
 AXES = {"K_VE": "{ start = 0, stop = 5000 }", "B_VE": "{ start = 0, stop = 10, num = 41 }", "b": "[10, 20, 40, 80]"}

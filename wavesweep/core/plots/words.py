@@ -15,6 +15,8 @@ _SYMBOLS = {
     "K_LM": r"$K_\mathrm{LM}$",
     "B_LM": r"$B_\mathrm{LM}$",
     "Kp": r"$K_p$",
+    "K_VC": r"$K_\mathrm{VC}$",
+    "B_VC": r"$B_\mathrm{VC}$",
     "b": r"$b$",
     "rates.fast_hz": "fast rate",
     "rates.slow_hz": "slow rate",

@@ -40,6 +40,8 @@ SYMBOLS = MappingProxyType(
         "K_LM": "local_model.K_LM",
         "B_LM": "local_model.B_LM",
         "Kp": "controller.Kp",
+        "K_VC": "controller.K_VC",
+        "B_VC": "controller.B_VC",
         "b": "controller.b",
     }
 )
@@ -162,6 +164,8 @@ _LOOP = [
     ),
     positive("controller.b", 25.0, "N*s/m", "wave impedance"),
     gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
+    positive("controller.K_VC", 1000.0, "N/m", "stiffness of the virtual coupling"),
+    positive("controller.B_VC", 5.0, "N*s/m", "damping of the virtual coupling"),
     *_filter("lp1", 1, 10.0, "the anti-aliasing low-pass before the downsampler"),
     *_filter("hp", 1, 10.0, "the high-pass to the local model"),
     *_filter("lp2", 2, 20.0, "the low-pass on the local model's returned wave"),
