@@ -6,6 +6,7 @@ The loops are the last axis of the arrays here, along which a processor adds and
 import numpy as np
 
 ROUNDS = 5  # towards units in which entries of a row and of a column are alike
+MOST = 512  # loops at once, for which the recurrence stays in a processor's cache
 STEP = 0.25  # of what would make the largest of them equal, since every state takes its step at once
 
 
@@ -66,6 +67,10 @@ def polynomials(form, w):
     form: of `reduced`; w: `(loops, points)`. Hyman's recurrence.
     Accuracy: that of Hessenberg matrices each of whose entries differs by some roundings.
     """
+    if len(w) > MOST:
+        parts = (slice(begin, begin + MOST) for begin in range(0, len(w), MOST))
+        found = [polynomials([each[..., part] for each in form], w[part]) for part in parts]
+        return tuple(map(np.concatenate, zip(*found, strict=True)))
     H, C, gain = form
     n, H, C = len(H), *(np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in (H, gain * C))
     Q = np.empty((len(H), n, w.shape[-1]), complex)
