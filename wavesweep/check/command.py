@@ -124,13 +124,15 @@ def _folded(line: str) -> list[str]:
 
 
 def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
-    """Yield the lines of the lowest ranks, in their order: as many as there is room for."""
-    from wavesweep.check.on_check import DETAIL
+    """Yield the lines of the lowest ranks, in their order: as many as there is room for, and all that NEEDED shows."""
+    from wavesweep.check.on_check import DETAIL, NEEDED
 
     kept = {}
     for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
         rank, line = ranked[number]
-        if rank < DETAIL and most > 0 and len(folded := _folded(line() if callable(line) else line)) <= most:
+        if rank > NEEDED and (rank >= DETAIL or most <= 0):
+            continue
+        if len(folded := _folded(line() if callable(line) else line)) <= most or rank <= NEEDED:
             kept[number] = folded
             most -= len(folded)
     yield from (line for number in sorted(kept) for line in kept[number])

@@ -1,6 +1,6 @@
 """What `check` finds of the ranges of a design's own numbers, and the lines about them, the feel, the hardware and the modes.
 
-Each line has a rank, by which the short form of `check` chooses: 0 is always shown, and a DETAIL only with --all.
+Each line has a rank, by which the short form of `check` chooses: up to NEEDED it is always shown, a DETAIL only with --all.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from wavesweep.core.spec import Spec
 
 RINGS = 0.5  # damping ratio, below which a mode rings
-DETAIL = 9.0
-SEARCHED = " (where the search starts)"
+NEEDED, DETAIL = 1.5, 9.0
+SEARCHED, OF_KEY = " (where the search starts)", " (where the range of the key ends)"
 LONG_UNIT = 12  # letters of a unit that is not said twice in a line
 
 
@@ -50,15 +50,18 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 
 
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
-    """The range of each number in which the design stays as it is, the nearest end with the lowest rank."""
-    bounded = [each for each in found["limits"] if _bounded(each)]
+    """The range of each number in which the design stays as it is: that of the sweep is always shown, then the nearest end."""
+    swept = spec.along and spec.names.find(spec.along).path
+    own = [each for each in found["limits"] if spec.names.find(each["name"]).path == swept]
+    bounded = [each for each in found["limits"] if each in own or _bounded(each)]
     for each in bounded:
-        yield 2 + distance(each), _limit(spec, each)
+        yield 0 if each in own else 2 + distance(each), _limit(spec, each)
         if going_on := _going_on(spec, each):
             yield DETAIL, f"  {going_on}"
-    others = [each for each in found["limits"] if each not in bounded]
-    if others:
-        state = "stable" if found["stable"] else "unstable"
+    for state in ("stable", "unstable"):
+        others = [each for each in found["limits"] if each not in bounded and each["stable"] == (state == "stable")]
+        if not others:
+            continue
         spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
         yield 5, f"{state} at every value searched: {spans}"
 
@@ -108,8 +111,9 @@ def _stable_where(limit: Facts, unit: str) -> str:
             return f"no stable value known in {searched} ({limit['doubt']})"
         return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
     low, high, open_ = limit["low"], limit["high"], limit["open"]
-    start = f"from {low:.6g}" if low is not None else f"from {limit['from']:g}{SEARCHED if limit['from'] else ''}"
-    end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
+    begins, ends = (OF_KEY if of_key else other for of_key, other in zip(limit["of_key"], (SEARCHED, ""), strict=True))
+    start = f"from {low:.6g}" if low is not None else f"from {limit['from']:.6g}{begins if limit['from'] else ''}"
+    end = f"to {high:.6g}{unit}" if high is not None else f"to {'' if ends else 'at least '}{limit['to']:.6g}{unit}{ends}"
     if open_:
         return f"known to be stable {_known_where(limit, open_, start, end, unit)} ({limit['doubt']})"
     factors = _factors(limit) if value else ""

@@ -1,6 +1,7 @@
 """The room that each number of a spec's own design has: the stable interval about its value, and the largest delay."""
 
 from collections.abc import Callable
+from operator import and_, ne, or_
 
 import numpy as np
 
@@ -19,6 +20,7 @@ HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it h
 WORK = 50_000  # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3 s
 SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
 LATE = "it takes longer than check does"
+NEXT = 1e-3  # of the way to where the range of a key ends, that is left out if it cannot be decided
 DELAYS = 200  # ticks of delay that are tried
 LARGEST = np.finfo(float).max
 
@@ -29,8 +31,9 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
     value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
     whether they are. open: the places in or beside the interval where nothing is known, see `open_places`. stopped: whether the
-    range would go on, but takes more than WORK or SECONDS; it is then the part next to the value, or LATE is the doubt. report:
-    is called with the numbers that are done, and all.
+    range would go on, but takes more than WORK or SECONDS; it is then the part next to the value, or LATE is the doubt.
+    of_key: for each end of the range, whether the key takes no value beyond it. report: is called with the numbers that are
+    done, and all.
     """
     read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
@@ -42,16 +45,17 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     return found
 
 
-def _limit(spec, name, path, span=None):
+def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
+    """span: to search, by default `searched`; again: whether it leaves out what is next to the range of the key."""
     value, span = spec.values[path], span or searched(spec, name, path)
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
-    found |= {"stopped": False, "open": None}
+    found |= {"stopped": False, "open": None, "of_key": list(of_key)}
     try:
         job = _job(spec, name, path, span)
         rows, (start, stop) = _rows(job, value, span)
     except WavesweepError as error:
         if value == 0 and span[0] < 0:  # a number that may not be negative
-            return _limit(spec, name, path, (0.0, span[1]))
+            return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
 
         def makes_loops(end: float) -> object:
             return _job(spec, name, path, tuple(sorted((float(value), end))))
@@ -59,11 +63,15 @@ def _limit(spec, name, path, span=None):
         for attempt, times in ((lambda end: spec.with_values({path: end}), HALVINGS), (makes_loops, FEW)):
             less = tuple(_reached(attempt, value, end, times) for end in span)
             if less != span and less[0] < less[1]:
-                return _limit(spec, name, path, less)
+                return _limit(spec, name, path, less, tuple(map(or_, of_key, map(ne, less, span))))
         return found | {"stable": None, "doubt": str(error), "certified": False}
     found |= {"from": start, "to": stop, "stopped": (start, stop) != span}
     if rows is None:
         return found | {"stable": None, "doubt": LATE, "certified": False}
+    beside = (rows["open_low"][0] == start, rows["open_high"][-1] == stop)  # a filter's cutoff is next to half its rate
+    if not again and any(moved := list(map(and_, of_key, beside))):
+        inner = (end + NEXT * (value - end) * moves for end, moves in zip((start, stop), moved, strict=True))
+        return _limit(spec, name, path, tuple(inner), of_key, again=True)
     at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
     inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)

@@ -49,4 +49,4 @@ def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Rank
     for lines in asked("on_check", "lines", spec, found):
         yield from ((rank, partial(indented, line) if late and callable(line) else indented(line)) for rank, line in lines)
     if found["assumes"] and not is_favourable(found):
-        yield 0 if spec.for_all else 4, f"  assumes: {found['assumes']}"
+        yield 0, f"  assumes: {found['assumes']}"

@@ -138,7 +138,7 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     if shapes.drawn:
         others = shapes.define("range", {"anyOf": [_range(shapes), shapes.table({}, shapes.reference("range"))]})
         lost = {"anyOf": [lost, others]}
-    ranges = {name: shapes.define(f"range of {key.path}", _range(shapes, key)) for name, key in shapes.numbers.items()}
+    ranges = {name: shapes.define(f"range_of_{key.path}", _range(shapes, key)) for name, key in shapes.numbers.items()}
     return shapes.table(ranges | shapes.nested(ranges) | {"lost": lost}, others)
 
 

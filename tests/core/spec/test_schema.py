@@ -1,6 +1,7 @@
 """The JSON Schema of a spec, as an editor uses it, against what `load` accepts and refuses."""
 
 import json
+import re
 import tomllib
 
 import jsonschema
@@ -95,5 +96,22 @@ def test_an_editor_finds_every_key_with_its_meaning(capsys):
         "type": "number",
     }
     assert set(KEYS) <= set(shown["$defs"])
-    blocks = shown["oneOf"][1]["properties"]["block"]["additionalProperties"]["oneOf"]
-    assert [each["properties"]["type"]["const"] for each in blocks[:-1]] == list(TYPES)
+    blocks = shown["else"]["properties"]["block"]["additionalProperties"]["allOf"]
+    assert [each["if"]["properties"]["type"]["const"] for each in blocks] == list(TYPES)
+
+
+@pytest.mark.parametrize(
+    ("slip", "place"),
+    [
+        (KIND + "[device]\nmas = 0.1\ndamping = 1", ["device", "mas"]),
+        (KIND + '[device]\nmass = "x"\ndamping = 1', ["device", "mass"]),
+        (KIND + "[sweep]\nb = { start = 1, stop = 2, nm = 3 }", ["sweep", "b", "nm"]),
+        (DRAWN.replace("mass = 1.0", "mas = 1.0"), ["block", "m", "mas"]),
+        (DRAWN.replace('"hold"', '"hodl"'), ["block", "w", "type"]),
+        (DRAWN + "[sweep]\nalnog = 1", ["sweep", "alnog"]),
+    ],
+)
+def test_an_editor_marks_a_slip_once_and_at_its_place(slip, place):
+    """Checked with taplo 0.9.3, which also refuses a `$ref` with spaces."""
+    assert [list(error.absolute_path) for error in CHECKED.iter_errors(tomllib.loads(slip))] == [place]
+    assert not re.search(r'"#/\$defs/[^"]* ', json.dumps(schema()))

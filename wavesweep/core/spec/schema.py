@@ -20,6 +20,7 @@ from wavesweep.core.reading.tables import tables
 
 Schema = dict[str, Any]
 TEXT = {"type": "string"}
+UNKNOWN = {"not": {"title": "unknown key"}}  # false, but for the place: editors mark the whole table for a false
 TERMS = {"type": ["string", "number"], "description": "expression that is linear in signals"}
 OTHERS = {
     "list": {"items": TERMS, "minItems": 1},
@@ -32,6 +33,11 @@ def _reference(name: str) -> Schema:
     return {"$ref": f"#/$defs/{name}"}
 
 
+def _either(condition: Schema, then: Schema, otherwise: Schema) -> Schema:
+    """One of two shapes: an editor then marks a slip within the one that was meant, and not the whole of what may be either."""
+    return {"if": condition, "then": then, "else": otherwise}
+
+
 AXIS = _reference("axis")  # of drawn loops
 
 
@@ -42,11 +48,12 @@ def schema() -> Schema:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Spec of wavesweep",
-        "oneOf": [_controlled(definitions), _drawn(definitions)],
+        **_either({"required": ["controller"]}, _controlled(definitions), _drawn(definitions)),
         "$defs": {
-            "axis": {"anyOf": [axis, _tables({}, AXIS)]},  # "numbers.k" may be a path of tables
+            # "numbers.k" may be a path of tables
+            "axis": _either({"anyOf": [{"type": "array"}, {"required": ["start"]}]}, axis, _tables({}, AXIS)),
             **{path: _value(key) for path, key in KEYS.items()},
-            **{f"axis of {path}": _axis(key) for path, key in KEYS.items() if key.numeric},
+            **{f"axis_of_{path}": _axis(key) for path, key in KEYS.items() if key.numeric},
             **definitions,
         },
     }
@@ -74,9 +81,9 @@ def _drawn(definitions: Schema) -> Schema:
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
     own = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
-        "numbers": _tables({}, {"anyOf": [{"type": ["number", "string"]}, number]}),
+        "numbers": _tables({}, _either({"type": "object"}, number, {"type": ["number", "string"]})),
         "type": _tables({}, _tables({part: {"type": "object"} for part in OF_CLASS})),
-        "block": _tables({}, {"oneOf": [*map(_block, TYPES), {"properties": {"type": {"not": {"enum": [*TYPES]}}}}]}),
+        "block": _tables({}, {"type": "object", "required": ["type"], "allOf": [*map(_block, TYPES)]}),
         "signals": _tables({}, wire),
         "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
         "ports": _tables(ports),
@@ -101,14 +108,18 @@ def _studies(shapes: Shapes) -> Schema:
 def _block(kind: str) -> Schema:
     keys = {key.path: _value(key, text=True) for key in (*TYPES[kind].keys.values(), EVERY, PHASE)}
     required = [key.path for key in TYPES[kind].keys.values() if key.required]
-    return _tables({"type": {"const": kind}, **keys}, required=["type", *required], description=TYPES[kind].description)
+    of_kind = {"properties": {"type": {"const": kind}}, "required": ["type"]}
+    # A key that is misspelt is not also said to be missing.
+    complete = {"if": {"propertyNames": {"enum": ["type", *keys]}}, "then": {"required": required}}
+    return {"if": of_kind, "then": _tables({"type": TEXT, **keys}, description=TYPES[kind].description) | complete}
 
 
 def _axis(key: Key) -> Schema:
     """The values of an axis: a list of them, or a span."""
     parts = {name: _value(part) for name, part in AXIS_KEYS.items()} | {"start": _value(key), "stop": _value(key)}
     values = {"type": "array", "items": _value(key), "minItems": 1}
-    return {"anyOf": [values, _tables(parts, required=["start", "stop"])], "description": _described(key)}
+    span = _tables(parts, required=["start", "stop"])
+    return _either({"type": "array"}, values, span) | {"description": _described(key)}
 
 
 def _value(key: Key, *, text: bool = False) -> Schema:
@@ -146,7 +157,7 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
 
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
     """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
-    return {"type": "object", "properties": dict(properties), "additionalProperties": others, **more}
+    return {"type": "object", "properties": dict(properties), "additionalProperties": others or UNKNOWN, **more}
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +175,7 @@ class Shapes:
 
     def axes(self, others: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
         """A table of axes. others: keys beside them."""
-        axes = {name: _reference(f"axis of {key.path}") for name, key in self.numbers.items()}
+        axes = {name: _reference(f"axis_of_{key.path}") for name, key in self.numbers.items()}
         return self.table({**others, **axes, **self.nested(axes)}, AXIS if self.drawn else False)
 
     def define(self, name: str, shape: Schema) -> Schema:
