@@ -233,7 +233,7 @@ def smoothed(values):
 
 def test_a_controller_with_a_slow_block_without_a_rule_is_refused_by_name(monkeypatch):
     monkeypatch.setitem(CONTROLLERS, "dc-slow", dataclasses.replace(CONTROLLERS["dc-slow"], page=smoothed))
-    spec = {"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}, "sweep": {"K_VE": {"start": 0, "stop": 500}}}
+    spec = {"controller": {"kind": "dc-slow"}, "environment": {"delay": 3}, "sweep": {"K_VE": {"start": 0, "stop": 500}}}
     with pytest.raises(UsageError, match=r"have a rule for steps that vary .*, found smooth \(butterworth\)"):
         wavesweep.zwidth(spec | {"for_all": {"rates.ratio": {"values": [16, 33], "varying": True}}})
 
